@@ -1,0 +1,32 @@
+"""What a driver is: the contract, the registry, the budget of a bus."""
+
+from motorctl.errors import RunError
+from motorctl.hal.contract import (
+    FAULT_BITS,
+    Channel,
+    Driver,
+    DriverOptions,
+    Inputs,
+    Outputs,
+    RateBudget,
+    Status,
+)
+from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
+from motorctl.kernels import kernels_cached, specialise
+
+__all__ = [
+    "FAULT_BITS",
+    "Channel",
+    "Driver",
+    "DriverEntry",
+    "DriverOptions",
+    "Inputs",
+    "Outputs",
+    "RateBudget",
+    "RunError",
+    "Status",
+    "driver_class",
+    "installed_drivers",
+    "kernels_cached",
+    "specialise",
+]

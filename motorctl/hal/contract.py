@@ -1,0 +1,177 @@
+"""What a driver is.
+
+A driver moves encoder counts in and amplifier volts out, for one or more channels, all of them
+at once and through arrays that are made before the first tick. A complete example:
+
+    class Bench(Driver):
+        \"\"\"Two amplifiers on a bench supply.\"\"\"
+
+        class Options(DriverOptions):
+            port: str
+
+        def rate_budget(self) -> RateBudget:
+            return RateBudget(8000.0, "one 12-byte exchange at 1 Mbaud is 120 us")
+
+        def open(self) -> None:
+            self.line = connect(self.options.port)
+
+        def close(self) -> None:
+            self.line.close()
+
+        def read(self, inputs: Inputs) -> None:
+            inputs.counts[:], inputs.status[:] = self.line.receive()
+
+        def write(self, outputs: Outputs) -> None:
+            self.line.send(outputs.volts, outputs.enable)
+
+        def safe(self) -> None:
+            with contextlib.suppress(Exception):
+                self.line.send_zero_and_disable()
+
+It is found by the name under which its package registers it in the entry-point group
+``motorctl.drivers``, or in YAML as ``type: package.module:Class``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+
+class Status(IntFlag):
+    """The status word of one channel. Zero means: everything is as it should be."""
+
+    ENCODER_LOST = 1 << 0
+    """The count cannot be trusted (broken wire, illegal transition, stale frame)."""
+    AMPLIFIER_FAULT = 1 << 1
+    COMMUNICATION_LOST = 1 << 2
+    LIMIT_NEGATIVE = 1 << 3
+    """The limit switch at the negative end is pressed."""
+    LIMIT_POSITIVE = 1 << 4
+    HOME_SWITCH = 1 << 5
+    INDEX_LATCHED = 1 << 6
+    """An index mark was passed since the last read; ``Inputs.index_counts`` holds its count."""
+    ESTOP = 1 << 7
+    """The hardware's emergency-stop chain is open."""
+
+
+FAULT_BITS = Status.ENCODER_LOST | Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST | Status.ESTOP
+
+
+class Inputs:
+    """What one read brings, an entry a channel. The arrays are made once and reused."""
+
+    __slots__ = ("counts", "index_counts", "status")
+
+    counts: NDArray[np.int64]
+    """Raw counter, possibly wrapped to the width that the axis' configuration declares."""
+    index_counts: NDArray[np.int64]
+    """The counter's value at the last index mark."""
+    status: NDArray[np.uint32]
+    """Bits of `Status`."""
+
+    def __init__(self, channels: int) -> None:
+        self.counts = np.zeros(channels, np.int64)
+        self.index_counts = np.zeros(channels, np.int64)
+        self.status = np.zeros(channels, np.uint32)
+
+
+class Outputs:
+    """What one write takes, an entry a channel. The arrays are made once and reused."""
+
+    __slots__ = ("enable", "volts")
+
+    volts: NDArray[np.float64]
+    enable: NDArray[np.uint8]
+    """Where 0, the amplifier is disabled and gets 0 V, whatever `volts` says."""
+
+    def __init__(self, channels: int) -> None:
+        self.volts = np.zeros(channels, np.float64)
+        self.enable = np.zeros(channels, np.uint8)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What the machine description tells a driver about one of its channels."""
+
+    axis: str
+    """The axis' name, for messages."""
+    number: int
+    """Which of the device's channels it is. A driver's arrays follow the order of its channels."""
+    resolution_m: float
+    """Metres (or radians) a count."""
+    counter_bits: int
+    max_voltage_v: float
+
+
+@dataclass(frozen=True)
+class RateBudget:
+    """The highest rate that a driver's bus, layout and channels can carry."""
+
+    max_rate_hz: float
+    arithmetic: str
+    """How that number comes about, in words and numbers, for `check` and for error messages."""
+
+
+class DriverOptions(BaseModel):
+    """Base of every driver's own options; unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Driver(ABC):
+    """One device, serving `channels` in their order at one exchange a period.
+
+    `read` and `write` are called once a tick in the real-time loop: they may not allocate
+    memory that grows, log, wait beyond the period, or raise. Trouble is told through
+    `Inputs.status`. `open` may raise `motorctl.errors.RunError` with one clear message.
+    """
+
+    Options: ClassVar[type[DriverOptions]] = DriverOptions
+    supports_virtual_time: ClassVar[bool] = False
+
+    def __init__(
+        self, options: DriverOptions, channels: Sequence[Channel], period_s: float
+    ) -> None:
+        self.options = options
+        self.channels = tuple(channels)
+        self.period_s = period_s
+
+    @abstractmethod
+    def rate_budget(self) -> RateBudget:
+        """Compute the highest possible rate from options and channels, without any I/O."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect, check the device and arm its watchdog; outputs stay zero and disabled."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device. Called once after `safe`."""
+
+    @abstractmethod
+    def read(self, inputs: Inputs) -> None:
+        """Fill `inputs` with the newest values."""
+
+    @abstractmethod
+    def write(self, outputs: Outputs) -> None:
+        """Send `outputs` to the amplifiers."""
+
+    @abstractmethod
+    def safe(self) -> None:
+        """Zero and disable every channel; callable at any time, also before `open`; never raises."""
+
+    def start_virtual_time(self) -> None:
+        """Switch the device to virtual time, before `open`. Only where it is supported."""
+        raise TypeError(f"{type(self).__name__} does not support virtual time")
+
+    def advance(self) -> None:
+        """Let one period pass in virtual time, between `write` and the next `read`."""
+        raise TypeError(f"{type(self).__name__} does not support virtual time")
