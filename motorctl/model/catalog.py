@@ -1,0 +1,49 @@
+"""Find effects by name: every module in `motorctl.model.effects`, or ``package.module:Class``."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+
+from motorctl.errors import UsageError
+from motorctl.model import effects
+from motorctl.model.effect import Effect
+
+
+@cache
+def known_effects() -> dict[str, type[Effect]]:
+    """Give every effect that stands in the effects folder, by its name."""
+    found: dict[str, type[Effect]] = {}
+    for module in pkgutil.iter_modules(effects.__path__, effects.__name__ + "."):
+        for item in vars(importlib.import_module(module.name)).values():
+            if _is_effect(item) and item.__module__ == module.name:
+                found[item.name] = item
+    return found
+
+
+def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
+    """Give the class of an effect, known by its name or named as ``package.module:Class``.
+
+    Raises UsageError where there is no such effect.
+    """
+    if type_name is None:
+        if name not in known_effects():
+            known = ", ".join(sorted(known_effects()))
+            raise UsageError(f"unknown effect '{name}'; known: {known} (or give its type)")
+        return known_effects()[name]
+    module_name, _, attribute = type_name.partition(":")
+    try:
+        found = getattr(importlib.import_module(module_name), attribute)
+    except Exception as error:  # a user's module may fail in any way
+        cause = f"{type(error).__name__}: {error}"
+        raise UsageError(f"effect '{name}' ({type_name}) failed to import: {cause}") from error
+    if not _is_effect(found):
+        raise UsageError(f"effect '{name}' ({type_name}) is not a motorctl.model.Effect")
+    if found.name != name:
+        raise UsageError(f"effect '{name}' ({type_name}) calls itself '{found.name}'")
+    return found  # type: ignore[no-any-return]
+
+
+def _is_effect(item: object) -> bool:
+    return isinstance(item, type) and issubclass(item, Effect) and hasattr(item, "name")

@@ -1,0 +1,28 @@
+"""Moving mass."""
+
+from numba import njit
+
+from motorctl.model.effect import Effect, Parameter
+
+
+class Inertia(Effect):
+    """theta1 a: the moving mass over the force constant."""
+
+    name = "inertia"
+    kind = "state"
+    title = "Moving mass"
+    formula = "theta1 * a"
+    compensated = "feedforward of the desired acceleration"
+    identified = "linear in acceleration; its reciprocal multiplies the command in a = b1 u + ..."
+    visible_in = "accelerations well above the noise, of both signs"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """theta1 = M / A1."""
+        return (Parameter("", "theta1", "V*s^2/m", 1e-3, 1e3, 0.2, 2.0),)
+
+
+@njit(inline="always")
+def column(j, x, v, a, vs, t, c):
+    """Give the acceleration."""
+    return a

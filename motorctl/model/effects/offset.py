@@ -1,0 +1,28 @@
+"""A constant force: amplifier offset, slope of the machine, cable pull."""
+
+from numba import njit
+
+from motorctl.model.effect import Effect, Parameter
+
+
+class Offset(Effect):
+    """Theta4 on the side of the command: u = ... - theta4."""
+
+    name = "offset"
+    kind = "state"
+    title = "Constant force"
+    formula = "-theta4"
+    compensated = "feedforward of its negative"
+    identified = "linear in a constant"
+    visible_in = "any motion in both directions"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """theta4 = Fdis,nominal / A1."""
+        return (Parameter("", "theta4", "V", -1e3, 1e3, 0.0, 500.0),)
+
+
+@njit(inline="always")
+def column(j, x, v, a, vs, t, c):
+    """Give minus one."""
+    return -1.0
