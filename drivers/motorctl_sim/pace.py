@@ -1,0 +1,40 @@
+"""How many periods passed between two reads on the wall clock."""
+
+from __future__ import annotations
+
+
+class Pace:
+    """Count whole periods from the times of reads, following the phase of the reader's clock.
+
+    A read that is late by less than half a period still counts one period, so jitter never
+    doubles or drops a step of the plant; a skipped period counts. The phase follows the reads
+    slowly, so a late first read does no harm.
+    """
+
+    MAX_PERIODS = 1000
+    """Bound on the work of one read. Two axes compute a period in about 1 % of its length, so
+    making up for a pause costs about 1 % of the pause; what is beyond the bound is dropped."""
+    FOLLOW = 1 / 64
+
+    def __init__(self, period_s: float) -> None:
+        self._period_ns = period_s * 1e9
+        self._last_ns: float | None = None
+
+    def restart(self) -> None:
+        """Forget the phase: the next read starts the clock."""
+        self._last_ns = None
+
+    def periods(self, now_ns: int) -> int:
+        """Give the whole periods since the last call, at most MAX_PERIODS."""
+        if self._last_ns is None:
+            self._last_ns = float(now_ns)
+            return 0
+        elapsed = (now_ns - self._last_ns) / self._period_ns
+        periods = int(elapsed + 0.5)
+        if periods > self.MAX_PERIODS:
+            self._last_ns = float(now_ns)
+            return self.MAX_PERIODS
+        phase = elapsed - periods
+        if periods:
+            self._last_ns += (periods + self.FOLLOW * phase) * self._period_ns
+        return periods

@@ -1,0 +1,38 @@
+"""A part of the moving mass that is not fixed to the carriage: on a spring, or in a clearance.
+
+With r the part's offset from its place on the carriage, m its inertia and a the carriage's
+acceleration: m (r'' + a) = -f(r, r'), and f acts on the carriage. Without clearance
+f = m (omega^2 r + 2 zeta omega r'), so the carriage feels -m a + m s^2/(s^2 + 2 zeta omega s +
+omega^2) a.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from motorctl_sim.physics.compiled import njit
+
+
+@njit
+def sprung_force(part: Any, state: NDArray[Any], h: float) -> float:
+    """Give the force on the carriage half a substep h on, V; state is (r, r')."""
+    r = state[0] + 0.5 * h * state[1]
+    beyond = r - min(max(r, -part.half_gap), part.half_gap)
+    if part.half_gap > 0.0 and beyond == 0.0:
+        return 0.0
+    pushed = part.stiffness * beyond + part.damping * state[1]
+    if part.half_gap > 0.0 and pushed * beyond < 0.0:
+        return 0.0  # a stop pushes, it never holds
+    return float(part.inertia * pushed)
+
+
+@njit
+def advance_sprung(
+    part: Any, state: NDArray[Any], force: float, acceleration: float, h: float
+) -> None:
+    """Advance (r, r') by a substep, under the force that `sprung_force` gave."""
+    rate = state[1] - h * (acceleration + force / part.inertia)
+    state[0] += 0.5 * h * (state[1] + rate)
+    state[1] = rate
