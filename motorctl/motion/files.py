@@ -1,0 +1,169 @@
+"""Programs from YAML, checked: in a configuration, or in a file of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import Field, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from motorctl.errors import ConfigError, Problem
+from motorctl.motion.back_and_forth import BackAndForth
+from motorctl.motion.circle import Circle
+from motorctl.motion.move import PointToPoint
+from motorctl.motion.points import Points
+from motorctl.motion.program import Program, ProgramModel
+from motorctl.motion.table import axes_of_header
+
+AnyProgram = Annotated[PointToPoint | BackAndForth | Circle | Points, Field(discriminator="kind")]
+KINDS: dict[str, type[ProgramModel]] = {
+    "point_to_point": PointToPoint,
+    "back_and_forth": BackAndForth,
+    "circle": Circle,
+    "points": Points,
+}
+_ADAPTER: TypeAdapter[Program] = TypeAdapter(AnyProgram)
+
+Location = tuple[str | int, ...]
+
+
+def _no_line(location: Location) -> int | None:
+    return None
+
+
+def parse_program(
+    name: str,
+    keys: object,
+    *,
+    directory: Path,
+    axis_names: Collection[str],
+    file: str,
+    line_of: Callable[[Location], int | None] = _no_line,
+    prefix: str = "",
+) -> Program:
+    """Make the program `name` from the keys that YAML gives for it.
+
+    `directory` is where a relative CSV file is looked for. Problems are told with `file`, with
+    the key preceded by `prefix` and with the line that `line_of` gives for the path to the key
+    within `keys`. Raises ConfigError with all of them.
+    """
+    if not isinstance(keys, Mapping):
+        message = f"must be a mapping with kind: {', '.join(KINDS)}"
+        raise ConfigError([Problem(file, line_of(()), prefix.rstrip("."), message)])
+    if "name" in keys:
+        message = "unknown key; a program is called by its key, or by its file's name"
+        raise ConfigError([Problem(file, line_of(("name",)), prefix + "name", message)])
+    try:
+        program = _ADAPTER.validate_python({**keys, "name": name}, context={"directory": directory})
+    except ValidationError as error:
+        details = [_located(detail) for detail in error.errors(include_url=False)]
+        raise ConfigError(
+            [
+                Problem(file, line_of(location), prefix + ".".join(map(str, location)), message)
+                for location, message in details
+            ]
+        ) from error
+    axis_key = "axis" if "axis" in keys else "axes"
+    unknown = [axis for axis in program.axes if axis not in axis_names]
+    if unknown:
+        known = ", ".join(axis_names) or "none"
+        message = f"unknown axis {', '.join(map(repr, unknown))}; known: {known}"
+        raise ConfigError([Problem(file, line_of((axis_key,)), prefix + axis_key, message)])
+    return program
+
+
+def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
+    """Load the one program of a YAML file, or the points of a CSV file; named after the file.
+
+    Raises ConfigError with file, line and key of every problem.
+    """
+    if path.suffix.lower() == ".csv":
+        return Points(name=path.stem, axes=axes_of_header(path, axis_names), file=path)
+    file = str(path)
+    try:
+        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+        keys = None if node is None else _construct(node)
+    except OSError as error:
+        raise ConfigError([Problem(file, None, "", str(error.strerror))]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError([Problem(file, None, "", f"is no text: {error}")]) from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = None if mark is None else mark.line + 1
+        raise ConfigError([Problem(file, line, "", f"is no YAML: {error.problem}")]) from error
+    except yaml.YAMLError as error:
+        raise ConfigError([Problem(file, None, "", f"is no YAML: {error}")]) from error
+    _refuse_doubled_keys(node, file)
+    return parse_program(
+        path.stem,
+        keys,
+        directory=path.parent,
+        axis_names=axis_names,
+        file=file,
+        line_of=lambda location: _line(node, location),
+    )
+
+
+def _construct(node: yaml.Node) -> Any:
+    loader = yaml.SafeLoader("")
+    try:
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _refuse_doubled_keys(node: yaml.Node | None, file: str) -> None:
+    """Raise ConfigError where a key stands twice: YAML would silently take the last."""
+    if not isinstance(node, yaml.MappingNode):
+        return
+    names = [key.value for key, _ in node.value]
+    problems = [
+        Problem(file, key.start_mark.line + 1, str(key.value), "this key is there already")
+        for k, (key, _) in enumerate(node.value)
+        if key.value in names[:k]
+    ]
+    if problems:
+        raise ConfigError(problems)
+
+
+def _line(node: yaml.Node | None, location: Location) -> int | None:
+    """Find the line of a key or list entry, or of the nearest thing around it."""
+    line = None if node is None else node.start_mark.line + 1
+    for step in location:
+        if isinstance(node, yaml.MappingNode):
+            pairs = {key.value: (key, value) for key, value in node.value}
+            if step not in pairs:
+                break
+            key, node = pairs[step]
+            line = key.start_mark.line + 1
+        elif isinstance(node, yaml.SequenceNode) and isinstance(step, int):
+            if step >= len(node.value):
+                break
+            node = node.value[step]
+            line = node.start_mark.line + 1
+    return line
+
+
+def _located(detail: ErrorDetails) -> tuple[Location, str]:
+    """Turn a finding of pydantic's into the path to a key and a message for its author."""
+    location = detail["loc"]
+    if location and location[0] in KINDS:  # the discriminator's tag is not a key
+        kind, location = KINDS[str(location[0])], location[1:]
+    given = detail["input"]
+    match detail["type"]:
+        case "union_tag_not_found":
+            return ("kind",), f"this key is missing; it is one of: {', '.join(KINDS)}"
+        case "union_tag_invalid":
+            kind_given = given.get("kind") if isinstance(given, Mapping) else given
+            return ("kind",), f"unknown kind '{kind_given}'; known: {', '.join(KINDS)}"
+        case "missing":
+            return location, "this key is missing"
+        case "extra_forbidden":
+            known = [key for key in kind.model_fields if key != "name"]
+            return location, f"unknown key; known: {', '.join(known)}"
+        case _:
+            message = detail["msg"].removeprefix("Value error, ")
+            return location, f"{message} (given: {repr(given)[:80]})"
