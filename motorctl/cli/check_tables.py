@@ -1,0 +1,215 @@
+"""Tables of a checked machine, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+Part = Mapping[str, Any]
+
+
+def print_summary(console: Console, summary: Part) -> None:
+    """Print what `motorctl.config.summarise` gives."""
+    period_us = summary["period_s"] * 1e6
+    console.print(
+        f"[bold]{escape(summary['name'])}[/bold]  {_number(summary['rate_hz'])} Hz, "
+        f"Ts = {_number(period_us)} us  ({escape(summary['source'])})"
+    )
+    console.print(_budgets(summary["drivers"], summary["rate_hz"]))
+    for name, axis in summary["axes"].items():
+        console.print(_wiring(name, axis))
+        console.print(_parameters(name, axis))
+        console.print(_margins(name, axis))
+        console.print(_conditions(name, axis))
+    if summary["programs"]:
+        console.print(_programs(summary["programs"], summary["axes"]))
+    for note in summary["notes"]:
+        console.print(f"[yellow]note[/yellow]  {escape(note)}")
+    console.print("[green]valid[/green]")
+
+
+def _table(title: str, *columns: str, numbers: bool = True) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for index, column in enumerate(columns):
+        justify = "right" if numbers and index else "left"
+        table.add_column(column, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    return table
+
+
+def _budgets(drivers: Part, rate_hz: float) -> Table:
+    title = "Drivers and rate budgets"
+    table = _table(title, "driver", "type", "axes", "at most", "used", "because", numbers=False)
+    for name, driver in drivers.items():
+        used = "?" if driver["used"] is None else f"{100 * driver['used']:.0f} %"
+        most = driver["max_rate_hz"]
+        table.add_row(
+            name,
+            driver["type"],
+            ", ".join(driver["axes"]),
+            "any" if most is None else f"{_number(most)} Hz",
+            used,
+            escape(driver["arithmetic"]),
+        )
+    return table
+
+
+def _wiring(name: str, axis: Part) -> Table:
+    limits, gains, encoder = axis["limits"], axis["gains"], axis["encoder"]
+    error, homing = limits["following_error"], axis["homing"]
+    low, high = limits["travel_m"]
+    title = f"Axis {name}: {axis['controller']} on {axis['driver']} channel {axis['channel']}"
+    table = _table(title, "", "", numbers=False)
+    table.show_header = False
+    for label, text in (
+        (
+            "encoder",
+            f"{_number(encoder['resolution_m'] * 1e6)} um a count, {encoder['counter_bits']} bits, "
+            f"direction {encoder['direction']:+d}, offset {_number(encoder['offset_m'])} m",
+        ),
+        (
+            "limits",
+            f"travel {_number(low)} to {_number(high)} m, {_number(limits['max_velocity_m_s'])} "
+            f"m/s, {_number(limits['max_acceleration_m_s2'])} m/s^2, "
+            f"{_number(limits['max_jerk_m_s3'])} m/s^3, {_number(limits['max_voltage_v'])} V",
+        ),
+        (
+            "following error",
+            f"{_number(error['minimum_m'] * 1e3)} mm + {_number(error['per_velocity_s'] * 1e3)} "
+            f"ms x |v| for {_number(error['filter_time_s'] * 1e3)} ms",
+        ),
+        (
+            "stop",
+            f"{_number(limits['stop_acceleration_m_s2'])} m/s^2, "
+            f"{_number(limits['stop_jerk_m_s3'])} m/s^3",
+        ),
+        (
+            "gains",
+            f"k1 {_number(gains['k1_1_s'])} 1/s, ks {_number(gains['ks_v_s_m'])} V*s/m, "
+            f"gamma_d {_number(gains['gamma_d'])} V/m, |d0| <= {_number(gains['d_hat_max_v'])} V",
+        ),
+        ("adaptation", _adaptation(axis["adaptation"])),
+        ("homing", _homing(homing)),
+        ("program", axis["program"] or "none: holds"),
+    ):
+        table.add_row(label, text)
+    return table
+
+
+def _adaptation(adaptation: Part) -> str:
+    if not adaptation["enabled"]:
+        return "off"
+    return (
+        f"alpha {_number(adaptation['forgetting_1_s'])} 1/s, nu "
+        f"{_number(adaptation['normalisation'])}, filter {_number(adaptation['filter_rad_s'])} "
+        f"rad/s, above {_number(adaptation['gate_velocity_m_s'])} m/s or "
+        f"{_number(adaptation['gate_acceleration_m_s2'])} m/s^2, input delay "
+        f"{_number(adaptation['input_delay_s'] * 1e3)} ms"
+    )
+
+
+def _homing(homing: Part) -> str:
+    if homing["method"] == "absolute":
+        return "absolute encoder"
+    search = homing["search_velocity_m_s"]
+    return (
+        f"{homing['method']}: "
+        + (f"search at {_number(search)} m/s, " if search else "")
+        + f"latch at {_number(homing['latch_velocity_m_s'])} m/s, home at "
+        f"{_number(homing['home_position_m'])} m, within {_number(homing['timeout_s'])} s"
+    )
+
+
+def _parameters(name: str, axis: Part) -> Table:
+    columns = ("parameter", "symbol", "theta(0)", "lower", "upper", "unit", "Gamma(0)")
+    table = _table(f"Axis {name}: parameters", *columns)
+    for parameter, values in axis["parameters"].items():
+        numbers = (_number(values[key]) for key in ("initial", "lower", "upper"))
+        covariance = _number(values["covariance"])
+        table.add_row(parameter, values["symbol"], *numbers, values["unit"], covariance)
+    return table
+
+
+def _margins(name: str, axis: Part) -> Table:
+    title = f"Axis {name}: margins of the sampled loop, fast adaptation included"
+    columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
+    table = _table(title, *columns, "gain x", "gain /")
+    for row in axis["margins"]:
+        stable = row["stable"]
+        shown = (
+            _number(row["crossover_rad_s"], 4),
+            _number(row["phase_margin_deg"], 3),
+            _number(row["gain_margin"], 3),
+            _number(_inverse(row["gain_reduction"]), 3),
+        )
+        table.add_row(
+            row["inertia_at"],
+            _number(row["inertia"]),
+            _number(row["delay_s"] * 1e3),
+            *(shown if stable else ("[red]unstable[/red]", "", "", "")),
+        )
+    return table
+
+
+def _conditions(name: str, axis: Part) -> Table:
+    robust, second = axis["robust_gain"], axis["assumption_2"]
+    title = f"Axis {name}: conditions of the guarantee"
+    table = _table(title, "condition", "where", "value", "needs", "verdict", numbers=False)
+    for key, where in (("at_initial", "theta(0)"), ("over_bounds", "all of the bounds")):
+        condition = robust[key]
+        decay = condition["decay_1_s"]
+        verdict = "fails; sufficient, not necessary"
+        if condition["satisfied"]:
+            verdict = f"[green]holds[/green], lambda {_number(decay)} 1/s"
+        table.add_row(
+            "gain ks1",
+            where,
+            f"ks {_number(robust['ks_v_s_m'])}",
+            f"> {_number(condition['required_ks1_v_s_m'], 4)} + k2",
+            verdict,
+        )
+    needs = f">= {_number(second['margin'])} over |u| <= {_number(second['u_max_v'])} V"
+    rows = [
+        ("theta(0)", second["initial"]["slope"], second["initial"]["slope"] >= second["margin"])
+    ]
+    for corner in second["corners"]:
+        where = ", ".join(f"{key} {_number(value)}" for key, value in corner["theta"].items())
+        rows.append((f"corner {where}", corner["slope"], corner["satisfied"]))
+    for where, slope, satisfied in rows:
+        verdict = "[green]holds[/green]" if satisfied else "kept away by the projection"
+        table.add_row("Assumption 2", where, f"dv/du {_number(slope, 3)}", needs, verdict)
+    return table
+
+
+def _programs(programs: Part, axes: Part) -> Table:
+    columns = ("program", "axis", "range m", "v m/s", "a m/s^2", "jerk m/s^3", "needs V", "of V")
+    table = _table("Programs: peaks, and the command needed at theta(0)", *columns, "lasts s")
+    for name, program in programs.items():
+        for axis, peaks in program["axes"].items():
+            low, high = peaks["range_m"]
+            table.add_row(
+                f"{name} ({program['kind']})",
+                axis,
+                f"{_number(low)} to {_number(high)}",
+                _number(peaks["max_velocity_m_s"], 4),
+                _number(peaks["max_acceleration_m_s2"], 4),
+                _number(peaks["max_jerk_m_s3"], 4),
+                _number(abs(peaks["command_v"]), 4),
+                _number(axes[axis]["limits"]["max_voltage_v"]),
+                _number(program["duration_s"], 4),
+            )
+    return table
+
+
+def _inverse(value: float | None) -> float | None:
+    return 1.0 / value if value else None
+
+
+def _number(value: float | None, digits: int = 6) -> str:
+    if value is None:
+        return "inf"
+    rounded = round(value, 12)
+    return f"{rounded or 0.0:.{digits}g}"

@@ -1,0 +1,20 @@
+"""What can be said of a machine before it moves: pure functions of numbers and of the model."""
+
+from motorctl.config.analysis.feedforward import CommandPeak, command_peak, required_command
+from motorctl.config.analysis.input_map import CornerSlope, corner_slopes, smallest_slope
+from motorctl.config.analysis.loop_margins import LoopMargins, loop_margins
+from motorctl.config.analysis.robust_gain import GainCondition, gain_condition, required_ks1
+
+__all__ = [
+    "CommandPeak",
+    "CornerSlope",
+    "GainCondition",
+    "LoopMargins",
+    "command_peak",
+    "corner_slopes",
+    "gain_condition",
+    "loop_margins",
+    "required_command",
+    "required_ks1",
+    "smallest_slope",
+]

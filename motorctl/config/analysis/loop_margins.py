@@ -1,0 +1,158 @@
+"""Margins of the sampled position loop: rigid mass, hold, delay, and the law's feedback part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+
+GRID = 2000
+SLOWEST = 1e-5
+"""Lowest frequency looked at, as a fraction of the Nyquist frequency."""
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """How far the loop is from instability; None where the loop has no such crossing."""
+
+    delay_s: float
+    stable: bool
+    crossover_rad_s: float | None
+    phase_margin_deg: float | None
+    """At the crossover that is nearest to -180 degrees."""
+    gain_margin: float | None
+    """The loop gain may grow by less than this factor."""
+    gain_reduction: float | None
+    """The loop gain may shrink to no less than this factor."""
+
+
+def loop_margins(
+    theta1: float,
+    theta2: float,
+    *,
+    k1_1_s: float,
+    ks_v_s_m: float,
+    gamma_d: float,
+    period_s: float,
+    delay_s: float = 0.0,
+) -> LoopMargins:
+    """Give the margins of the loop around theta1 [V s^2/m], theta2 [V s/m].
+
+    Plant 1/(theta1 s^2 + theta2 s) behind a zero-order hold and `delay_s` of any length;
+    controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the law runs: p with
+    the velocity error by backward difference, -ks p, and the fast adaptation of d0
+    (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command not saturated.
+    """
+    plant = _DelayedPlant(theta1, theta2, period_s, delay_s)
+    stable = bool(
+        np.abs(np.linalg.eigvals(_closed_loop(plant, k1_1_s, ks_v_s_m, gamma_d, period_s))).max()
+        < 1.0
+    )
+
+    def loop(w: Array) -> NDArray[np.complex128]:
+        z = np.exp(1j * w * period_s)
+        error = (z - 1.0) / (period_s * z) + k1_1_s
+        feedback = ks_v_s_m + gamma_d * period_s / (z - 1.0)
+        result: NDArray[np.complex128] = feedback * error * plant.response(w)
+        return result
+
+    nyquist = math.pi / period_s
+    w = np.geomspace(SLOWEST * nyquist, 0.9999 * nyquist, GRID)
+    response = loop(w)
+
+    def log_gain(x: float) -> float:
+        return float(np.log(np.abs(loop(np.array([x]))[0])))
+
+    def across(x: float) -> float:
+        return float(loop(np.array([x]))[0].imag)
+
+    crossovers = _zeros(w, np.log(np.abs(response)), log_gain)
+    margins = [180.0 + math.degrees(np.angle(loop(np.array([x]))[0])) for x in crossovers]
+    signed = [m - 360.0 if m > 180.0 else m for m in margins]
+    worst = min(range(len(signed)), key=lambda i: abs(signed[i]), default=None)
+
+    real = [float(loop(np.array([x]))[0].real) for x in _zeros(w, response.imag, across)]
+    inside = [-1.0 / r for r in real if -1.0 < r < 0.0]
+    outside = [-1.0 / r for r in real if r < -1.0]
+    return LoopMargins(
+        delay_s=delay_s,
+        stable=stable,
+        crossover_rad_s=None if worst is None else crossovers[worst],
+        phase_margin_deg=None if worst is None else signed[worst],
+        gain_margin=min(inside, default=None),
+        gain_reduction=max(outside, default=None),
+    )
+
+
+class _DelayedPlant:
+    """x+ = phi x + late u[k - whole - 1] + prompt u[k - whole], position first in x."""
+
+    def __init__(self, theta1: float, theta2: float, period_s: float, delay_s: float) -> None:
+        self.whole = int(delay_s / period_s)
+        part = delay_s - self.whole * period_s
+        self._theta, self._period_s, self._delay_s = (theta1, theta2), period_s, delay_s
+        self.phi, prompt = _held(theta1, theta2, period_s - part)
+        before, late = _held(theta1, theta2, part)
+        self.late = self.phi @ late
+        self.prompt = prompt
+        self.phi = self.phi @ before
+
+    def response(self, w: Array) -> NDArray[np.complex128]:
+        """Give the transfer from command to position at frequencies w [rad/s]."""
+        z = np.exp(1j * w * self._period_s)
+        a, b = self.phi[0, 1], self.phi[1, 1]
+        drive = (self.late[:, None] / z + self.prompt[:, None]) / z**self.whole
+        speed = drive[1] / (z - b)
+        result: NDArray[np.complex128] = (a * speed + drive[0]) / (z - 1.0)
+        return result
+
+
+def _held(theta1: float, theta2: float, duration_s: float) -> tuple[Array, Array]:
+    """Give transition and input vector of [position, velocity] over a held command."""
+    system = np.zeros((3, 3))
+    system[0, 1] = 1.0
+    system[1, 1], system[1, 2] = -theta2 / theta1, 1.0 / theta1
+    full = expm(system * duration_s)
+    return full[:2, :2], full[:2, 2]
+
+
+def _closed_loop(
+    plant: _DelayedPlant, k1_1_s: float, ks_v_s_m: float, gamma_d: float, period_s: float
+) -> Array:
+    """Give the transition matrix of [position, velocity, last position, d0, past commands]."""
+    past = plant.whole + 1
+    size = 4 + past
+    law = np.zeros(size)  # u = law . state
+    p = np.zeros(size)
+    p[0], p[2] = 1.0 / period_s + k1_1_s, -1.0 / period_s
+    law -= ks_v_s_m * p
+    law[3] = -1.0
+    matrix = np.zeros((size, size))
+    matrix[:2, :2] = plant.phi
+    matrix[2, 0] = 1.0
+    matrix[3] = gamma_d * period_s * p
+    matrix[3, 3] += 1.0
+    matrix[:2, 4 + plant.whole] += plant.late  # the oldest command that is still at work
+    if plant.whole:
+        matrix[:2, 3 + plant.whole] += plant.prompt
+    else:
+        matrix[:2] += np.outer(plant.prompt, law)
+    matrix[4] = law
+    for i in range(1, past):
+        matrix[4 + i, 3 + i] = 1.0
+    if gamma_d == 0.0:  # d0 stands still: its eigenvalue of 1 is no part of the loop
+        matrix = np.delete(np.delete(matrix, 3, axis=0), 3, axis=1)
+    return matrix
+
+
+def _zeros(x: Array, y: Array, function: Callable[[float], float]) -> list[float]:
+    """Refine every change of sign of samples y(x)."""
+    changes = np.nonzero(np.signbit(y[:-1]) != np.signbit(y[1:]))[0]
+    return [float(brentq(function, x[i], x[i + 1])) for i in changes]

@@ -1,0 +1,261 @@
+"""A YAML file as plain data, with the line on which every key stands.
+
+Scalars follow YAML 1.2's core schema, so ``60e-6`` is a number and ``yes`` is text. Keys are
+always text. A key that stands twice, an unknown tag or an alias of itself is a problem.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from motorctl.errors import ConfigError, Problem
+
+KeyPath = tuple[str | int, ...]
+
+MAX_BYTES = 4_000_000
+MAX_VALUES = 100_000
+"""Aliases of aliases can make a small file arbitrarily large."""
+MAX_DEPTH = 32
+
+_TAG = "tag:yaml.org,2002:"
+_TRUE = ("true", "True", "TRUE")
+_KINDS: dict[type[yaml.Node], tuple[str, ...]] = {
+    yaml.MappingNode: ("map",),
+    yaml.SequenceNode: ("seq",),
+    yaml.ScalarNode: ("str", "int", "float", "bool", "null", "merge"),
+}
+
+
+class _CoreLoader(yaml.SafeLoader):
+    """PyYAML's reader with the implicit types of YAML 1.2's core schema; no .nan."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+
+for _name, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0x[0-9a-fA-F]+|0o[0-7]+", list("-+0123456789")),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)",
+        list("-+.0123456789"),
+    ),
+    ("merge", r"<<", ["<"]),
+):
+    _CoreLoader.add_implicit_resolver(_TAG + _name, re.compile(rf"^(?:{_pattern})$"), _first)
+
+
+@dataclass
+class Document:
+    """A configuration as plain data, and where in which file it stands."""
+
+    file: str
+    data: dict[str, Any]
+    lines: Mapping[KeyPath, int] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+    def line(self, path: KeyPath) -> int | None:
+        """Give the line of a key, or of the nearest key around it that is in the file."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.lines:
+                return self.lines[path[:end]]
+        return None
+
+    def add(self, path: KeyPath, message: str) -> None:
+        """Note a problem with the value at `path`."""
+        self.problems.append(Problem(self.file, self.line(path), dotted(path), message))
+
+    def at(self, path: KeyPath) -> Any:
+        """Give the value at `path`, None where there is none."""
+        return find(self.data, path)
+
+    def raise_problems(self) -> None:
+        """Raise ConfigError with every problem, if there is one: this file's first, by lines."""
+        if self.problems:
+            unique = dict.fromkeys(self.problems)
+            here = self.file
+            raise ConfigError(sorted(unique, key=lambda p: (p.file != here, p.line or 0, p.key)))
+
+
+def holds(value: Any, part: str | int) -> bool:
+    """Tell whether a mapping has this key, or a list this place."""
+    if isinstance(value, Mapping):
+        return part in value
+    return isinstance(value, list) and isinstance(part, int) and part < len(value)
+
+
+def find(data: Any, path: KeyPath) -> Any:
+    """Give the value at `path` within plain data, None where there is none."""
+    for part in path:
+        if not holds(data, part):
+            return None
+        data = data[part]
+    return data
+
+
+def dotted(path: KeyPath) -> str:
+    """Write a path as people do: ``axes.x.limits.travel_m[0]``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def read_document(path: Path) -> Document:
+    """Read a YAML file whose top level is a mapping.
+
+    Raises ConfigError where it cannot be read, is no text or no YAML; problems in a part of it
+    (a key that stands twice) are kept in the document, so that they can be told with the others.
+    """
+    text = _read_text(path)
+    try:
+        node = yaml.compose(text, Loader=_CoreLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        what = " ".join(part for part in (error.problem, error.context) if part)
+        line = mark.line + 1 if mark else None
+        raise ConfigError([Problem(str(path), line, "", f"not valid YAML: {what}")]) from error
+    except yaml.YAMLError as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError([Problem(str(path), None, "", f"not valid YAML: {reason}")]) from error
+    except RecursionError as error:
+        raise ConfigError([Problem(str(path), None, "", "nested too deeply")]) from error
+    if node is None:
+        raise ConfigError([Problem(str(path), None, "", "the file is empty")])
+    document = Document(str(path), {}, {}, [])
+    if not isinstance(node, yaml.MappingNode):
+        line = node.start_mark.line + 1
+        message = "should be a mapping of keys to values, such as 'name: my-machine'"
+        raise ConfigError([Problem(str(path), line, "", message)])
+    reader = _Reader(document)
+    document.data = reader.value(node, ())
+    document.lines = reader.lines
+    return document
+
+
+def _read_text(path: Path) -> str:
+    def refuse(message: str) -> ConfigError:
+        return ConfigError([Problem(str(path), None, "", message)])
+
+    if path.is_dir():
+        raise refuse("is a directory; should be a YAML file")
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except FileNotFoundError as error:
+        raise refuse("there is no such file") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise refuse(f"cannot be read: {reason}") from error
+    if len(raw) > MAX_BYTES:
+        raise refuse(f"is larger than {MAX_BYTES} bytes; should be a YAML configuration")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise refuse(f"is not UTF-8 text (byte {error.start + 1}); should be YAML") from error
+    if "\0" in text:
+        raise refuse("is a binary file; should be YAML")
+    return text
+
+
+class _Reader:
+    """Turns nodes into plain data and notes where each key stands."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self.lines: dict[KeyPath, int] = {}
+        self._left = MAX_VALUES
+        self._open: list[yaml.Node] = []
+
+    def value(self, node: yaml.Node, path: KeyPath) -> Any:
+        """Give the data of a node."""
+        self._left -= 1
+        if self._left < 0 or len(self._open) > MAX_DEPTH or node in self._open:
+            if self._left >= 0:
+                reason = "nested too deeply" if node not in self._open else "contains itself"
+                self._problem(node, path, reason)
+            elif self._left == -1:
+                self._problem(node, path, f"more than {MAX_VALUES} values")
+            return None
+        kind = node.tag.removeprefix(_TAG)
+        if kind not in _KINDS[type(node)]:
+            self._problem(node, path, f"the tag {node.tag} has no meaning here; remove it")
+        self._open.append(node)
+        try:
+            if isinstance(node, yaml.MappingNode):
+                return self._mapping(node, path)
+            if isinstance(node, yaml.SequenceNode):
+                items = []
+                for index, item in enumerate(node.value):
+                    self.lines[(*path, index)] = item.start_mark.line + 1
+                    items.append(self.value(item, (*path, index)))
+                return items
+            return self._scalar(node, path)
+        finally:
+            self._open.pop()
+
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        own: dict[str, int] = {}
+        for key, item, merged in self._entries(node, path):
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                self._problem(key, path, "a key should be a word, found a list or a mapping")
+                continue
+            name = key.value
+            if merged and name in data:
+                continue
+            if name in own:
+                message = f"stands twice, first on line {own[name]}; remove one"
+                self._problem(key, (*path, name), message)
+                continue
+            if not merged:
+                own[name] = line
+            self.lines[(*path, name)] = line
+            data[name] = self.value(item, (*path, name))
+        return data
+
+    def _entries(
+        self, node: yaml.MappingNode, path: KeyPath, depth: int = 0
+    ) -> Iterator[tuple[yaml.Node, yaml.Node, bool]]:
+        """Give the entries of a mapping, its own first, then those that it merges with <<."""
+        merges: list[yaml.Node] = []
+        for key, item in node.value:
+            if key.tag == _TAG + "merge":
+                merges += item.value if isinstance(item, yaml.SequenceNode) else [item]
+            else:
+                yield key, item, depth > 0
+        for source in merges:
+            if isinstance(source, yaml.MappingNode) and source not in self._open and depth < 8:
+                yield from self._entries(source, path, depth + 1)
+            else:
+                self._problem(source, path, "<< should name a mapping, such as '<<: *anchor'")
+
+    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
+        text: str = node.value
+        kind = node.tag.removeprefix(_TAG)
+        try:
+            if kind == "int":
+                # A whole number beyond 64 bits is a number all the same.
+                return int(text, 0 if text[1:2] in "xo" else 10) if len(text) < 19 else float(text)
+            if kind == "float":
+                return float(text.replace(".inf", "inf").replace(".I", "I"))
+        except ValueError:
+            self._problem(node, path, f"found '{text}', should be a number")
+            return None
+        if kind == "bool":
+            return text in _TRUE
+        if kind == "null":
+            return None
+        return text
+
+    def _problem(self, node: yaml.Node, path: KeyPath, message: str) -> None:
+        line = node.start_mark.line + 1
+        self._document.problems.append(Problem(self._document.file, line, dotted(path), message))

@@ -1,0 +1,119 @@
+"""The doors: a file, or the plain data in a log, becomes a machine, or all problems at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
+from motorctl.config.document import Document, read_document
+from motorctl.config.freeze import decode, freeze
+from motorctl.config.hardware import build_drivers, check_claims, check_rates
+from motorctl.config.machine import Controller, Machine
+from motorctl.config.programs import build_programs, check_followed, check_programs
+from motorctl.config.shape import ConfigShape, LoopShape, Rate
+from motorctl.config.shipped import locate
+from motorctl.config.validation import validate
+
+
+def load(
+    path: str | Path, controller: Controller | None = None, *, hardware: bool = True
+) -> Machine:
+    """Load a configuration, or a shipped one by its bare name.
+
+    `controller` takes the place of what every axis says. Without `hardware` the drivers are left
+    out, so that they need not be installed: for analysis. Raises ConfigError with every problem.
+    """
+    source = locate(path)
+    document = read_document(source)
+    return _build(document, source, source.parent.resolve(), controller, hardware=hardware)
+
+
+def load_resolved(
+    resolved: Mapping[str, Any], source: str | Path = "resolved", *, hardware: bool = False
+) -> Machine:
+    """Build the machine again from its plain data `Machine.resolved`, as logs hold it.
+
+    Without `hardware` the drivers are left out, so that they need not be installed, and so are
+    programs whose files of points are gone. `source` names the data in messages. Raises
+    ConfigError with every problem.
+    """
+    document = Document(str(source), decode(resolved))
+    if not hardware:
+        _drop_lost_points(document)
+    return _build(document, Path(source), Path.cwd(), None, hardware=hardware)
+
+
+def _build(
+    document: Document, source: Path, directory: Path, controller: Controller | None, hardware: bool
+) -> Machine:
+    _fill_in(document.data, controller)
+    shape = validate(document, (), ConfigShape, document.data)
+    rate_hz = _rate(document)
+    axes = document.at(("axes",))
+    names = list(axes) if isinstance(axes, dict) else []
+    parts = {name: read_axis(document, name) for name in names}
+    for part in parts.values():
+        check_axis(document, part, rate_hz)
+    _check_spin(document, rate_hz)
+    check_claims(document)
+    drivers = {}
+    if hardware:
+        drivers = build_drivers(document)
+        wirings = [wiring for part in parts.values() if (wiring := part.wiring(document))]
+        check_rates(document, drivers, wirings, rate_hz)
+    programs = build_programs(document, directory)
+    _compare(document, parts, programs)
+    for name in names if hardware else ():
+        check_followed(document, name, programs)
+    document.raise_problems()
+    assert shape is not None
+    models = {name: part.declared for name, part in parts.items() if part.declared}
+    return freeze(shape, source, drivers, models, programs)
+
+
+def _compare(
+    document: Document, parts: Mapping[str, AxisParts], programs: Mapping[str, Any]
+) -> None:
+    limits = {n: known for n, part in parts.items() if (known := part.motion_limits())}
+    voltages = {n: need for n, part in parts.items() if (need := part.required_voltage())}
+    check_programs(document, programs, limits, voltages)
+
+
+def _fill_in(data: dict[str, Any], controller: Controller | None) -> None:
+    """Put the chosen controller in; an effect with nothing behind its name has its defaults."""
+    axes = data.get("axes")
+    for axis in (axes if isinstance(axes, dict) else {}).values():
+        if not isinstance(axis, dict):
+            continue
+        if controller is not None:
+            axis["controller"] = controller
+        model = axis.get("model")
+        if isinstance(model, dict):
+            axis["model"] = {name: {} if e is None else e for name, e in model.items()}
+
+
+def _rate(document: Document) -> float | None:
+    rate = document.at(("rate_hz",))
+    try:
+        return TypeAdapter(Rate).validate_python(rate, strict=True)
+    except ValidationError:
+        return None
+
+
+def _check_spin(document: Document, rate_hz: float | None) -> None:
+    loop = validate(document, ("loop",), LoopShape, document.at(("loop",)) or {}, quiet=True)
+    if rate_hz and loop and loop.spin_s >= 1.0 / rate_hz:
+        message = f"found {loop.spin_s:g}, should be below the period of {1.0 / rate_hz:g} s"
+        document.add(("loop", "spin_s"), message)
+
+
+def _drop_lost_points(document: Document) -> None:
+    programs = document.at(("programs",))
+    for name, part in list(programs.items()) if isinstance(programs, dict) else []:
+        file = part.get("file") if isinstance(part, dict) else None
+        if isinstance(file, str) and not Path(file).exists():
+            del programs[name]

@@ -1,0 +1,85 @@
+"""Rules that need the model: the closed loop is stable, the input map can be inverted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motorctl.config.analysis import corner_slopes, loop_margins, smallest_slope
+from motorctl.config.document import Document, KeyPath
+from motorctl.config.machine import Estimate, Gains
+from motorctl.control import monotonicity_half_planes
+from motorctl.errors import UsageError
+from motorctl.model import EffectList
+
+
+def parameter_range(
+    model: EffectList, estimates: tuple[Estimate, ...], name: str
+) -> tuple[float, float, float]:
+    """Give (initial, lower, upper) of a parameter, zeros where the list does not have it."""
+    for known, estimate in zip(model.parameter_names, estimates, strict=True):
+        if known == name:
+            return estimate.initial, estimate.lower, estimate.upper
+    return 0.0, 0.0, 0.0
+
+
+def check_stability(
+    document: Document,
+    path: KeyPath,
+    model: EffectList,
+    estimates: tuple[Estimate, ...],
+    gains: Gains,
+    period_s: float,
+    delay_s: float,
+) -> None:
+    """Check that the sampled loop around theta_hat(0) is stable."""
+    theta1 = parameter_range(model, estimates, "inertia")[0]
+    theta2 = parameter_range(model, estimates, "viscous_friction")[0]
+    margins = loop_margins(
+        theta1,
+        theta2,
+        k1_1_s=gains.k1_1_s,
+        ks_v_s_m=gains.ks_v_s_m,
+        gamma_d=gains.gamma_d,
+        period_s=period_s,
+        delay_s=delay_s,
+    )
+    if not margins.stable:
+        document.add(
+            path,
+            f"the sampled closed loop is unstable: ks {gains.ks_v_s_m:g}, k1 {gains.k1_1_s:g}, "
+            f"gamma_d {gains.gamma_d:g} around theta1(0) {theta1:g} V*s^2/m, theta2(0) "
+            f"{theta2:g} V*s/m at {1.0 / period_s:g} Hz with {delay_s:g} s of delay",
+        )
+
+
+def check_monotonicity(
+    document: Document,
+    axis: KeyPath,
+    model: EffectList,
+    estimates: tuple[Estimate, ...],
+    u_max: float,
+    margin: float,
+) -> None:
+    """Check Assumption 2 at theta_hat(0), and that the law can keep it within the bounds."""
+    where = (*axis, "model")
+    inputs = [effect.name for effect in model.effects if effect.kind == "input"]
+    if not inputs:
+        return
+    theta = np.array([estimate.initial for estimate in estimates])
+    slope, at_u = smallest_slope(model, theta, u_max)
+    if not slope >= margin:
+        document.add(
+            (*where, inputs[0]),
+            f"Assumption 2 fails at theta(0): the input map's slope dv/du is {slope:.4g} at "
+            f"u = {at_u:.4g} V, should be at least monotonicity_margin {margin:g} over "
+            f"|u| <= {u_max:g} V; bring {' and '.join(inputs)} nearer to 0 or lower max_voltage_v",
+        )
+        return
+    lower = np.array([estimate.lower for estimate in estimates])
+    upper = np.array([estimate.upper for estimate in estimates])
+    if corner_slopes(model, list(lower), list(upper), u_max)[0].slope >= margin:
+        return  # holds all over the box, so the law needs no half-plane
+    try:
+        monotonicity_half_planes(model, lower, upper, u_max, margin)
+    except UsageError as error:
+        document.add((*where, inputs[0]), str(error))

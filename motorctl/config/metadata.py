@@ -1,0 +1,27 @@
+"""What a log says of the run that it holds."""
+
+from __future__ import annotations
+
+import platform
+from datetime import UTC, datetime
+
+from motorctl import __version__
+from motorctl.config.machine import Machine
+
+
+def log_metadata(machine: Machine) -> dict[str, object]:
+    """Give the document that a log of this machine carries, JSON-serialisable."""
+    seeds = {name: getattr(setup.options, "seed", None) for name, setup in machine.drivers.items()}
+    return {
+        "version": __version__,
+        "machine": machine.name,
+        "rate_hz": machine.rate_hz,
+        "config": machine.resolved,
+        "seed": seeds,
+        "host": {
+            "name": platform.node(),
+            "kernel": platform.release(),
+            "python": platform.python_version(),
+        },
+        "started_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+    }

@@ -1,0 +1,74 @@
+"""JSON Schema of configuration files, for editors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from motorctl.config.shape import ConfigShape
+from motorctl.model import Effect, known_effects
+from motorctl.motion import AnyProgram
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def config_schema() -> dict[str, Any]:
+    """Give the schema of the whole file; drivers' own options stay open, they vary by machine."""
+    schema = ConfigShape.model_json_schema()
+    definitions: dict[str, Any] = schema["$defs"]
+    programs = _programs(definitions)
+    (pattern,) = schema["properties"]["programs"]["patternProperties"]
+    schema["properties"]["programs"]["patternProperties"][pattern] = programs
+    del definitions["ProgramShape"]
+    definitions["AxisShape"]["properties"]["model"] = _model(definitions)
+    return {"$schema": DIALECT, **schema, "title": "motorctl configuration"}
+
+
+def _programs(definitions: dict[str, Any]) -> dict[str, Any]:
+    """Add every kind of program to the definitions; a program is named by its key."""
+    union = TypeAdapter[Any](AnyProgram).json_schema()
+    for name, kind in union.pop("$defs").items():
+        kind["properties"].pop("name")
+        required = [key for key in kind.get("required", []) if key != "name"]
+        kind["required"] = ["kind", *required]
+        definitions[name] = kind
+    branches: dict[str, Any] = {"oneOf": union["oneOf"]}
+    return branches
+
+
+def _model(definitions: dict[str, Any]) -> dict[str, Any]:
+    """Describe the list of effects: every known one with its own options, others by `type`."""
+    own = definitions["EffectShape"]
+    effects = {}
+    for name, effect in sorted(known_effects().items()):
+        key = f"effect_{name}"
+        definitions[key] = _effect(effect, own, definitions)
+        effects[name] = {"anyOf": [{"$ref": f"#/$defs/{key}"}, {"type": "null"}]}
+    own["required"] = ["type"]
+    return {
+        "description": "effects, in the order of theta",
+        "type": "object",
+        "minProperties": 1,
+        "required": ["inertia"],
+        "properties": effects,
+        "additionalProperties": {"$ref": "#/$defs/EffectShape"},
+    }
+
+
+def _effect(
+    effect: type[Effect], own: dict[str, Any], definitions: dict[str, Any]
+) -> dict[str, Any]:
+    options = effect.Options.model_json_schema(ref_template="#/$defs/{model}")
+    definitions |= options.pop("$defs", {})
+    own_keys = {key: part for key, part in own["properties"].items() if key != "type"}
+    described: dict[str, Any] = {
+        "title": effect.title,
+        "description": f"{effect.formula}. Visible in: {effect.visible_in}",
+        "type": "object",
+        "properties": own_keys | options["properties"],
+        "additionalProperties": False,
+    }
+    if required := options.get("required"):
+        described["required"] = required
+    return described

@@ -1,0 +1,227 @@
+"""What `motorctl check` says of a machine: its numbers, budgets, margins and motions, as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from motorctl.config.analysis import (
+    command_peak,
+    corner_slopes,
+    gain_condition,
+    loop_margins,
+    required_command,
+    smallest_slope,
+)
+from motorctl.config.hardware import channels_of, rate_budget, wiring_of
+from motorctl.config.loop_rules import parameter_range
+from motorctl.config.machine import Axis, Machine
+from motorctl.errors import MotorctlError
+from motorctl.model import Effect
+from motorctl.motion import Program
+
+SAMPLES = 20_001
+"""Instants of one cycle at which the command is computed."""
+COVERED_FRICTION = ("viscous_friction", "coulomb_friction")
+
+
+def summarise(machine: Machine) -> dict[str, Any]:
+    """Give everything that `check` shows, fit for JSON; what is infinite becomes null."""
+    axes = {name: _axis(axis, machine.period_s) for name, axis in machine.axes.items()}
+    summary = {
+        "name": machine.name,
+        "source": str(machine.source),
+        "rate_hz": machine.rate_hz,
+        "period_s": machine.period_s,
+        "valid": True,
+        "problems": [],
+        "drivers": dict(_drivers(machine)),
+        "axes": axes,
+        "programs": {n: _program(machine, p) for n, p in machine.programs.items()},
+        "loop": asdict(machine.loop),
+        "log_directory": str(machine.log_directory),
+        "notes": [note for name, axis in axes.items() for note in _notes(name, axis)],
+        "resolved": dict(machine.resolved),
+    }
+    plain: dict[str, Any] = _finite(summary)
+    return plain
+
+
+def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
+    wirings = [wiring_of(axis) for axis in machine.axes.values()]
+    for name, setup in machine.drivers.items():
+        channels = channels_of(name, wirings)
+        told: dict[str, Any] = {
+            "type": setup.type,
+            "axes": [channel.axis for channel in channels],
+            "supports_virtual_time": setup.cls.supports_virtual_time,
+        }
+        try:
+            budget = rate_budget(setup, channels, machine.period_s)
+        except MotorctlError as error:
+            told |= {"max_rate_hz": None, "used": None, "arithmetic": str(error)}
+        else:
+            told |= {
+                "max_rate_hz": budget.max_rate_hz,
+                "used": machine.rate_hz / budget.max_rate_hz,
+                "arithmetic": budget.arithmetic,
+            }
+        yield name, told
+
+
+def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
+    return {
+        "driver": axis.driver,
+        "channel": axis.channel,
+        "controller": axis.controller,
+        "effects": list(axis.model.names),
+        "encoder": asdict(axis.encoder),
+        "limits": asdict(axis.limits),
+        "gains": asdict(axis.gains),
+        "parameters": dict(_parameters(axis)),
+        "adaptation": asdict(axis.adaptation),
+        "homing": asdict(axis.homing),
+        "program": axis.program,
+        "robust_gain": _robust_gain(axis),
+        "margins": _margins(axis, period_s),
+        "assumption_2": _assumption_2(axis),
+    }
+
+
+def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:
+    model = axis.model
+    for name, parameter, estimate in zip(
+        model.parameter_names, model.parameters, axis.estimates, strict=True
+    ):
+        yield name, {"symbol": parameter.symbol, "unit": parameter.unit, **asdict(estimate)}
+
+
+def _robust_gain(axis: Axis) -> dict[str, Any]:
+    """The sufficient condition on ks1 at theta_hat(0), and over the box of the bounds."""
+    slope_s_m = _coulomb_slope(axis.model.effects)
+    ranges = [_range(axis, name) for name in ("inertia", *COVERED_FRICTION)]
+    told = {}
+    for key, box in (
+        ("at_initial", [(initial, initial) for initial, _, _ in ranges]),
+        ("over_bounds", [(lower, upper) for _, lower, upper in ranges]),
+    ):
+        theta1, theta2, theta3 = box
+        condition = gain_condition(
+            theta1, theta2, theta3, slope_s_m, axis.gains.k1_1_s, axis.gains.ks_v_s_m
+        )
+        told[key] = {**asdict(condition), "satisfied": condition.satisfied}
+    return {"ks_v_s_m": axis.gains.ks_v_s_m, **told}
+
+
+def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
+    """Margins at theta_hat(0) and at the ends of the inertia's bounds, without and with a sample.
+
+    The delay is the known input delay, then that and one sample more.
+    """
+    inertia, viscous = _range(axis, "inertia"), _range(axis, "viscous_friction")
+    rows = []
+    for where, theta1 in zip(("initial", "lower bound", "upper bound"), inertia, strict=True):
+        for extra in (0.0, period_s):
+            margins = loop_margins(
+                theta1,
+                viscous[0],
+                k1_1_s=axis.gains.k1_1_s,
+                ks_v_s_m=axis.gains.ks_v_s_m,
+                gamma_d=axis.gains.gamma_d,
+                period_s=period_s,
+                delay_s=axis.adaptation.input_delay_s + extra,
+            )
+            rows.append({"inertia_at": where, "inertia": theta1, **asdict(margins)})
+    return rows
+
+
+def _assumption_2(axis: Axis) -> dict[str, Any]:
+    theta = np.array([estimate.initial for estimate in axis.estimates])
+    u_max, margin = axis.limits.max_voltage_v, axis.adaptation.monotonicity_margin
+    slope, at_u = smallest_slope(axis.model, theta, u_max)
+    lower = [estimate.lower for estimate in axis.estimates]
+    upper = [estimate.upper for estimate in axis.estimates]
+    corners = corner_slopes(axis.model, lower, upper, u_max)
+    return {
+        "margin": margin,
+        "u_max_v": u_max,
+        "initial": {"slope": slope, "at_u_v": at_u},
+        "corners": [{**asdict(c), "satisfied": c.slope >= margin} for c in corners],
+    }
+
+
+def _program(machine: Machine, program: Program) -> dict[str, Any]:
+    axes = {}
+    duration_s = 0.0
+    for name, trajectory in program.trajectories().items():
+        axis = machine.axes[name]
+        theta = np.array([estimate.initial for estimate in axis.estimates])
+        t = np.linspace(0.0, trajectory.duration_s / program.cycles, SAMPLES)
+        need = required_command(axis.model, theta, axis.limits.max_voltage_v)
+        peak = command_peak(t, need(*trajectory.sample(t)))
+        duration_s = trajectory.duration_s
+        axes[name] = {**asdict(trajectory.peaks()), **asdict(peak)}
+    return {
+        "kind": getattr(program, "kind", type(program).__name__),
+        "cycles": program.cycles,
+        "duration_s": duration_s,
+        "axes": axes,
+    }
+
+
+def _notes(name: str, axis: Mapping[str, Any]) -> Iterator[str]:
+    condition = axis["robust_gain"]["at_initial"]
+    ks = axis["robust_gain"]["ks_v_s_m"]
+    if not condition["satisfied"]:
+        yield (
+            f"axis {name}: ks {ks:g} is below the sufficient condition, ks1 > "
+            f"{condition['required_ks1_v_s_m']:.4g} V*s/m at theta(0): the loop is stable, but the "
+            "guaranteed decay does not hold"
+        )
+    elif not axis["robust_gain"]["over_bounds"]["satisfied"]:
+        required = axis["robust_gain"]["over_bounds"]["required_ks1_v_s_m"]
+        yield (
+            f"axis {name}: ks {ks:g} meets the sufficient condition at theta(0), not in every "
+            f"corner of the bounds (ks1 > {required:.4g} V*s/m)"
+        )
+    unstable = [row for row in axis["margins"] if not row["stable"]]
+    for row in unstable:
+        yield (
+            f"axis {name}: unstable with inertia at its {row['inertia_at']} "
+            f"({row['inertia']:g} V*s^2/m) and {row['delay_s'] * 1e3:g} ms of delay"
+        )
+    corners = axis["assumption_2"]["corners"]
+    failing = [corner for corner in corners if not corner["satisfied"]]
+    if failing:
+        yield (
+            f"axis {name}: Assumption 2 fails in {len(failing)} of {len(corners)} corners of the "
+            f"bounds (worst dv/du {failing[0]['slope']:.3g}); the projection keeps the estimate "
+            "out of them"
+        )
+    others = [n for n in axis["effects"] if n not in (*COVERED_FRICTION, "inertia", "offset")]
+    beyond = [n for n in others if not n.startswith("em_")]
+    if beyond:
+        yield f"axis {name}: condition and margins leave out {', '.join(beyond)}"
+
+
+def _range(axis: Axis, name: str) -> tuple[float, float, float]:
+    return parameter_range(axis.model, axis.estimates, name)
+
+
+def _coulomb_slope(effects: tuple[Effect, ...]) -> float:
+    for effect in effects:
+        if effect.name == "coulomb_friction":
+            return float(effect.constants[0])
+    return 0.0
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

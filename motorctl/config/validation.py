@@ -1,0 +1,187 @@
+"""Check data against a pydantic model; every problem becomes one message with key and line."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from motorctl.config.document import Document, KeyPath, dotted, find, holds
+from motorctl.config.shape import SMALLEST
+
+M = TypeVar("M", bound=BaseModel)
+
+_EXPECTED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "string_type": "text",
+    "finite_number": "a finite number",
+    "dict_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "model_attributes_type": "a mapping of keys to values",
+    "list_type": "a list",
+    "tuple_type": "a list",
+}
+
+
+def validate(
+    document: Document, path: KeyPath, model: type[M], data: Any, *, quiet: bool = False
+) -> M | None:
+    """Give `data`, which stands at `path`, as a model; None where it does not fit.
+
+    Problems are noted in the document, unless `quiet`. Types are strict as in JSON: text is no
+    number, 1.0 is no whole number, and a list may fill a tuple.
+    """
+    try:
+        return model.model_validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False) if not quiet else ():
+            _note(document, path, model, data, detail)
+    return None
+
+
+def validate_options(
+    document: Document, path: KeyPath, model: type[M], data: Any, also: Iterable[str]
+) -> M | None:
+    """Give the options of a driver or an effect, which a third party may have written.
+
+    Its validators may expand what stands in the file, so they are not held to strict types; text
+    and truth values where the file should have numbers are noted all the same. `also` names the
+    keys that may stand beside the options.
+    """
+    text = json.dumps(data)
+    before = len(document.problems)
+    options: M | None = None
+    try:
+        options = model.model_validate_json(text)
+        model.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            found = find(data, detail["loc"])
+            if options is None or (detail["type"] in _EXPECTED and isinstance(found, str | bool)):
+                _note(document, path, model, data, detail, also)
+    except Exception as error:  # a validator may fail in any way
+        document.add(path, f"cannot be checked: {type(error).__name__}: {error}")
+    return options if len(document.problems) == before else None
+
+
+def suggest(found: str, known: Iterable[str]) -> str:
+    """Say which known word was meant, or which there are."""
+    words = sorted(known)
+    near = difflib.get_close_matches(found, words, 1, 0.6)
+    if near:
+        return f"did you mean '{near[0]}'?"
+    return f"known here: {', '.join(words)}" if words else "nothing is known here"
+
+
+def shown(value: Any) -> str:
+    """Write a value as it may stand in the file, cut to one line."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        text = f"'{value}'"
+    elif isinstance(value, float) and math.isinf(value):
+        text = ".inf" if value > 0 else "-.inf"
+    else:
+        try:
+            text = json.dumps(value, ensure_ascii=False)
+        except (TypeError, ValueError):
+            text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _note(
+    document: Document,
+    path: KeyPath,
+    model: type[BaseModel],
+    data: Any,
+    detail: ErrorDetails,
+    also: Iterable[str] = (),
+) -> None:
+    """Note one of pydantic's errors at the place in the file that it is about."""
+    loc = tuple(part for part in detail["loc"] if part != "[key]")
+    where: list[int | str] = []
+    value = data
+    for part in loc:  # some name no place in the file, such as the branch of a union
+        if holds(value, part):
+            value = value[part]
+            where.append(part)
+    if detail["type"] == "missing" and not holds(value, loc[-1]):
+        where.append(loc[-1])
+    message = _message(model, detail, loc, also)
+    if loc and (not where or where[-1] != loc[-1]):
+        message += f" (at {dotted(loc)})"
+    document.add((*path, *where), message)
+
+
+def _message(
+    model: type[BaseModel], detail: ErrorDetails, loc: KeyPath, also: Iterable[str]
+) -> str:
+    kind, found = detail["type"], detail["input"]
+    if kind == "missing":
+        if isinstance(loc[-1], int):
+            return "is missing; the list is too short"
+        field = _fields(model, loc[:-1]).get(loc[-1])
+        return "is missing" + (f"; {field.description}" if field and field.description else "")
+    if kind == "extra_forbidden":
+        known = [*_fields(model, loc[:-1]), *(also if len(loc) == 1 else ())]
+        return f"unknown key; {suggest(str(loc[-1]), known)}"
+    if kind in _EXPECTED:
+        return f"found {shown(found)}, should be {_EXPECTED[kind]}"
+    if kind == "literal_error":
+        expected = detail["ctx"]["expected"]
+        words = [word.strip("'") for word in expected.replace(" or ", ", ").split(", ")]
+        near = difflib.get_close_matches(str(found), words, 1, 0.6)
+        hint = f"; did you mean '{near[0]}'?" if near and near[0] != str(found) else ""
+        return f"found {shown(found)}, should be {expected}{hint}"
+    if kind == "greater_than_equal" and detail["ctx"]["ge"] == SMALLEST and found <= 0:
+        return f"found {shown(found)}, should be greater than 0"
+    text = detail["msg"].removeprefix("Value error, ")
+    for start in ("Input ", "String ", "Value ", "Dictionary ", "List ", "Tuple "):
+        text = text.removeprefix(start)
+    return f"found {shown(found)}, {text}"
+
+
+def _fields(model: type[BaseModel], where: KeyPath) -> Mapping[str, Any]:
+    """Give the fields of the model that describes the place `where` within `model`."""
+    current: Any = model
+    for part in where:
+        current = _unwrap(current)
+        if isinstance(current, type) and issubclass(current, BaseModel):
+            field = current.model_fields.get(str(part))
+            current = field.annotation if field else None
+        elif typing.get_origin(current) in (dict, list, tuple):
+            current = typing.get_args(current)[-1]
+        else:
+            return {}
+    current = _unwrap(current)
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return current.model_fields
+    return {}
+
+
+def _unwrap(annotation: Any) -> Any:
+    """Take Annotated[X, ...] and X | None to X."""
+    while True:
+        origin = typing.get_origin(annotation)
+        if origin is typing.Annotated:
+            annotation = typing.get_args(annotation)[0]
+        elif origin in (typing.Union, types.UnionType):
+            rest = [a for a in typing.get_args(annotation) if a is not type(None)]
+            if len(rest) != 1:
+                return annotation
+            annotation = rest[0]
+        else:
+            return annotation

@@ -1,0 +1,118 @@
+"""`motorctl check` and `motorctl drivers` as a user meets them."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import typer
+from config_bench import MACHINE, machine, write
+from typer.testing import CliRunner
+
+from motorctl.cli import check, drivers
+from motorctl.config import config_schema, shipped_config
+from motorctl.errors import ConfigError, UsageError
+
+
+def run(*arguments):
+    app = typer.Typer()
+    check.register(app)
+    drivers.register(app)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_a_valid_configuration_is_shown_with_its_guarantees_and_budgets():
+    result = run("check", "published_gantry")
+    assert result.exit_code == 0
+    text = " ".join(result.stdout.split())
+    for shown in ("published-gantry", "theta6", "published_x", "Assumption 2", "substeps", "valid"):
+        assert shown in text
+    assert "axis y: ks 95 is below the sufficient condition" in text
+
+
+def test_json_is_one_document_and_nothing_else():
+    result = run("check", "small_stage", "--json")
+    summary = json.loads(result.stdout)
+    assert summary["valid"]
+    assert summary["axes"]["x"]["controller"] == "C2"
+    assert summary["resolved"]["axes"]["x"]["encoder"]["counter_bits"] == 16
+    assert summary["drivers"]["stage"]["max_rate_hz"] >= summary["rate_hz"]
+
+
+def test_the_controller_can_be_chosen_for_all_axes():
+    summary = json.loads(run("check", "published_gantry", "--controller", "C1", "--json").stdout)
+    assert [axis["controller"] for axis in summary["axes"].values()] == ["C1", "C1"]
+    assert "em_cubic" not in summary["axes"]["x"]["parameters"]
+
+
+def test_every_problem_is_in_the_error_and_in_the_json(tmp_path):
+    path = write(tmp_path, machine(rate_hz=-1, axes__x__program="their"))
+    result = run("check", path, "--json")
+    assert isinstance(result.exception, ConfigError)
+    assert result.exception.exit_status == 2
+    document = json.loads(result.stdout)
+    assert not document["valid"]
+    assert [(p["line"], p["key"]) for p in document["problems"]] == [
+        (p.line, p.key) for p in result.exception.problems
+    ]
+    assert {p["key"] for p in document["problems"]} == {"rate_hz", "axes.x.program"}
+    plain = run("check", path)
+    assert plain.stdout == ""
+    assert str(plain.exception) == str(result.exception)
+
+
+def test_the_schema_needs_no_configuration():
+    assert json.loads(run("check", "--schema").stdout) == config_schema()
+
+
+def test_a_missing_configuration_is_a_usage_error():
+    assert isinstance(run("check").exception, UsageError)
+
+
+@pytest.mark.parametrize("command", ["check", "drivers"])
+def test_help_has_an_example(command):
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert f"Example: motorctl {command}" in result.stdout
+
+
+def test_installed_drivers_are_listed_with_their_versions():
+    listed = json.loads(run("drivers", "--json").stdout)["drivers"]
+    (sim,) = [driver for driver in listed if driver["name"] == "sim"]
+    assert sim["loaded"]
+    assert sim["supports_virtual_time"]
+    assert sim["error"] is None
+    assert sim["version"]
+    assert "sim" in run("drivers").stdout
+
+
+def test_a_driver_that_fails_to_load_is_listed_with_its_reason(tmp_path, monkeypatch):
+    info = tmp_path / "brokenbus-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: brokenbus\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text("[motorctl.drivers]\nbroken = brokenbus:Driver\n")
+    (tmp_path / "brokenbus.py").write_text("raise OSError('no bus here')\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    listed = {d["name"]: d for d in json.loads(run("drivers", "--json").stdout)["drivers"]}
+    assert listed["sim"]["loaded"]
+    assert not listed["broken"]["loaded"]
+    assert "no bus here" in listed["broken"]["error"]
+
+
+def test_a_configuration_is_found_next_to_where_one_works(tmp_path):
+    """In a process of its own: nothing may hang on this test's imports."""
+    write(tmp_path, shipped_config("small_stage").read_text())
+    program = "from motorctl.config import load; print(load('machine.yaml').name)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "small-stage"
+    assert done.stderr == ""
+
+
+def test_the_bench_machine_shows_its_budget(tmp_path):
+    summary = json.loads(run("check", write(tmp_path, MACHINE), "--json").stdout)
+    line = summary["drivers"]["line"]
+    assert line["max_rate_hz"] == pytest.approx(1e6 / 120)
+    assert line["used"] == pytest.approx(0.24)
+    assert line["arithmetic"] == "120 bits at 1000000 baud"
