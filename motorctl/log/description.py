@@ -1,0 +1,279 @@
+"""The YAML file that describes a foreign recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    model_validator,
+)
+
+from motorctl.errors import DataError
+from motorctl.log.recording import ForcePerCommand
+from motorctl.log.units import (
+    COMMAND_UNITS,
+    FORCE_UNITS,
+    POSITION_UNITS,
+    TIME_UNITS,
+    CommandUnit,
+    PositionUnit,
+    usual_spelling,
+)
+
+KeyPath = tuple[str | int, ...]
+
+_MOST_BYTES = 1 << 20
+_MOST_NODES = 10_000
+
+
+def _unit(known: tuple[str, ...]) -> AfterValidator:
+    def check(unit: str) -> str:
+        usual = usual_spelling(unit)
+        if usual not in known:
+            raise ValueError(f"unknown unit; known: {', '.join(known)}")
+        return usual
+
+    return AfterValidator(check)
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TimeColumn(_Part):
+    """A column of times."""
+
+    column: str
+    unit: Annotated[str, _unit(tuple(TIME_UNITS))] = "s"
+
+    @property
+    def seconds(self) -> float:
+        """What one unit is in seconds."""
+        return TIME_UNITS[self.unit]
+
+
+class PositionColumn(_Part):
+    """A column of positions; counts need a resolution."""
+
+    column: str
+    unit: Annotated[str, _unit((*POSITION_UNITS, "count"))]
+    resolution: Positive | None = None
+    """One count, in `resolution_unit`."""
+    resolution_unit: Annotated[str, _unit(tuple(POSITION_UNITS))] = "m"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spellings(cls, data: Any) -> Any:
+        """Take resolution_m, resolution_rad and resolution: {value, unit} as well."""
+        if not isinstance(data, dict):
+            return data
+        data = dict(data)
+        for unit in ("m", "rad"):
+            if f"resolution_{unit}" in data and "resolution" not in data:
+                data["resolution"] = data.pop(f"resolution_{unit}")
+                data["resolution_unit"] = unit
+        if isinstance(value := data.get("resolution"), dict) and set(value) == {"value", "unit"}:
+            data |= {"resolution": value["value"], "resolution_unit": value["unit"]}
+        return data
+
+    @model_validator(mode="after")
+    def _counts_need_a_resolution(self) -> PositionColumn:
+        if self.unit == "count" and self.resolution is None:
+            raise ValueError("unit count needs resolution: one count in m (or resolution_rad)")
+        return self
+
+    @property
+    def factor(self) -> float:
+        """What one unit of the column is in `base_unit`."""
+        if self.unit == "count":
+            assert self.resolution is not None
+            return self.resolution * POSITION_UNITS[self.resolution_unit][0]
+        return POSITION_UNITS[self.unit][0]
+
+    @property
+    def base_unit(self) -> PositionUnit:
+        """Metres or radians."""
+        return POSITION_UNITS[self.resolution_unit if self.unit == "count" else self.unit][1]
+
+    @property
+    def count(self) -> float | None:
+        """One count of the encoder in `base_unit`, where it is told."""
+        if self.resolution is None:
+            return None
+        return self.resolution * POSITION_UNITS[self.resolution_unit][0]
+
+
+class CommandColumn(_Part):
+    """A column of commands."""
+
+    column: str
+    unit: Annotated[str, _unit(tuple(COMMAND_UNITS))]
+
+    @property
+    def base_unit(self) -> CommandUnit:
+        """V, A, N or N*m."""
+        return COMMAND_UNITS[self.unit]
+
+
+class Force(_Part):
+    """The motor's force for one unit of the command."""
+
+    value: FiniteFloat
+    unit: Annotated[str, _unit(FORCE_UNITS)]
+
+    @property
+    def known(self) -> ForcePerCommand:
+        """The same as the recording carries it."""
+        return ForcePerCommand(self.value, self.unit)
+
+
+class AxisDescription(_Part):
+    """Where an axis' signals stand."""
+
+    position: PositionColumn
+    command: CommandColumn
+    reference: PositionColumn | None = None
+    force_per_command: Force | None = None
+
+    @model_validator(mode="after")
+    def _units_agree(self) -> AxisDescription:
+        if self.reference and self.reference.base_unit != self.position.base_unit:
+            raise ValueError(
+                f"the reference is in {self.reference.base_unit}, "
+                f"but the position in {self.position.base_unit}"
+            )
+        force = self.force_per_command
+        if force and (force.value == 0 or force.unit.partition("/")[2] != self.command.unit):
+            raise ValueError(
+                f"force_per_command is {force.value:g} {force.unit}; "
+                f"should be a number other than 0 per {self.command.unit}, the command's unit"
+            )
+        return self
+
+
+Span = tuple[FiniteFloat, FiniteFloat]
+
+
+class Segments(_Part):
+    """Begin and end [s] of what is for fitting and what is for testing."""
+
+    fit: Span | None = None
+    held_out: Span | None = None
+
+    @model_validator(mode="after")
+    def _are_apart(self) -> Segments:
+        for begin, end in self.given.values():
+            if not begin < end:
+                raise ValueError(f"[{begin:g}, {end:g}] ends before it begins")
+        if (
+            self.fit
+            and self.held_out
+            and max(self.fit[0], self.held_out[0]) < min(self.fit[1], self.held_out[1])
+        ):
+            raise ValueError("fit and held_out overlap: then nothing is held out")
+        return self
+
+    @property
+    def given(self) -> dict[Literal["fit", "held_out"], tuple[float, float]]:
+        """The segments that are there."""
+        found: dict[Literal["fit", "held_out"], tuple[float, float]] = {}
+        if self.fit:
+            found["fit"] = self.fit
+        if self.held_out:
+            found["held_out"] = self.held_out
+        return found
+
+
+class Description(_Part):
+    """A whole description."""
+
+    file: str
+    """Relative to the description."""
+    sample_rate_hz: Positive | None = None
+    time: TimeColumn | None = None
+    axes: dict[str, AxisDescription] = Field(min_length=1)
+    segments: Segments = Segments()
+
+    @model_validator(mode="after")
+    def _one_clock(self) -> Description:
+        if (self.sample_rate_hz is None) == (self.time is None):
+            raise ValueError("needs either sample_rate_hz or time: {column, unit}")
+        return self
+
+
+def read_description(path: Path) -> Description:
+    """Read a description. Raises DataError with all problems, each with file, line and key."""
+    data, lines = _read_yaml(path)
+    if not isinstance(data, dict):
+        raise DataError(f"{path}:1: should be a mapping with the keys file, axes and so on")
+    try:
+        return Description.model_validate(data)
+    except ValidationError as error:
+        problems = [_told(path, lines, problem) for problem in error.errors()]
+        raise DataError("\n".join(dict.fromkeys(problems))) from error
+
+
+def _told(path: Path, lines: Mapping[KeyPath, int], problem: Mapping[str, Any]) -> str:
+    key: KeyPath = problem["loc"]
+    line = next(lines[key[:end]] for end in range(len(key), -1, -1) if key[:end] in lines)
+    where = f"{path}:{line}: " + (f"{'.'.join(map(str, key))}: " if key else "")
+    if problem["type"] == "missing":
+        return f"{where}is missing"
+    if problem["type"] == "extra_forbidden":
+        return f"{where}unknown key"
+    message = problem["msg"].removeprefix("Value error, ")
+    value = problem["input"]
+    return f"{where}{message}" + ("" if isinstance(value, dict) else f" (it is {value!r})")
+
+
+def _read_yaml(path: Path) -> tuple[Any, dict[KeyPath, int]]:
+    try:
+        with path.open("rb") as file:
+            text = file.read(_MOST_BYTES + 1).decode("utf-8-sig")
+        if len(text) > _MOST_BYTES:
+            raise DataError(f"{path}: more than {_MOST_BYTES} bytes: not a description")
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        lines: dict[KeyPath, int] = {(): 1}
+        return (None if node is None else _plain(path, node, (), lines)), lines
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read as UTF-8 text: {error}") from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = "" if mark is None else f":{mark.line + 1}"
+        raise DataError(f"{path}{line}: not valid YAML: {error.problem}") from error
+    except (yaml.YAMLError, RecursionError) as error:
+        raise DataError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
+
+
+def _plain(path: Path, node: yaml.Node, key: KeyPath, lines: dict[KeyPath, int]) -> Any:
+    """Give a node as mappings, lists and text: what the text means is the model's business."""
+    lines.setdefault(key, node.start_mark.line + 1)
+    if len(lines) > _MOST_NODES:
+        raise DataError(f"{path}: more than {_MOST_NODES} values: not a description")
+    if isinstance(node, yaml.MappingNode):
+        found: dict[str, Any] = {}
+        for name, value in node.value:
+            line = name.start_mark.line + 1
+            if not isinstance(name, yaml.ScalarNode) or name.value in found:
+                what = f"'{name.value}' twice" if isinstance(name, yaml.ScalarNode) else "no name"
+                raise DataError(f"{path}:{line}: a key is {what}")
+            lines[(*key, name.value)] = line
+            found[name.value] = _plain(path, value, (*key, name.value), lines)
+        return found
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(path, value, (*key, k), lines) for k, value in enumerate(node.value)]
+    return None if node.tag == "tag:yaml.org,2002:null" else node.value

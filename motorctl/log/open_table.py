@@ -1,0 +1,76 @@
+"""Find out what kind of file something is by its content, and open it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from motorctl.errors import DataError
+from motorctl.log.partial import STREAM_MAGIC, SUFFIX
+from motorctl.log.table import Table
+from motorctl.log.table_csv import CsvTable
+from motorctl.log.table_mat import MatTable
+from motorctl.log.table_parquet import ParquetTable
+
+_HEAD_BYTES = 512
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_FOREIGN = {
+    b"\x89PNG": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"PK\x03\x04": "an Excel workbook or another ZIP archive",
+    b"\x1f\x8b": "a gzip archive",
+    b"%PDF": "a PDF document",
+    b"ARROW1": "an Arrow file",
+    b"\x7fELF": "a program",
+}
+
+
+def open_table(path: Path) -> Table:
+    """Open a Parquet, MAT or CSV file. Raises DataError where it is none of them, or damaged."""
+    head = _head(path)
+    if _begins_unfinished(path, head):
+        raise DataError(
+            f"{path}: a recording that was not finished; first: motorctl log recover {path}"
+        )
+    if head.startswith(b"PAR1"):
+        return ParquetTable(path)
+    if head.startswith(_HDF5) or b"MATLAB 7.3" in head:
+        raise DataError(
+            f"{path}: HDF5, such as MATLAB's save -v7.3 makes; save it with -v7 instead"
+        )
+    for magic, what in _FOREIGN.items():
+        if head.startswith(magic):
+            raise DataError(f"{path}: is {what}, not a recording")
+    if path.suffix.lower() == ".parquet":
+        raise DataError(f"{path}: not a Parquet file: it begins with {head[:4]!r}, not b'PAR1'")
+    if head.startswith(b"MATLAB") or path.suffix.lower() == ".mat":
+        return MatTable(path)
+    if b"\0" in head:
+        raise DataError(f"{path}: neither Parquet, MAT nor CSV: it begins with {head[:8]!r}")
+    return CsvTable(path)
+
+
+def is_unfinished(path: Path) -> bool:
+    """Tell whether a file is the partial file of a recording. Raises DataError without one."""
+    return _begins_unfinished(path, _head(path))
+
+
+def _begins_unfinished(path: Path, head: bytes) -> bool:
+    return head.startswith(STREAM_MAGIC) or path.name.endswith(SUFFIX)
+
+
+def _head(path: Path) -> bytes:
+    try:
+        if path.is_dir():
+            raise DataError(f"{path}: is a folder, not a recording")
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except FileNotFoundError as error:
+        hint = ""
+        if (beside := path.with_name(path.name + SUFFIX)).exists():
+            hint = f"; an unfinished recording is there: motorctl log recover {beside}"
+        raise DataError(f"{path}: no such file{hint}") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read: {error}") from error
+    if not head:
+        raise DataError(f"{path}: the file is empty")
+    return head

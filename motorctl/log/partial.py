@@ -1,0 +1,107 @@
+"""The file that a log is while it is being recorded.
+
+It is an Arrow IPC stream, so any Arrow reader opens it. Each batch carries the CRC-32 of its
+columns: after a power cut a file system may have kept a file's length but not its data.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.log.columns import METADATA_KEY
+
+SUFFIX = ".partial"
+STREAM_MAGIC = b"\xff\xff\xff\xff"
+_CRC_KEY = b"crc32"
+_DAMAGE = (pa.ArrowException, OSError, ValueError, MemoryError)
+
+
+def checksum(columns: Iterable[NDArray[np.generic]]) -> int:
+    """Give the CRC-32 over the bytes of contiguous columns, one after the other."""
+    crc = 0
+    for column in columns:
+        crc = zlib.crc32(column.view(np.uint8).data, crc)
+    return crc
+
+
+def encode_head(schema: pa.Schema) -> bytes:
+    """Give the bytes with which the stream begins."""
+    return schema.serialize().to_pybytes()
+
+
+def encode_batch(schema: pa.Schema, columns: list[NDArray[np.generic]]) -> memoryview:
+    """Give the bytes of one batch: equally long contiguous columns in the schema's order."""
+    arrays = [pa.array(column) for column in columns]
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, schema) as writer:
+        crc = str(checksum(columns)).encode()
+        batch = pa.RecordBatch.from_arrays(arrays, schema=schema)
+        writer.write_batch(batch, custom_metadata={_CRC_KEY: crc})
+        end = sink.tell()
+    return memoryview(sink.getvalue())[len(encode_head(schema)) : end]
+
+
+class PartialFile:
+    """A partial file, opened for reading whatever is whole in it.
+
+    After `batches` is exhausted, `given_up_bytes` tells how much of the file is none. Raises
+    DataError where not even the beginning can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.given_up_bytes = 0
+        try:
+            self._size = path.stat().st_size
+            if self._size == 0:
+                raise DataError(f"{path}: is empty: recording had not begun")
+            self._source = pa.memory_map(str(path))
+            self._reader = pa.ipc.open_stream(self._source)
+            self.schema: pa.Schema = self._reader.schema
+        except _DAMAGE as error:
+            cause = str(error).splitlines()[0]
+            raise DataError(
+                f"{path}: not a recording of motorctl, or cut within its first bytes ({cause})"
+            ) from error
+        if METADATA_KEY not in (self.schema.metadata or {}) or "tick" not in self.schema.names:
+            raise DataError(f"{path}: an Arrow stream, but not a recording of motorctl")
+
+    @property
+    def torn(self) -> bool:
+        """Tell whether something was given up that was, or was to be, data."""
+        return self.given_up_bytes > 0
+
+    def batches(self) -> Iterator[pa.RecordBatch]:
+        """Give the whole batches, oldest first, as far as the stream can be followed."""
+        end = self._source.tell()
+        while True:
+            try:
+                batch, extra = self._reader.read_next_batch_with_custom_metadata()
+            except (StopIteration, *_DAMAGE):
+                self.given_up_bytes += self._size - end
+                return
+            begin, end = end, self._source.tell()
+            if _is_whole(batch, extra):
+                yield batch
+            else:
+                self.given_up_bytes += end - begin
+
+    def close(self) -> None:
+        """Release the file."""
+        self._source.close()
+
+
+def _is_whole(batch: pa.RecordBatch, extra: pa.KeyValueMetadata | None) -> bool:
+    try:
+        batch.validate(full=True)
+        columns = [column.to_numpy(zero_copy_only=True) for column in batch.columns]
+        return extra is not None and int(extra[_CRC_KEY]) == checksum(columns)
+    except (*_DAMAGE, KeyError):
+        return False

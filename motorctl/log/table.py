@@ -1,0 +1,89 @@
+"""A file of columns, before anything is known of what they mean."""
+
+from __future__ import annotations
+
+import difflib
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+
+Array = NDArray[np.float64]
+
+_SHOWN_NAMES = 12
+
+
+class Table(ABC):
+    """Named columns of one file. `names` and `metadata` are known once it is open."""
+
+    kind: str
+
+    def __init__(
+        self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None
+    ) -> None:
+        self.path = path
+        self.names = tuple(names)
+        self.metadata = dict(metadata or {})
+        twice = sorted({name for name in self.names if self.names.count(name) > 1})
+        if twice:
+            raise DataError(f"{path}: column '{twice[0]}' is there more than once")
+
+    @abstractmethod
+    def _load(self, names: Sequence[str]) -> dict[str, Array]:
+        """Read existing columns; an empty cell is NaN. Raises DataError."""
+
+    def row(self, index: int) -> str:
+        """Say where the row with this index (from 0) stands, counting from 1 as people do."""
+        return f"row {index + 1}"
+
+    def read(self, names: Iterable[str]) -> dict[str, Array]:
+        """Read columns as float64, all equally long.
+
+        Raises DataError where one is missing, is not made of numbers or differs in length.
+        """
+        wanted = list(dict.fromkeys(names))
+        for name in wanted:
+            self.require(name)
+        columns = self._load(wanted)
+        lengths = {name: len(values) for name, values in columns.items()}
+        first = wanted[0]
+        for name, length in lengths.items():
+            if length != lengths[first]:
+                raise DataError(
+                    f"{self.path}: column '{name}' has {length} rows, "
+                    f"but '{first}' has {lengths[first]}"
+                )
+        return columns
+
+    def require(self, name: str) -> None:
+        """Raise DataError, telling which columns there are, where there is no such column."""
+        if name not in self.names:
+            raise DataError(self.missing(name))
+
+    def missing(self, name: str) -> str:
+        """Tell that there is no such column, and which there are."""
+        close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.75)
+        hint = f"; did you mean '{close[0]}'?" if close else "."
+        return f"{self.path}: no column '{name}'{hint} There are: {self.listing()}"
+
+    def listing(self) -> str:
+        """List the columns, shortened where they are many."""
+        shown = ", ".join(self.names[:_SHOWN_NAMES])
+        more = len(self.names) - _SHOWN_NAMES
+        return (shown or "none") + (f" and {more} more" if more > 0 else "")
+
+    def require_finite(self, name: str, values: Array) -> None:
+        """Raise DataError, telling the row, where a value is not finite."""
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if wrong.size:
+            k = int(wrong[0])
+            value = "empty or not a number" if np.isnan(values[k]) else "infinite"
+            raise DataError(
+                f"{self.path}: {self.row(k)}: column '{name}' is {value} "
+                f"({wrong.size} such of {len(values)} rows)"
+            )

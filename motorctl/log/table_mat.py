@@ -1,0 +1,79 @@
+"""Columns of a MATLAB file."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat
+
+from motorctl.errors import DataError
+from motorctl.log.columns import AXIS_SIGNALS
+from motorctl.log.mat_structure import check_structure
+from motorctl.log.table import Array, Table
+
+METADATA_VARIABLE = "motorctl"
+
+
+class MatTable(Table):
+    """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
+
+    A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
+    """
+
+    kind = "MAT"
+
+    def __init__(self, path: Path) -> None:
+        try:
+            content = path.read_bytes()
+            check_structure(memoryview(content))
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                variables = loadmat(BytesIO(content))  # type: ignore[arg-type]
+        except Exception as error:  # a damaged file makes the reader fail in any way
+            cause = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise DataError(f"{path}: a damaged MAT file, or none at all: {cause}") from error
+        metadata = _metadata(variables.pop(METADATA_VARIABLE, None))
+        self._columns = {
+            _dotted(name): values
+            for name, value in variables.items()
+            if not name.startswith("__")
+            for name, values in _vectors(name, value)
+        }
+        super().__init__(path, tuple(self._columns), metadata)
+
+    def _load(self, names: Sequence[str]) -> dict[str, Array]:
+        return {name: self._columns[name].astype(np.float64) for name in names}
+
+
+def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Give the numeric vectors in a variable; a struct has some in its fields."""
+    if not isinstance(value, np.ndarray):
+        return
+    if value.dtype.names and value.size == 1:
+        for field in value.dtype.names:
+            yield from _vectors(f"{name}.{field}", value.ravel()[0][field])
+    elif value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) == value.size:
+        yield name, value.ravel()
+
+
+def _dotted(name: str) -> str:
+    if "." not in name:
+        for signal in sorted(AXIS_SIGNALS, key=len, reverse=True):
+            if name.endswith(f"_{signal}"):
+                return f"{name[: -len(signal) - 1]}.{signal}"
+    return name
+
+
+def _metadata(variable: object) -> dict[str, Any]:
+    try:
+        document = json.loads(str(np.asarray(variable).ravel()[0]))
+    except (ValueError, IndexError):
+        return {}
+    return document if isinstance(document, dict) else {}

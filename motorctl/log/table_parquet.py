@@ -1,0 +1,55 @@
+"""Columns of a Parquet file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from motorctl.errors import DataError
+from motorctl.log.convert import load_metadata
+from motorctl.log.table import Array, Table
+
+
+class ParquetTable(Table):
+    """A Parquet file; our logs are such files."""
+
+    kind = "Parquet"
+
+    def __init__(self, path: Path) -> None:
+        try:
+            with pq.ParquetFile(path) as file:
+                self.schema = file.schema_arrow
+                self.rows = file.metadata.num_rows
+        except (pa.ArrowException, OSError, ValueError) as error:
+            raise _damaged(path, error) from error
+        super().__init__(path, self.schema.names, load_metadata(self.schema))
+
+    def _load(self, names: Sequence[str]) -> dict[str, Array]:
+        for name in names:
+            kind = self.schema.field(name).type
+            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+                raise DataError(f"{self.path}: column '{name}' holds {kind}, not numbers")
+        try:
+            with pq.ParquetFile(self.path, memory_map=True) as file:
+                table = file.read(columns=list(names))
+                return {name: _floats(table.column(name)) for name in names}
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            raise _damaged(self.path, error) from error
+
+
+def _floats(column: pa.ChunkedArray[Any]) -> Array:
+    numbers = pc.cast(column, pa.float64(), safe=False)
+    return np.array(numbers.to_numpy(), dtype=np.float64)
+
+
+def _damaged(path: Path, error: Exception) -> DataError:
+    cause = str(error).splitlines()[0] if str(error) else type(error).__name__
+    if "magic bytes" in cause:
+        cause = "its end is missing; copied incompletely?"
+    return DataError(f"{path}: a damaged Parquet file: {cause}")

@@ -1,0 +1,164 @@
+"""Write a log while it is being recorded."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl import __version__
+from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.log.columns import LogAxis, log_columns, log_schema
+from motorctl.log.convert import convert
+from motorctl.log.partial import SUFFIX, encode_batch, encode_head
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+
+BATCH_ROWS = 8192
+
+
+class LogWriter:
+    """A log that is being recorded: ``<path>.partial`` until `close` makes it ``<path>``.
+
+    `metadata` joins version, host, start time, axes and the names of states, faults and flags,
+    and may replace them. Raises UsageError where the file cannot be made.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, Any], axes: Sequence[LogAxis]) -> None:
+        self.path = Path(path)
+        self.partial = self.path.with_name(self.path.name + SUFFIX)
+        self.rows_lost = 0
+        self._rows = 0
+        self._columns = log_columns(axes)
+        self._schema = log_schema(axes, json.dumps(_opening(axes) | dict(metadata)).encode())
+        self._stage = [np.empty(BATCH_ROWS, column.dtype) for column in self._columns]
+        self._staged = 0
+        self._file = self._create()
+        self._whole_bytes = 0
+        try:
+            self._write(encode_head(self._schema))
+            self._sync_folder()
+        except (OSError, RunError) as error:
+            os.close(self._file)
+            self.partial.unlink()
+            raise UsageError(f"{self.path}: cannot be recorded to: {error}") from error
+
+    def append(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
+        """Take copies of rows: TICK_SAMPLE of shape (N,), axis_sample of shape (N, axes).
+
+        Raises RunError where the disk refuses them; the rows are then lost and counted.
+        """
+        done = 0
+        while done < len(ticks):
+            count = min(len(ticks) - done, BATCH_ROWS - self._staged)
+            self._copy(ticks[done : done + count], samples[done : done + count])
+            self._staged += count
+            done += count
+            if self._staged == BATCH_ROWS:
+                self._write_batch()
+
+    def flush(self) -> None:
+        """Bring every row that was appended onto the disk. Raises RunError where it fails."""
+        self._write_batch()
+        try:
+            os.fdatasync(self._file)
+        except OSError as error:
+            raise RunError(f"{self.partial}: cannot be written: {error.strerror}") from error
+
+    def close(self, extra: Mapping[str, Any] | None = None) -> Path:
+        """Finish the log and give its path; `extra` joins the metadata.
+
+        Raises RunError where that fails; the partial file then stays, for `motorctl log recover`.
+        """
+        try:
+            self.flush()
+            closing = {"rows_lost": self.rows_lost, **(extra or {})}
+            readable = convert(self.partial, self.path, closing).rows
+            if readable == self._rows:
+                self.partial.unlink()
+                return self.path
+            cause = f"of {self._rows} rows only {readable} can be read back"
+        except (OSError, MotorctlError) as error:
+            cause = str(error)
+        finally:
+            os.close(self._file)
+        hint = f"what can be read is in {self.partial}; to keep it: motorctl log recover"
+        raise RunError(f"{self.path}: cannot be finished: {cause}; {hint}")
+
+    def _copy(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
+        rows = slice(self._staged, self._staged + len(ticks))
+        for stage, column in zip(self._stage, self._columns, strict=True):
+            if column.axis is None:
+                stage[rows] = ticks[column.field]
+            elif column.entry is None:
+                stage[rows] = samples[column.field][:, column.axis]
+            else:
+                stage[rows] = samples[column.field][:, column.axis, column.entry]
+
+    def _write_batch(self) -> None:
+        count, self._staged = self._staged, 0
+        if count == 0:
+            return
+        try:
+            self._write(encode_batch(self._schema, [stage[:count] for stage in self._stage]))
+        except RunError:
+            self.rows_lost += count
+            raise
+        self._rows += count
+
+    def _write(self, data: bytes | memoryview) -> None:
+        """Write all of it, or leave the file as it was: what follows stays readable."""
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[os.write(self._file, left) :]
+        except BaseException as error:
+            os.ftruncate(self._file, self._whole_bytes)
+            if isinstance(error, OSError):
+                message = f"{self.partial}: cannot be written: {error.strerror}"
+                raise RunError(message) from error
+            raise
+        self._whole_bytes += len(data)
+
+    def _create(self) -> int:
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            handle = os.open(self.partial, flags, 0o644)
+        except OSError as error:
+            if isinstance(error, FileExistsError) and self.partial.exists():
+                hint = f"motorctl log recover {self.partial}, or remove it"
+                message = f"{self.partial}: an unfinished recording is here: {hint}"
+                raise UsageError(message) from error
+            raise UsageError(f"{self.path}: cannot be recorded to: {error.strerror}") from error
+        with suppress(OSError):  # some file systems know no locks
+            fcntl.flock(handle, fcntl.LOCK_EX)  # `recover` keeps away from what is being recorded
+        return handle
+
+    def _sync_folder(self) -> None:
+        os.fdatasync(self._file)
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _opening(axes: Sequence[LogAxis]) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "host": {"name": platform.node()},
+        "started_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "axes": {axis.name: {"parameters": list(axis.theta_names)} for axis in axes},
+        "states": {state.value: state.name for state in AxisState},
+        "faults": {fault.value: fault.name for fault in FaultCause},
+        "flags": {flag.value: flag.name for flag in SampleFlag},
+    }

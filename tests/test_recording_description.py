@@ -1,0 +1,205 @@
+"""YAML descriptions of foreign recordings: units, clocks, segments, and every way to be wrong."""
+
+import math
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from motorctl.errors import DataError
+from motorctl.log import read_recording
+from motorctl.log.units import unit_for
+
+N = 100
+
+GOOD = """\
+file: data.mat
+time: {column: t, unit: ms}
+axes:
+  x:
+    position: {column: q, unit: mm}
+    command: {column: u, unit: V}
+    reference: {column: r, unit: um}
+    force_per_command: {value: 35.15, unit: N/V}
+segments: {fit: [0, 0.06], held_out: [0.06, 0.1]}
+"""
+
+
+@pytest.fixture
+def described(tmp_path):
+    """Write a description of known data and read it."""
+    data = {
+        "t": np.arange(N) * 1.0,
+        "q": np.linspace(0, 50, N),
+        "u": np.sin(np.arange(N)),
+        "r": np.linspace(0, 50_000, N),
+        "counts": np.arange(N, dtype=np.int32),
+    }
+    scipy.io.savemat(tmp_path / "data.mat", data)
+
+    def read(text):
+        (tmp_path / "run.yaml").write_text(text)
+        return read_recording(tmp_path / "run.yaml"), data
+
+    return read
+
+
+def test_units_become_metres_seconds_and_volts(described):
+    recording, data = described(GOOD)
+    assert recording.sample_rate_hz == 1000.0
+    axis = recording.axes["x"]
+    np.testing.assert_allclose(axis.position, data["q"] * 1e-3)
+    np.testing.assert_allclose(axis.reference, data["r"] * 1e-6)
+    np.testing.assert_array_equal(axis.command, data["u"])
+    np.testing.assert_allclose(axis.following_error, 0, atol=1e-15)
+    assert axis.force_per_command.value == 35.15
+    assert axis.force_per_command.force_unit == "N"
+    assert recording.source.endswith("run.yaml")
+
+
+def test_segments_share_no_row_and_leave_none_out(described):
+    recording, _ = described(GOOD)
+    assert recording.rows("fit") == slice(0, 60)
+    assert recording.rows("held_out") == slice(60, 100)
+
+
+def test_without_segments_there_are_none(described):
+    recording, _ = described(GOOD.replace("segments", "# segments"))
+    assert recording.segments == {}
+    assert recording.rows("fit") is None
+
+
+def test_a_sample_rate_takes_the_place_of_a_time_column(described):
+    recording, _ = described(GOOD.replace("time: {column: t, unit: ms}", "sample_rate_hz: 1e3"))
+    np.testing.assert_allclose(recording.time_s, np.arange(N) / 1000)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "base"),
+    [
+        ("m", 1, "m"),
+        ("mm", 1e-3, "m"),
+        ("um", 1e-6, "m"),
+        ("µm", 1e-6, "m"),
+        ("rad", 1, "rad"),
+        ("deg", math.pi / 180, "rad"),
+        ("count, resolution: 5.0e-7", 5e-7, "m"),
+        ("count, resolution: {value: 0.5, unit: um}", 5e-7, "m"),
+        ("count, resolution_m: 5e-7", 5e-7, "m"),
+        ("count, resolution: 0.01, resolution_unit: deg", math.pi / 18000, "rad"),
+        ("count, resolution_rad: 1e-4", 1e-4, "rad"),
+    ],
+)
+def test_every_unit_of_position(described, unit, factor, base):
+    text = GOOD.replace("{column: q, unit: mm}", f"{{column: counts, unit: {unit}}}")
+    text = text.replace("    reference: {column: r, unit: um}\n", "")
+    axis = described(text)[0].axes["x"]
+    np.testing.assert_allclose(axis.position, np.arange(N) * factor)
+    assert axis.position_unit == base
+    assert axis.resolution == (pytest.approx(factor) if unit.startswith("count") else None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "force"),
+    [("V", "N/V"), ("A", "N/A"), ("N", "N/N"), ("N*m", "N*m/N*m"), ("Nm", "Nm/Nm")],
+)
+def test_every_unit_of_command(described, unit, force):
+    text = GOOD.replace("unit: V", f"unit: {unit}").replace("N/V", force)
+    assert described(text)[0].axes["x"].command_unit == unit.replace("Nm", "N*m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "position", "command", "translated"),
+    [
+        ("V*s^2/m", "rad", "V", "V*s^2/rad"),
+        ("V*s^2/m", "m", "A", "A*s^2/m"),
+        ("V*s/m", "rad", "N*m", "N*m*s/rad"),
+        ("1/V", "m", "N*m", "1/(N*m)"),
+        ("1/V^2", "m", "A", "1/A^2"),
+        ("V", "m", "N", "N"),
+        ("mm", "rad", "V", "mm"),
+    ],
+)
+def test_units_of_parameters_follow_the_axis(unit, position, command, translated):
+    assert unit_for(unit, position, command) == translated
+
+
+def test_csv_and_parquet_can_be_described_too(tmp_path):
+    table = pa.table({"pos": np.arange(N) * 0.1, "volt": np.ones(N)})
+    pq.write_table(table, tmp_path / "a.parquet")
+    np.savetxt(
+        tmp_path / "a.csv",
+        np.column_stack([np.arange(N) * 0.1, np.ones(N)]),
+        delimiter=";",
+        header="pos;volt",
+        comments="",
+    )
+    for file in ("a.parquet", "a.csv"):
+        (tmp_path / "d.yml").write_text(
+            f"file: {file}\nsample_rate_hz: 250\naxes:\n  b:\n"
+            "    position: {column: pos, unit: deg}\n    command: {column: volt, unit: A}\n"
+        )
+        axis = read_recording(tmp_path / "d.yml").axes["b"]
+        np.testing.assert_allclose(axis.position, np.deg2rad(np.arange(N) * 0.1))
+        assert axis.reference is None
+        assert axis.following_error is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("unit: mm", "unit: inch", r"yaml:5: axes\.x\.position\.unit: unknown unit; known: m, mm"),
+        ("unit: V", "unit: bar", r"yaml:6: axes\.x\.command\.unit: unknown unit; known: V, A, N"),
+        ("unit: ms", "unit: h", r"yaml:2: time\.unit: unknown unit; known: s, ms"),
+        ("N/V", "N/A", r"yaml:4: axes\.x: force_per_command is 35\.15 N/A; .* per V"),
+        ("35.15", "0", r"axes\.x: force_per_command is 0 N/V"),
+        ("35.15", "much", r"axes\.x\.force_per_command\.value: .*number.*\(it is 'much'\)"),
+        ("unit: um", "unit: deg", r"the reference is in rad, but the position in m"),
+        ("unit: mm", "unit: count", r"axes\.x\.position: unit count needs resolution"),
+        ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.column: is missing"),
+        ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.colum: unknown key"),
+        ("column: q", "column: qq", r"axes\.x\.position\.column: .*data\.mat: no column 'qq'"),
+        ("column: t", "column: tt", r"data\.mat: no column 'tt'"),
+        ("time:", "tme:", r"yaml:2: tme: unknown key"),
+        ("time:", "sample_rate_hz: 5\ntime:", r"needs either sample_rate_hz or time"),
+        ("time: {column: t, unit: ms}", "sample_rate_hz: -5", r"yaml:2: sample_rate_hz: .*'-5'"),
+        ("0.06, 0.1]", "0.05, 0.1]", r"yaml:9: segments: fit and held_out overlap"),
+        ("[0.06, 0.1]", "[0.1, 0.06]", r"\[0\.1, 0\.06\] ends before it begins"),
+        ("0.06, 0.1]", "0.06, 9]", r"segments\.held_out: .* lasts from 0 to 0\.1 s"),
+        ("data.mat", "none.mat", r"none\.mat: no such file"),
+        ("data.mat", "run.yaml", r"should be a CSV, Parquet or MAT file"),
+        ("file:", "file: [", r"not valid YAML"),
+        ("  x:\n", "  x:\n  x:\n", r"yaml:5: a key is 'x' twice"),
+    ],
+)
+def test_a_wrong_description_is_told_with_line_key_and_value(described, old, new, message):
+    assert old in GOOD
+    with pytest.raises(DataError, match=message):
+        described(GOOD.replace(old, new, 1))
+
+
+def test_all_problems_of_a_description_are_told_at_once(described):
+    text = GOOD.replace("unit: mm", "unit: inch").replace("unit: V", "unit: bar")
+    with pytest.raises(DataError) as refusal:
+        described(text)
+    assert len(str(refusal.value).splitlines()) == 2
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n", "text", "a: &a [*a]", "? [1]\n: 2\n", "[" * 5000])
+def test_yaml_that_is_no_description_is_refused(described, text):
+    with pytest.raises(DataError, match=r"run\.yaml"):
+        described(text)
+
+
+@settings(max_examples=60, deadline=None)
+@given(text=st.text(max_size=200), at=st.floats(0, 1))
+def test_any_text_inserted_into_a_description_gives_no_traceback(tmp_path_factory, text, at):
+    path = tmp_path_factory.getbasetemp() / "fuzz.yaml"
+    k = round(at * len(GOOD))
+    path.write_text(GOOD[:k] + text + GOOD[k:], encoding="utf-8", errors="replace")
+    with pytest.raises(DataError):  # there is no data.mat beside it
+        read_recording(path)
