@@ -1,0 +1,51 @@
+"""The daemon in the foreground, and with it the commands that talk to one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from motorctl.cli import axis_commands, status
+from motorctl.cli.socket_option import SocketOption
+
+
+def run(
+    config: Annotated[str, typer.Argument(help="Configuration file, or a shipped one's name.")],
+    log_dir: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Where logs go; usual: the configuration's.", show_default=False
+        ),
+    ] = None,
+    socket: SocketOption = None,
+    group: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GROUP",
+            help="Whose members may command the machine, besides root; usual: the daemon's own.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Run the daemon in the foreground.
+
+    SIGTERM or Ctrl-C ramps every axis down, closes the log and ends it; a second one is an
+    emergency stop.
+
+    Example: motorctl run published_gantry --log-dir logs
+    """
+    from motorctl.config import load
+    from motorctl.daemon.journal import open_journal
+    from motorctl.daemon.supervisor import DaemonOptions, run_daemon
+
+    open_journal()
+    run_daemon(load(config), DaemonOptions(socket=socket, group=group, log_directory=log_dir))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(run)
+    status.register(app)
+    axis_commands.register(app)

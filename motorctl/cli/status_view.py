@@ -1,0 +1,175 @@
+"""The status document as a picture for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+STATE_STYLES = {
+    "off": "dim",
+    "homing": "yellow",
+    "idle": "cyan",
+    "running": "bold green",
+    "stopping": "yellow",
+    "fault": "bold red",
+}
+PHASE_STYLES = {"running": "green", "failed": "bold red", "stopped": "yellow"}
+TRAVEL_CELLS = 13
+MOTION_CELLS = 24
+NOTHING = "–"
+
+
+def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableType:
+    """Draw the status; `detailed` adds the parameters of every axis in it."""
+    parts: list[RenderableType] = [_axes(document["axes"])]
+    for name, axis in document["axes"].items():
+        if axis["motion"]:
+            parts.append(_motion(name, axis["motion"]))
+        if axis["fault"]:
+            parts.append(Text(f"{name}: {axis['fault']['message']}", "bold red"))
+    if detailed:
+        parts += [_parameters(axis) for axis in document["axes"].values()]
+    parts += [Text(), _loop(document["loop"], document["recording"])]
+    parts += [Text(f"! {reason}", "yellow") for reason in document["loop"]["degraded"]]
+    return Panel(
+        Group(*parts),
+        title=_title(document),
+        title_align="left",
+        subtitle=Text(document["daemon"]["socket"], "dim"),
+        subtitle_align="right",
+        border_style="dim",
+        expand=False,
+    )
+
+
+def _title(document: Mapping[str, Any]) -> Text:
+    loop, daemon = document["loop"], document["daemon"]
+    phase = "stopping" if daemon["stopping"] else loop["phase"]
+    return Text.assemble(
+        (document["machine"], "bold not dim"),
+        ("  ● ", f"{PHASE_STYLES.get(phase, 'yellow')} not dim"),
+        (phase, "not dim"),
+        (f"  {loop['rate_hz']:g} Hz  up {_duration(daemon['uptime_s'])}", "dim"),
+    )
+
+
+def _axes(axes: Mapping[str, Any]) -> Table:
+    table = Table(box=None, padding=(0, 3, 0, 0), header_style="dim")
+    for heading, justify in (
+        ("axis", "left"),
+        ("state", "left"),
+        ("position", "right"),
+        ("travel", "left"),
+        ("error", "right"),
+        ("command", "right"),
+    ):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, axis in axes.items():
+        table.add_row(
+            Text(name, "bold"),
+            Text(axis["state"], STATE_STYLES[axis["state"]]),
+            _number(axis["position_m"], 1e3, ".4f", "mm"),
+            _travel(axis),
+            _number(axis["following_error_m"], 1e6, "+.1f", "µm"),
+            _number(axis["command_v"], 1.0, "+.2f", "V"),
+        )
+    return table
+
+
+def _travel(axis: Mapping[str, Any]) -> Text:
+    """Draw where the axis stands between the ends of its travel."""
+    if not axis["homed"]:
+        return Text("not homed", "yellow")
+    low, high = axis["travel_m"]
+    if axis["position_m"] is None:
+        return Text(NOTHING, "dim")
+    place = (axis["position_m"] - low) / (high - low)
+    cell = min(max(int(place * TRAVEL_CELLS), 0), TRAVEL_CELLS - 1)
+    before, after = "─" * cell, "─" * (TRAVEL_CELLS - 1 - cell)
+    dot = STATE_STYLES[axis["state"]] if 0 <= place <= 1 else "bold red"
+    return Text.assemble(("├" + before, "dim"), ("●", dot), (after + "┤", "dim"))
+
+
+def _motion(name: str, motion: Mapping[str, Any]) -> Text:
+    elapsed, whole = max(motion["elapsed_s"], 0.0), motion["duration_s"]
+    done = round(min(elapsed / whole, 1.0) * MOTION_CELLS) if whole else MOTION_CELLS
+    return Text.assemble(
+        (name, "bold"),
+        (" follows ", "dim"),
+        f"{motion['name']}  ",
+        ("━" * done, "green"),
+        ("━" * (MOTION_CELLS - done), "dim"),
+        (f"  {min(elapsed, whole):.1f} of {whole:.1f} s", "dim"),
+    )
+
+
+def _parameters(axis: Mapping[str, Any]) -> RenderableType:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("estimate", justify="right")
+    for name, value in axis["theta_hat"].items():
+        table.add_row(name, NOTHING if value is None else f"{value:.6g}")
+    d0 = axis["d0_hat_v"]
+    table.add_row("d0", NOTHING if d0 is None else f"{d0:.6g} V")
+    heading = Text.assemble(("controller ", "dim"), axis["controller"])
+    return Group(Text(), heading, table)
+
+
+def _loop(loop: Mapping[str, Any], recording: Mapping[str, Any]) -> Table:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_column()
+    for name in ("turnaround", "lateness"):
+        table.add_row(name, _timing(loop[name]))
+    missed = loop["overruns"] + loop["skipped_periods"]
+    table.add_row(
+        "overruns",
+        Text(
+            f"{loop['overruns']:,}, {loop['skipped_periods']:,} periods skipped, "
+            f"of {loop['ticks']:,} ticks",
+            "yellow" if missed else "",
+        ),
+    )
+    if recording["file"]:
+        lost = recording["rows_lost"]
+        counted = f"{recording['rows']:,} ticks, {lost:,} lost"
+        table.add_row("recording", Text(counted, "bold red" if lost else ""))
+        table.add_row("", Text(recording["file"], "dim", overflow="fold"))
+    if recording["failure"]:
+        table.add_row("", Text(recording["failure"], "bold red"))
+    return table
+
+
+def _timing(figures: Mapping[str, float] | None) -> Text:
+    if figures is None:
+        return Text(NOTHING, "dim")
+    return Text.assemble(
+        ("median ", "dim"),
+        _short_time(figures["p50_s"]),
+        ("   p99 ", "dim"),
+        _short_time(figures["p99_s"]),
+        ("   worst ", "dim"),
+        _short_time(figures["max_s"]),
+        (f" at {figures['max_at_s']:.1f} s", "dim"),
+    )
+
+
+def _short_time(seconds: float) -> str:
+    return f"{seconds * 1e6:.1f} µs" if seconds < 1e-3 else f"{seconds * 1e3:.2f} ms"
+
+
+def _number(value: float | None, scale: float, form: str, unit: str) -> Text:
+    if value is None:
+        return Text(NOTHING, "dim")
+    return Text.assemble(f"{value * scale:{form}}", (f" {unit}", "dim"))
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -1,0 +1,124 @@
+"""Talk to a daemon over its control socket."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from motorctl.daemon.places import client_socket
+from motorctl.daemon.protocol import FAILURES
+from motorctl.errors import MotorctlError, RunError, UsageError
+
+ANSWER_TIMEOUT_S = 30.0
+POLL_S = 0.02
+
+
+class DaemonRefusedError(MotorctlError):
+    """The daemon said no; exit status 2 where the request was wrong, 1 where the daemon failed."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.exit_status = 1 if code in FAILURES else 2
+
+
+class Client:
+    """One connection to a daemon; use as a context manager.
+
+    Raises RunError where no daemon answers or it stops answering, DaemonRefusedError where it
+    says no.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = client_socket() if path is None else path
+        self._count = 0
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(ANSWER_TIMEOUT_S)
+        try:
+            self._socket.connect(str(self.path))
+        except OSError as error:
+            self._socket.close()
+            raise _unreachable(self.path, error) from error
+        self._lines = self._socket.makefile("rb")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Hang up."""
+        self._lines.close()
+        self._socket.close()
+
+    def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
+        """Send one request and give its answer, without `id` and `ok`."""
+        self._count += 1
+        given = {key: value for key, value in arguments.items() if value is not None}
+        line = json.dumps({"id": self._count, "do": do, **given}) + "\n"
+        try:
+            # A daemon that refuses the client, or finds the request too long, answers unread.
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                self._socket.sendall(line.encode())
+            reply = self._lines.readline()
+        except TimeoutError:
+            message = f"the daemon on {self.path} did not answer within {ANSWER_TIMEOUT_S:g} s"
+            raise RunError(message) from None
+        except OSError as error:
+            raise RunError(f"the daemon on {self.path} hung up: {error.strerror}") from error
+        if not reply:
+            raise RunError(f"the daemon on {self.path} hung up without an answer")
+        return _content(json.loads(reply))
+
+    def axis(self, axis: str) -> dict[str, Any]:
+        """Give the status of one axis."""
+        status: dict[str, Any] = self.ask("status", axis=axis)["axes"][axis]
+        return status
+
+    def wait_for(
+        self, axis: str, reached: Callable[[dict[str, Any]], bool], timeout_s: float | None
+    ) -> dict[str, Any]:
+        """Ask until the axis' status satisfies `reached`; give that status.
+
+        Raises RunError where the axis falls into a fault meanwhile, or after `timeout_s`.
+        """
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while not reached(status := self.axis(axis)):
+            if status["state"] == "fault":
+                raise RunError(f"axis {axis}: fault: {status['fault']['message']}")
+            if deadline is not None and time.monotonic() > deadline:
+                message = f"axis {axis} is still {status['state']} after {timeout_s:g} s"
+                raise RunError(message)
+            time.sleep(POLL_S)
+        return status
+
+
+def _content(document: dict[str, Any]) -> dict[str, Any]:
+    document.pop("id")
+    if document.pop("ok"):
+        return document
+    error = document["error"]
+    raise DaemonRefusedError(error["code"], error["message"])
+
+
+def _unreachable(path: Path, error: OSError) -> MotorctlError:
+    if isinstance(error, FileNotFoundError | ConnectionRefusedError):
+        return RunError(
+            f"no daemon answers on {path}: start one with 'motorctl run CONFIG', "
+            "or name its socket with --socket"
+        )
+    if isinstance(error, PermissionError):
+        return RunError(f"{path}: permission denied: only root and the socket's group may connect")
+    return UsageError(f"{path}: {error.strerror or error}")

@@ -1,0 +1,307 @@
+"""Carry out the commands of the control socket: check, order the loop, tell what came of it.
+
+The loop decides what its state allows; what is checked here first only makes for clear words.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.program_transfer import unpacked
+from motorctl.daemon.protocol import (
+    AxisCommand,
+    Code,
+    EmergencyStopCommand,
+    MoveCommand,
+    ProgramCommand,
+    RefusedError,
+    Request,
+    StatusCommand,
+)
+from motorctl.daemon.report import Report
+from motorctl.errors import MotorctlError
+from motorctl.log.sample import AxisState
+from motorctl.loop import LoopMemory, Phase, Reply, Verb
+from motorctl.loop.plan import plan_move, plan_program
+from motorctl.motion import Program, Trajectory
+
+REPLY_TIMEOUT_S = 1.0
+POLL_S = 0.002
+MOST_MOTIONS = 1000
+START_MARGIN_S = 0.05
+"""How long before its first tick a motion is ordered: time for the orders of all its axes."""
+
+IN_WORDS = {
+    AxisState.OFF: ("off", "start, home"),
+    AxisState.HOMING: ("homing", "stop"),
+    AxisState.IDLE: ("idle", "stop, home, move, program"),
+    AxisState.RUNNING: ("running", "stop"),
+    AxisState.STOPPING: ("stopping", "nothing until it stands"),
+    AxisState.FAULT: ("in fault", "reset"),
+}
+"""How an axis' state is called in a sentence, and which commands it allows."""
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A motion that was ordered."""
+
+    name: str
+    start_tick: int
+    approach_s: float
+    duration_s: float
+    period_s: float | None
+    cycles: int
+
+
+class Commander:
+    """Handles one request at a time for motions, any number at once for everything else."""
+
+    def __init__(self, machine: Machine, memory: LoopMemory, report: Report) -> None:
+        self._machine = machine
+        self._memory = memory
+        self._report = report
+        self._names = list(machine.axes)
+        self._motions: dict[str, _Motion] = {}
+        self._history: deque[dict[str, Any]] = deque(maxlen=MOST_MOTIONS)
+        self._waiting: dict[str, Program] = {}
+        """Axes that were started and whose program begins when its other axes are, too."""
+        # A trajectory is written into the slot that is not in use: one writer at a time.
+        self._ordering = asyncio.Lock()
+
+    @property
+    def history(self) -> list[dict[str, Any]]:
+        """The last motions that were followed, JSON-serialisable, for the log's metadata."""
+        return list(self._history)
+
+    async def handle(self, request: Request) -> dict[str, Any]:
+        """Carry out a request and give what its answer says; raises RefusedError."""
+        if isinstance(request, StatusCommand):
+            return self._status(request.axis)
+        if self._report.stopping:
+            raise RefusedError(Code.STOPPING, "the daemon is stopping")
+        phase = Phase(int(self._memory.status["phase"][0]))
+        if phase is not Phase.RUNNING:
+            raise RefusedError(
+                Code.NOT_READY, f"the loop process is {phase.name.lower()}; try again"
+            )
+        if isinstance(request, EmergencyStopCommand):
+            self._waiting.clear()
+            await self._order(Verb.ESTOP, self._names[0])
+            return {"axes": self._names}
+        if request.axis not in self._names:
+            raise self._unknown(request.axis)
+        self._waiting.pop(request.axis, None)
+        match request:
+            case MoveCommand():
+                async with self._ordering:
+                    return await self._move(request)
+            case ProgramCommand():
+                async with self._ordering:
+                    return await self._program(request)
+            case AxisCommand(do="start"):
+                async with self._ordering:
+                    return await self._start(self._machine.axes[request.axis])
+            case AxisCommand():
+                await self._order(Verb[request.do.upper()], request.axis)
+                return {"axis": request.axis, "state": self._state(request.axis).name.lower()}
+
+    def _status(self, axis: str | None) -> dict[str, Any]:
+        if axis is not None and axis not in self._names:
+            raise self._unknown(axis)
+        tick = int(self._memory.status["tick"][0])
+        motions = {
+            name: {
+                "name": motion.name,
+                "elapsed_s": (tick - motion.start_tick) * self._machine.period_s,
+                "approach_s": motion.approach_s,
+                "duration_s": motion.duration_s,
+            }
+            for name, motion in self._motions.items()
+        }
+        return self._report.document([axis] if axis else self._names, motions)
+
+    async def _start(self, axis: Axis) -> dict[str, Any]:
+        """Enable the axis; then its program, as soon as every axis of it is enabled."""
+        program = self._machine.programs[axis.program] if axis.program else None
+        if program is not None and not self._homed(axis.name):
+            raise RefusedError(
+                Code.NOT_HOMED,
+                f"axis {axis.name} is not homed: home it before it can follow program "
+                f"'{program.name}'",
+            )
+        if self._state(axis.name) is not AxisState.IDLE:
+            await self._order(Verb.START, axis.name)
+            await self._until_idle(axis.name)
+        program = program or next((p for p in self._waiting.values() if axis.name in p.axes), None)
+        if program is None:
+            return {"axis": axis.name, "state": "idle"}
+        missing = [n for n in program.axes if self._state(n) is not AxisState.IDLE]
+        if missing:
+            self._waiting[axis.name] = program
+            answer = {"axis": axis.name, "state": "idle", "program": program.name}
+            return {**answer, "waits_for": missing}
+        return await self._follow_program(axis.name, program)
+
+    async def _move(self, request: MoveCommand) -> dict[str, Any]:
+        name = request.axis
+        self._must_stand("move", name)
+        try:
+            trajectory = await asyncio.to_thread(
+                plan_move,
+                self._machine,
+                name,
+                self._reference(name),
+                request.position_m,
+                request.velocity_m_s,
+                request.acceleration_m_s2,
+            )
+        except MotorctlError as error:
+            raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {error}") from error
+        motion = _Motion("move", 0, 0.0, trajectory.duration_s, None, 1)
+        await self._follow(motion, {name: trajectory})
+        return {
+            "axis": name,
+            "state": "running",
+            "target_m": request.position_m,
+            "duration_s": trajectory.duration_s,
+        }
+
+    async def _program(self, request: ProgramCommand) -> dict[str, Any]:
+        if request.document is None:
+            program = self._machine.programs.get(request.name)
+            if program is None:
+                known = ", ".join(self._machine.programs) or "none"
+                message = f"unknown program '{request.name}'; known: {known}"
+                raise RefusedError(Code.UNKNOWN_PROGRAM, message)
+        else:
+            program = await asyncio.to_thread(
+                unpacked, request.name, request.document, request.files, self._names
+            )
+        if request.axis not in program.axes:
+            moves = ", ".join(program.axes)
+            message = f"program '{program.name}' moves {moves}, not axis {request.axis}"
+            raise RefusedError(Code.BAD_PROGRAM, message)
+        for name in program.axes:
+            self._must_stand("program", name)
+        return await self._follow_program(request.axis, program)
+
+    async def _follow_program(self, axis: str, program: Program) -> dict[str, Any]:
+        standing = {name: self._reference(name) for name in program.axes}
+        try:
+            plans = await asyncio.to_thread(plan_program, self._machine, program, standing)
+        except MotorctlError as error:
+            raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
+        whole_s = max(plan.duration_s for plan in plans.values())
+        own_s = max(trajectory.duration_s for trajectory in program.trajectories().values())
+        approach_s = max(whole_s - own_s, 0.0)
+        motion = _Motion(program.name, 0, approach_s, whole_s, program.period_s, program.cycles)
+        await self._follow(motion, plans)
+        return {
+            "axis": axis,
+            "state": "running",
+            "program": program.name,
+            "axes": list(program.axes),
+            "approach_s": approach_s,
+            "duration_s": whole_s,
+        }
+
+    async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory]) -> None:
+        """Let the axes follow their plans from one and the same tick on, or none of them."""
+        slots = {
+            name: self._memory.load_program(self._names.index(name), plan.segments)
+            for name, plan in plans.items()
+        }
+        margin = max(round(START_MARGIN_S * self._machine.rate_hz), 2)
+        tick = int(self._memory.status["tick"][0]) + margin
+        numbers = {
+            name: self._post(Verb.FOLLOW, name, slot=slot, tick=tick)
+            for name, slot in slots.items()
+        }
+        replies = {name: await self._reply(number) for name, number in numbers.items()}
+        refused = {name: reply for name, reply in replies.items() if reply is not Reply.OK}
+        if refused:
+            for name in replies.keys() - refused.keys():
+                await self._order(Verb.STOP, name)
+            name, reply = next(iter(refused.items()))
+            raise self._refusal(Verb.FOLLOW, name, reply)
+        started = _Motion(**{**vars(motion), "start_tick": tick})
+        self._motions.update(dict.fromkeys(plans, started))
+        for name in plans:
+            self._waiting.pop(name, None)
+        self._history.append({"axes": list(plans), **vars(started)})
+
+    async def _until_idle(self, name: str) -> None:
+        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        while (state := self._state(name)) is not AxisState.IDLE:
+            if state is AxisState.FAULT or time.monotonic() > deadline:
+                raise self._refusal(Verb.START, name, Reply.WRONG_STATE)
+            await asyncio.sleep(POLL_S)
+
+    async def _order(self, verb: Verb, name: str) -> None:
+        reply = await self._reply(self._post(verb, name))
+        if reply is not Reply.OK:
+            raise self._refusal(verb, name, reply)
+
+    def _post(self, verb: Verb, name: str, *, slot: int = 0, tick: int = 0) -> int:
+        try:
+            return self._memory.post(verb, self._names.index(name), slot=slot, tick=tick)
+        except BufferError as error:
+            raise RefusedError(Code.LOOP_SILENT, str(error)) from error
+
+    async def _reply(self, number: int) -> Reply:
+        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        while (reply := self._memory.reply(number)) is None:
+            if time.monotonic() > deadline:
+                message = f"the loop did not answer within {REPLY_TIMEOUT_S:g} s"
+                raise RefusedError(Code.LOOP_SILENT, message)
+            await asyncio.sleep(POLL_S)
+        return reply
+
+    def _must_stand(self, command: str, name: str) -> None:
+        state = self._state(name)
+        if state is not AxisState.IDLE:
+            raise self._wrong_state(command, name, state)
+        if not self._homed(name):
+            raise RefusedError(Code.NOT_HOMED, f"axis {name} is not homed: home it first")
+
+    def _refusal(self, verb: Verb, name: str, reply: Reply) -> RefusedError:
+        command = verb.name.lower()
+        match reply:
+            case Reply.WRONG_STATE:
+                return self._wrong_state(command, name, self._state(name))
+            case Reply.NOT_HOMED:
+                return RefusedError(Code.NOT_HOMED, f"axis {name} is not homed: home it first")
+            case Reply.STILL_FAULTY:
+                message = f"axis {name}: {command}: the device still reports a fault"
+                return RefusedError(Code.STILL_FAULTY, message)
+            case Reply.NO_HOMING:
+                message = f"axis {name} has an absolute encoder: there is nothing to home"
+                return RefusedError(Code.NO_HOMING, message)
+            case _:
+                reason = reply.name.lower().replace("_", " ")
+                return RefusedError(Code.INTERNAL, f"axis {name}: {command}: {reason}; try again")
+
+    def _wrong_state(self, command: str, name: str, state: AxisState) -> RefusedError:
+        words, possible = IN_WORDS[state]
+        message = f"axis {name} is {words}: {command} is not possible; possible now: {possible}"
+        return RefusedError(Code.WRONG_STATE, message)
+
+    def _unknown(self, axis: str) -> RefusedError:
+        known = ", ".join(self._names)
+        return RefusedError(Code.UNKNOWN_AXIS, f"unknown axis '{axis}'; known: {known}")
+
+    def _state(self, name: str) -> AxisState:
+        return AxisState(int(self._memory.axis_status["state"][self._names.index(name)]))
+
+    def _homed(self, name: str) -> bool:
+        return bool(self._memory.axis_status["homed"][self._names.index(name)])
+
+    def _reference(self, name: str) -> float:
+        return float(self._memory.axis_status["reference_m"][self._names.index(name)])

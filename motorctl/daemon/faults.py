@@ -1,0 +1,33 @@
+"""Say in words why an axis is in the state FAULT."""
+
+from __future__ import annotations
+
+from motorctl.log.sample import FaultCause
+
+_WITH_LIMIT = {
+    FaultCause.FOLLOWING_ERROR: ("following error", 1e3, "mm"),
+    FaultCause.SOFT_LIMIT: ("position beyond the soft limit:", 1e3, "mm"),
+    FaultCause.OVERSPEED: ("speed", 1.0, "m/s"),
+}
+_WITHOUT_LIMIT = {
+    FaultCause.NOT_A_NUMBER: "the control law gave no finite command",
+    FaultCause.ENCODER_LOST: "the encoder's signal is lost",
+    FaultCause.ENCODER_JUMP: "the encoder's count jumped further than the axis can move",
+    FaultCause.AMPLIFIER: "the amplifier reports a fault",
+    FaultCause.COMMUNICATION: "communication with the device is lost",
+    FaultCause.ESTOP: "emergency stop",
+    FaultCause.LIMIT_SWITCH: "a limit switch was reached",
+    FaultCause.HOMING_FAILED: "homing failed: no switch or index mark within its timeout",
+    FaultCause.OVERRUN: "too many overruns of the control period",
+    FaultCause.SUPERVISOR_LOST: "the supervisor fell silent",
+}
+
+
+def fault_message(cause: FaultCause, value: float, limit: float, time_s: float) -> str:
+    """Name the cause with its value, its limit and when it was [s since the first tick]."""
+    if cause in _WITH_LIMIT:
+        what, scale, unit = _WITH_LIMIT[cause]
+        text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"
+    else:
+        text = _WITHOUT_LIMIT[cause]
+    return f"{text}, at {time_s:.3f} s"

@@ -1,0 +1,50 @@
+"""Tell on standard error, and so in systemd's journal, what happens to the machine."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from motorctl.config.machine import Machine
+from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.report import fault_of
+from motorctl.log.sample import AxisState
+from motorctl.loop import LoopMemory
+
+_log = logging.getLogger("motorctl")
+
+
+def open_journal() -> None:
+    """Send what motorctl has to tell to standard error, a line each."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("motorctl: %(message)s"))
+    _log.addHandler(handler)
+    _log.setLevel(logging.INFO)
+
+
+class Journal:
+    """Tells changes once: of the axes' states, and of the recording."""
+
+    def __init__(self, machine: Machine, memory: LoopMemory) -> None:
+        self._memory = memory
+        self._states = dict.fromkeys(machine.axes, AxisState.OFF)
+        self._failure: str | None = None
+
+    def tell_changes(self, recorder: Recorder) -> None:
+        """Compare with the last call and tell what is new."""
+        for status, (name, before) in zip(
+            self._memory.axis_status, list(self._states.items()), strict=True
+        ):
+            state = AxisState(int(status["state"]))
+            if state is not before:
+                self._states[name] = state
+                fault = fault_of(status)
+                reason = f": {fault['message']}" if fault else ""
+                level = logging.ERROR if fault else logging.INFO
+                _log.log(level, "axis %s: %s%s", name, state.name.lower(), reason)
+        if recorder.failure != self._failure:
+            self._failure = recorder.failure
+            if self._failure:
+                _log.error("recording: %s", self._failure)
+            else:
+                _log.warning("recording goes on; %d rows were lost", recorder.rows_lost)

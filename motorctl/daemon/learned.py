@@ -1,0 +1,128 @@
+"""Keep what the adaptation has learned from one run of the daemon to the next."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
+
+from motorctl.config.machine import Axis, Machine
+
+_FORMAT = "motorctl-learned-1"
+_SLOPE_POINTS = 65
+
+
+class _LearnedAxis(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    controller: str
+    parameters: dict[str, FiniteFloat]
+
+
+class _LearnedFile(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    format: str
+    machine: str
+    saved: str
+    axes: dict[str, _LearnedAxis]
+
+
+def keeps_learned(machine: Machine) -> list[Axis]:
+    """Give the axes whose estimates are kept."""
+    return [a for a in machine.axes.values() if a.adaptation.enabled and a.adaptation.keep_learned]
+
+
+def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[str]]:
+    """Read the estimates that an earlier run ended with: theta by axis, and remarks.
+
+    Whatever of the file is damaged, foreign or outside the configured bounds is left alone,
+    with a remark that says why.
+    """
+    keepers = keeps_learned(machine)
+    if not keepers or not path.exists():
+        return {}, []
+    try:
+        file = _LearnedFile.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        return {}, [f"{path}: what was learned is not taken up: {_short(error)}"]
+    if file.format != _FORMAT or file.machine != machine.name:
+        foreign = f"it is of format '{file.format}', machine '{file.machine}'"
+        return {}, [f"{path}: what was learned is not taken up: {foreign}"]
+    learned, remarks = {}, []
+    for axis in keepers:
+        if axis.name not in file.axes:
+            continue
+        kept = file.axes[axis.name]
+        if problem := _problem(axis, kept):
+            message = f"{path}: axis {axis.name}: what was learned is not taken up: {problem}"
+            remarks.append(message)
+            continue
+        learned[axis.name] = [kept.parameters[name] for name in axis.model.parameter_names]
+        remarks.append(f"axis {axis.name}: goes on from what was learned until {file.saved}")
+    return learned, remarks
+
+
+def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write the estimates of the axes that keep them: the old file or the new one, never a part.
+
+    `theta`: an array (n,) or longer for each axis. Raises OSError, and
+    ValueError where a number is not finite.
+    """
+    learned = _LearnedFile(
+        format=_FORMAT,
+        machine=machine.name,
+        saved=datetime.now(UTC).isoformat(timespec="seconds"),
+        axes={
+            axis.name: _LearnedAxis(
+                controller=axis.controller,
+                parameters=dict(
+                    zip(axis.model.parameter_names, map(float, theta[axis.name]), strict=False)
+                ),
+            )
+            for axis in keeps_learned(machine)
+        },
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with draft.open("w") as file:
+            file.write(learned.model_dump_json(indent=2) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            draft.unlink()
+
+
+def _problem(axis: Axis, kept: _LearnedAxis) -> str | None:
+    names = axis.model.parameter_names
+    if kept.controller != axis.controller or set(kept.parameters) != set(names):
+        return "it belongs to another model"
+    for name, estimate in zip(names, axis.estimates, strict=True):
+        value = kept.parameters[name]
+        if not estimate.lower <= value <= estimate.upper:
+            return f"{name} = {value:g} lies outside {estimate.lower:g} to {estimate.upper:g}"
+    theta = np.array([kept.parameters[name] for name in names])
+    reach = axis.limits.max_voltage_v
+    slopes = [
+        axis.model.kernels.input_slope(u, theta) for u in np.linspace(-reach, reach, _SLOPE_POINTS)
+    ]
+    # Rounding may leave a projected estimate the last digits below the margin.
+    if min(slopes) < 0.99 * axis.adaptation.monotonicity_margin:
+        return f"the input map is not monotonic up to {reach:g} V (Assumption 2)"
+    return None
+
+
+def _short(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return f"{place}: {first['msg']}" if place else first["msg"]
+    return str(error)

@@ -1,0 +1,120 @@
+"""The loop process as its supervisor sees it: born, alive, at an end; and safe afterwards."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Mapping, Sequence
+
+from motorctl.config.machine import Machine
+from motorctl.errors import RunError
+from motorctl.loop import LoopMemory, Phase, spawn
+from motorctl.loop.tick import make_drivers
+
+_log = logging.getLogger("motorctl")
+
+STALL_S = 1.0
+"""A running loop whose tick counter stands still for so long is dead."""
+SAFE_TIMEOUT_S = 2.0
+STOP_SLACK_S = 3.0
+
+
+class LoopProcess:
+    """The process that ticks, and the memory shared with it."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        parameters = max(len(axis.model) for axis in machine.axes.values())
+        self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._tick = -1
+        self._progress_at = time.monotonic()
+
+    @property
+    def phase(self) -> Phase:
+        """How far it is."""
+        return Phase(int(self.memory.status["phase"][0]))
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process is there."""
+        return self._process is not None and self._process.poll() is None
+
+    @property
+    def message(self) -> str:
+        """What the process left as its last word, or nothing."""
+        text = bytes(self.memory.status["message"][0])
+        return text.rstrip(b"\0").decode(errors="replace")
+
+    @property
+    def stop_timeout_s(self) -> float:
+        """How long an orderly stop may take: the longest ramp, and some slack."""
+        ramps = (
+            limits.max_velocity_m_s / limits.stop_acceleration_m_s2
+            + limits.stop_acceleration_m_s2 / limits.stop_jerk_m_s3
+            for limits in (axis.limits for axis in self.machine.axes.values())
+        )
+        return 2.0 * max(ramps) + STOP_SLACK_S
+
+    def start(self, learned: Mapping[str, Sequence[float]], keep_open: Sequence[int]) -> None:
+        """Start it; it holds the descriptors `keep_open` as long as it lives."""
+        try:
+            self._process = spawn(self.machine, self.memory, learned=learned, keep_open=keep_open)
+        except OSError as error:
+            raise RunError(f"the loop process did not start: {error.strerror}") from error
+
+    def insist(self) -> bool:
+        """Tell whether it has ticked since the last call.
+
+        Raises RunError with the reason where the process is gone or no longer ticks.
+        """
+        if not self.alive:
+            raise RunError(self._why_it_ended())
+        tick, now = int(self.memory.status["tick"][0]), time.monotonic()
+        running = self.phase is Phase.RUNNING
+        moved = running and tick != self._tick
+        self._tick = tick
+        if moved or not running:
+            self._progress_at = now
+        elif now - self._progress_at > STALL_S:
+            raise RunError(f"the loop stands still: no tick for {now - self._progress_at:.1f} s")
+        return moved
+
+    def insist_on_order(self) -> None:
+        """Raise RunError with the reason where the process ended, but not in order."""
+        if self.phase is not Phase.STOPPED:
+            raise RunError(self._why_it_ended())
+
+    def end(self) -> None:
+        """Make sure that the process is gone and the outputs are safe.
+
+        A loop that ended in order has seen to its outputs. For any other it is done from here.
+        """
+        if not self.alive and self.phase is Phase.STOPPED:
+            return
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+            self._process.wait()
+        for driver in make_drivers(self.machine).values():
+            # A device that hangs must not keep the others from being made safe.
+            thread = threading.Thread(target=driver.safe, daemon=True)
+            thread.start()
+            thread.join(SAFE_TIMEOUT_S)
+        _log.warning("the loop process is gone; every output was zeroed and disabled from here")
+
+    def close(self) -> None:
+        """Release the memory."""
+        self.memory.close()
+
+    def _why_it_ended(self) -> str:
+        status = 0 if self._process is None else self._process.returncode
+        if self.phase is Phase.FAILED:
+            return self.message
+        cause = f"killed by {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+        said = f": {self.message}" if self.message else ""
+        return f"the loop process ended ({cause}){said}"

@@ -1,0 +1,159 @@
+"""The control socket's language: one JSON object a line, requests in, answers out. No I/O.
+
+{"id": 1, "do": "start", "axis": "x"}
+{"id": 1, "ok": true, ...}
+{"id": 1, "ok": false, "error": {"code": "wrong_state", "message": "..."}}
+"""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+
+MAX_LINE_BYTES = 4 << 20
+"""Longest request: a program of as many points as the loop can follow still fits."""
+
+RequestId = Annotated[int, Field(ge=-(2**63), lt=2**63)] | str | None
+PositiveFloat = Annotated[FiniteFloat, Field(gt=0)]
+
+
+class Code(StrEnum):
+    """Why a request was refused."""
+
+    FORBIDDEN = "forbidden"
+    BAD_REQUEST = "bad_request"
+    TOO_LARGE = "too_large"
+    UNKNOWN_AXIS = "unknown_axis"
+    UNKNOWN_PROGRAM = "unknown_program"
+    BAD_PROGRAM = "bad_program"
+    WRONG_STATE = "wrong_state"
+    NOT_HOMED = "not_homed"
+    OUT_OF_LIMITS = "out_of_limits"
+    STILL_FAULTY = "still_faulty"
+    NO_HOMING = "no_homing"
+    NOT_READY = "not_ready"
+    STOPPING = "stopping"
+    LOOP_SILENT = "loop_silent"
+    INTERNAL = "internal"
+
+
+FAILURES = frozenset({Code.NOT_READY, Code.STOPPING, Code.LOOP_SILENT, Code.INTERNAL})
+"""Refusals that are no mistake of whoever asked."""
+
+
+class RefusedError(Exception):
+    """A request that the daemon does not carry out."""
+
+    def __init__(self, code: Code, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+
+
+class _Request(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    id: RequestId = None
+
+
+class AxisCommand(_Request):
+    """A command that needs no more than the axis."""
+
+    do: Literal["start", "stop", "home", "reset"]
+    axis: str
+
+
+class MoveCommand(_Request):
+    """Go to a position; velocity and acceleration are the axis' limits unless given lower."""
+
+    do: Literal["move"]
+    axis: str
+    position_m: FiniteFloat
+    velocity_m_s: PositiveFloat | None = None
+    acceleration_m_s2: PositiveFloat | None = None
+
+
+class ProgramCommand(_Request):
+    """Follow a program, by its name in the configuration or as a document of its own.
+
+    `name` names either; `files` holds the text of the file that a document names, because the
+    daemon reads no file on a client's behalf.
+    """
+
+    do: Literal["program"]
+    axis: str
+    name: str
+    document: dict[str, Any] | None = None
+    files: dict[str, str] = {}
+
+
+class EmergencyStopCommand(_Request):
+    """Zero and disable every axis at once."""
+
+    do: Literal["estop"]
+
+
+class StatusCommand(_Request):
+    """Tell how machine and daemon are doing."""
+
+    do: Literal["status"]
+    axis: str | None = None
+
+
+Request = AxisCommand | MoveCommand | ProgramCommand | EmergencyStopCommand | StatusCommand
+_REQUEST: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="do")])
+
+
+class _IdOnly(BaseModel):
+    model_config = ConfigDict(extra="ignore", strict=True)
+
+    id: RequestId = None
+
+
+_ID_ONLY = TypeAdapter(_IdOnly)
+
+
+def request_id(line: bytes) -> RequestId:
+    """Find the id of a request that is otherwise wrong; None where it has none."""
+    try:
+        return _ID_ONLY.validate_json(line).id
+    except ValidationError:
+        return None
+
+
+def parse_request(line: bytes) -> Request:
+    """Read one line; raises RefusedError(BAD_REQUEST) that names what is wrong with it."""
+    try:
+        return _REQUEST.validate_json(line)
+    except ValidationError as error:
+        raise RefusedError(Code.BAD_REQUEST, _first_problem(error)) from None
+
+
+def answer(to: RequestId, content: dict[str, Any]) -> bytes:
+    """Write the line that says yes. `content` holds finite numbers only."""
+    return _line({"id": to, "ok": True, **content})
+
+
+def refusal(to: RequestId, code: Code, message: str) -> bytes:
+    """Write the line that says no, and why."""
+    return _line({"id": to, "ok": False, "error": {"code": str(code), "message": message}})
+
+
+def _line(document: dict[str, Any]) -> bytes:
+    return json.dumps(document, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def _first_problem(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False)[0]
+    if first["type"] == "union_tag_not_found":
+        return 'no command: give "do"'
+    if first["type"] == "union_tag_invalid":
+        context = first["ctx"]
+        return f"unknown command '{context['tag']}'; known: {context['expected_tags']}"
+    # The command stands first in a place; whoever wrote the line knows it.
+    place = ".".join(str(part) for part in first["loc"][1:])
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{place}: {message}" if place else message

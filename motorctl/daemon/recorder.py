@@ -1,0 +1,81 @@
+"""Bring every tick from the ring to the disk, in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from motorctl.errors import MotorctlError
+from motorctl.log import LogWriter
+from motorctl.log.timing import TimingSummary
+from motorctl.loop import LoopMemory
+
+PERIOD_S = 0.25
+"""Data reaches the disk at least once a second; a quarter leaves room for a slow disk."""
+ROWS_AT_ONCE = 4096
+
+
+class Recorder:
+    """Drains the ring into a log.
+
+    One thread drains and writes: while a disk is slow, the ring holds the rows. A disk that
+    refuses rows stops no machine: they are counted as lost, and the next ones are tried again.
+    """
+
+    def __init__(self, memory: LoopMemory, writer: LogWriter) -> None:
+        self.rows_written = 0
+        self.rows_lost = 0
+        """Ticks that are not in the log: overwritten in the ring, or refused by the disk."""
+        self.failure: str | None = None
+        """Why the last rows were not written, or None."""
+        self.timing = TimingSummary()
+        self._memory = memory
+        self._writer = writer
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+
+    @property
+    def path(self) -> Path:
+        """Where the log will stand when it is closed."""
+        return self._writer.path
+
+    def start(self) -> None:
+        """Begin to record."""
+        self._thread.start()
+
+    def finish(self, extra: Callable[[], dict[str, Any]]) -> Path:
+        """Record what is left in the ring and close the log; call when the loop has ended.
+
+        `extra` is asked for the closing metadata once the last row is in. Raises RunError where
+        the log cannot be closed; what is on disk is then kept.
+        """
+        self._ending.set()
+        self._thread.join()
+        self._take()
+        return self._writer.close(extra())
+
+    def _run(self) -> None:
+        while not self._ending.wait(PERIOD_S):
+            self._take()
+
+    def _take(self) -> None:
+        ticks, samples, lost = self._memory.drain()
+        self.rows_lost += lost
+        if not len(ticks):
+            return
+        self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])
+        failure = None
+        for first in range(0, len(ticks), ROWS_AT_ONCE):
+            rows = slice(first, first + ROWS_AT_ONCE)
+            refused_before = self._writer.rows_lost
+            try:
+                self._writer.append(ticks[rows], samples[rows])
+                self._writer.flush()
+            except MotorctlError as error:
+                failure = str(error)
+            refused = self._writer.rows_lost - refused_before
+            self.rows_lost += refused
+            self.rows_written += len(ticks[rows]) - refused
+        self.failure = failure

@@ -1,0 +1,132 @@
+"""The status document: what the daemon tells of itself, the loop and the axes."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motorctl import __version__
+from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.faults import fault_message
+from motorctl.daemon.recorder import Recorder
+from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop import LoopMemory, Phase, reasons
+
+
+def fault_of(status: np.void) -> dict[str, str] | None:
+    """Give cause and message of an axis' fault from its status record; None without one."""
+    if AxisState(int(status["state"])) is not AxisState.FAULT:
+        return None
+    cause = FaultCause(int(status["fault"]))
+    numbers = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
+    return {"cause": cause.name.lower(), "message": fault_message(cause, *numbers)}
+
+
+class Report:
+    """Reads everything that `status` tells from where it stands."""
+
+    def __init__(self, machine: Machine, memory: LoopMemory, socket: Path) -> None:
+        self._machine = machine
+        self._memory = memory
+        self._socket = socket
+        self._started_at = time.monotonic()
+        self.recorder: Recorder | None = None
+        self.stopping = False
+
+    def document(
+        self, axes: Sequence[str], motions: Mapping[str, dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Give the whole status, with these axes and what each of them follows."""
+        index = list(self._machine.axes)
+        return {
+            "machine": self._machine.name,
+            "daemon": self._daemon(),
+            "loop": self.loop(),
+            "recording": self._recording(),
+            "axes": {
+                name: self._axis(index.index(name), self._machine.axes[name], motions.get(name))
+                for name in axes
+            },
+        }
+
+    def loop(self) -> dict[str, Any]:
+        """Give the loop's part, with the timing of the whole run."""
+        status = self._memory.status[0]
+        timing = self.recorder.timing.result() if self.recorder else {}
+        return {
+            "phase": Phase(int(status["phase"])).name.lower(),
+            "pid": int(status["pid"]),
+            "rate_hz": self._machine.rate_hz,
+            "ticks": int(status["tick"]),
+            "time_s": _finite(status["time_s"]),
+            "overruns": int(status["overruns"]),
+            "skipped_periods": int(status["skipped_periods"]),
+            "degraded": reasons(int(status["degraded"])),
+            "turnaround": timing.get("turnaround"),
+            "lateness": timing.get("lateness"),
+        }
+
+    def summary(self) -> str:
+        """Say in one line what the machine does."""
+        states = ", ".join(
+            f"{name} {_state(self._memory, i).name.lower()}"
+            for i, name in enumerate(self._machine.axes)
+        )
+        overruns = int(self._memory.status["overruns"][0])
+        return f"{states}; {overruns} overruns"
+
+    def _daemon(self) -> dict[str, Any]:
+        return {
+            "version": __version__,
+            "pid": os.getpid(),
+            "config": str(self._machine.source),
+            "socket": str(self._socket),
+            "uptime_s": round(time.monotonic() - self._started_at, 3),
+            "stopping": self.stopping,
+        }
+
+    def _recording(self) -> dict[str, Any]:
+        recorder = self.recorder
+        return {
+            "file": str(recorder.path) if recorder else None,
+            "rows": recorder.rows_written if recorder else 0,
+            "rows_lost": recorder.rows_lost if recorder else 0,
+            "failure": recorder.failure if recorder else None,
+        }
+
+    def _axis(self, index: int, axis: Axis, motion: dict[str, Any] | None) -> dict[str, Any]:
+        status = self._memory.axis_status[index].copy()
+        state = AxisState(int(status["state"]))
+        theta = status["theta_hat"][: len(axis.model)]
+        return {
+            "state": state.name.lower(),
+            "fault": fault_of(status),
+            "homed": bool(status["homed"]),
+            "controller": axis.controller,
+            "position_m": _finite(status["position_m"]),
+            "velocity_m_s": _finite(status["velocity_m_s"]),
+            "reference_m": _finite(status["reference_m"]),
+            "following_error_m": _finite(status["following_error_m"]),
+            "command_v": _finite(status["command_v"]),
+            "travel_m": list(axis.limits.travel_m),
+            "max_voltage_v": axis.limits.max_voltage_v,
+            "motion": motion if state is AxisState.RUNNING else None,
+            "d0_hat_v": _finite(status["d0_hat_v"]),
+            "theta_hat": dict(zip(axis.model.parameter_names, map(_finite, theta), strict=True)),
+        }
+
+
+def _state(memory: LoopMemory, index: int) -> AxisState:
+    return AxisState(int(memory.axis_status["state"][index]))
+
+
+def _finite(value: np.floating[Any] | float) -> float | None:
+    """Give a number that JSON can hold."""
+    number = float(value)
+    return number if math.isfinite(number) else None

@@ -1,0 +1,250 @@
+"""The daemon: one supervisor for one loop process, from its birth to the closed log."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from motorctl.config.machine import Machine
+from motorctl.config.metadata import log_metadata
+from motorctl.daemon import learned
+from motorctl.daemon.access import ControlSocket
+from motorctl.daemon.commander import Commander
+from motorctl.daemon.journal import Journal
+from motorctl.daemon.loop_process import LoopProcess
+from motorctl.daemon.notify import ServiceNotifier
+from motorctl.daemon.places import daemon_socket, state_file
+from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.report import Report
+from motorctl.daemon.server import ControlServer
+from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.log import LogAxis, LogWriter
+from motorctl.loop import Phase, Verb, reasons
+
+BEAT_PERIOD_S = 0.02
+WATCH_PERIOD_S = 0.05
+NOTIFY_PERIOD_S = 0.5
+MORE_TIME_S = 10.0
+
+_log = logging.getLogger("motorctl")
+
+
+@dataclass(frozen=True)
+class DaemonOptions:
+    """What a user may set for one run; None: the usual."""
+
+    socket: Path | None = None
+    group: str | None = None
+    """Whose members may command the machine; None: the group that the daemon runs in."""
+    log_directory: Path | None = None
+
+
+def run_daemon(machine: Machine, options: DaemonOptions) -> None:
+    """Run the daemon in the foreground until SIGTERM or SIGINT.
+
+    Raises UsageError where it cannot start, RunError where the loop refuses or dies or where
+    the log cannot be completed.
+    """
+    asyncio.run(_run(machine, options))
+
+
+async def _run(machine: Machine, options: DaemonOptions) -> None:
+    directory = options.log_directory or machine.log_directory
+    _must_be_writable(directory)
+    control = ControlSocket(options.socket or daemon_socket(), options.group)
+    try:
+        await Supervisor(machine, control, directory).live()
+    finally:
+        control.close()
+
+
+class Supervisor:
+    """Holds everything that lives as long as the daemon."""
+
+    def __init__(self, machine: Machine, control: ControlSocket, directory: Path) -> None:
+        self._machine = machine
+        self._control = control
+        self._directory = directory
+        self._state = state_file(machine.name)
+        self._loop = LoopProcess(machine)
+        self._report = Report(machine, self._loop.memory, control.path)
+        self._commander = Commander(machine, self._loop.memory, self._report)
+        self._server = ControlServer(control, self._commander.handle)
+        self._notifier = ServiceNotifier()
+        self._recorder: Recorder | None = None
+        self._asked = asyncio.Event()
+
+    async def live(self) -> None:
+        """Start, serve until asked to stop, stop; raises RunError with all that went wrong."""
+        events = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets SIGHUP
+                events.add_signal_handler(number, self._on_signal)
+        await self._server.start()
+        beating = asyncio.create_task(self._beat())
+        wrong: list[str] = []
+        orderly = False
+        try:
+            await self._begin()
+            await self._serve()
+            await self._stop()
+            orderly = True
+        except MotorctlError as error:
+            wrong.append(str(error))
+        finally:
+            self._report.stopping = True
+            await asyncio.to_thread(self._loop.end)
+            beating.cancel()
+            wrong += await self._close_log()
+            if orderly and self._recorder and self._recorder.rows_written:
+                wrong += self._keep_learned()
+            await self._server.close()
+            self._loop.close()
+            self._notifier.close()
+        if wrong:
+            raise RunError("\n".join(wrong))
+
+    def _on_signal(self) -> None:
+        """Stop in order at the first signal, at once at the second; the log is kept anyhow."""
+        if self._asked.is_set() and self._loop.alive:
+            _log.warning("asked to stop once more: emergency stop")
+            with suppress(BufferError):  # the loop hangs: it will be killed
+                self._loop.memory.post(Verb.ESTOP)
+        self._asked.set()
+
+    async def _beat(self) -> None:
+        while True:
+            self._loop.memory.beat()
+            await asyncio.sleep(BEAT_PERIOD_S)
+
+    async def _begin(self) -> None:
+        """Start the loop process and wait until it ticks."""
+        theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
+        for remark in remarks:
+            _log.info("%s", remark)
+        await asyncio.to_thread(self._loop.start, theta, (self._control.lock_fd,))
+        told = False
+        while (phase := self._loop.phase) is not Phase.RUNNING:
+            if self._asked.is_set():
+                return
+            self._loop.insist()
+            if phase is Phase.COMPILING and not told:
+                told = True
+                self._notifier.status("compiling")
+                _log.info("compiling the control loop, or taking it from the cache")
+            await asyncio.sleep(WATCH_PERIOD_S)
+        self._recorder = Recorder(self._loop.memory, self._new_log())
+        self._recorder.start()
+        self._report.recorder = self._recorder
+        self._announce(self._recorder)
+
+    async def _serve(self) -> None:
+        """Watch over the loop until somebody asks to stop."""
+        journal = Journal(self._machine, self._loop.memory)
+        told_at = 0.0
+        while not self._asked.is_set() and self._recorder is not None:
+            ticked = self._loop.insist()
+            # The watchdog is fed by what the loop does, not by the passing of time.
+            if ticked and time.monotonic() - told_at >= NOTIFY_PERIOD_S:
+                told_at = time.monotonic()
+                self._notifier.alive()
+                self._notifier.status(self._report.summary())
+            journal.tell_changes(self._recorder)
+            await asyncio.sleep(WATCH_PERIOD_S)
+
+    async def _stop(self) -> None:
+        """Let every axis ramp down and the loop process end; raises RunError where it does not."""
+        self._report.stopping = True
+        self._notifier.stopping("stopping every axis")
+        if self._loop.phase is not Phase.RUNNING:
+            return
+        _log.info("stopping every axis")
+        with suppress(BufferError):  # the loop hangs: the deadline tells
+            self._loop.memory.post(Verb.SHUTDOWN)
+        deadline = time.monotonic() + self._loop.stop_timeout_s
+        while self._loop.alive:
+            if time.monotonic() > deadline:
+                raise RunError(f"the loop did not end within {self._loop.stop_timeout_s:.1f} s")
+            await asyncio.sleep(WATCH_PERIOD_S)
+        self._loop.insist_on_order()
+
+    async def _close_log(self) -> list[str]:
+        """Make the log complete; gives what went wrong with that."""
+        if self._recorder is None:
+            return []
+        wrong = []
+        closing = asyncio.create_task(asyncio.to_thread(self._recorder.finish, self._closing_facts))
+        # A long recording takes its time; systemd is told that it is not for nothing.
+        while not (await asyncio.wait({closing}, timeout=MORE_TIME_S / 4))[0]:
+            self._notifier.needs_time(MORE_TIME_S)
+        try:
+            path = closing.result()
+        except MotorctlError as error:
+            wrong.append(str(error))
+        else:
+            rows, lost = self._recorder.rows_written, self._recorder.rows_lost
+            _log.info("log %s: %d ticks, %d lost", path, rows, lost)
+            if self._recorder.failure is not None:
+                wrong.append(f"recording: {self._recorder.failure}; {lost} rows were lost")
+        return wrong
+
+    def _keep_learned(self) -> list[str]:
+        if not learned.keeps_learned(self._machine):
+            return []
+        estimates = self._loop.memory.axis_status["theta_hat"]
+        theta = dict(zip(self._machine.axes, estimates, strict=True))
+        try:
+            learned.save(self._machine, theta, self._state)
+        except (OSError, ValueError) as error:
+            return [f"{self._state}: what was learned is not kept: {error}"]
+        return []
+
+    def _new_log(self) -> LogWriter:
+        path = _free_path(self._directory, self._machine.name)
+        axes = [LogAxis(a.name, a.model.parameter_names) for a in self._machine.axes.values()]
+        return LogWriter(path, {**log_metadata(self._machine), "clock": "wall"}, axes)
+
+    def _closing_facts(self) -> dict[str, Any]:
+        assert self._recorder is not None
+        return {
+            "rows_lost": self._recorder.rows_lost,
+            "loop": self._report.loop(),
+            "motions": self._commander.history,
+        }
+
+    def _announce(self, recorder: Recorder) -> None:
+        machine = self._machine
+        axes = f"{'axis' if len(machine.axes) == 1 else 'axes'} {', '.join(machine.axes)}"
+        self._notifier.ready(f"{axes} at {machine.rate_hz:g} Hz")
+        _log.info("%s: %s at %g Hz", machine.name, axes, machine.rate_hz)
+        _log.info("control socket %s", self._control.path)
+        _log.info("recording to %s", recorder.path)
+        degraded = reasons(int(self._loop.memory.status["degraded"][0]))
+        if degraded:
+            _log.warning("DEGRADED, not real time: %s", "; ".join(degraded))
+
+
+def _must_be_writable(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"log directory {directory}: {error.strerror}") from error
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise UsageError(f"log directory {directory}: no permission to write there")
+
+
+def _free_path(directory: Path, name: str) -> Path:
+    stem = f"{name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    path, count = directory / f"{stem}.parquet", 1
+    while path.exists() or path.with_name(path.name + ".partial").exists():
+        count += 1
+        path = directory / f"{stem}-{count}.parquet"
+    return path

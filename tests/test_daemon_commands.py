@@ -1,0 +1,269 @@
+"""Commands to a running daemon: states, limits, programs, and independent axes."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from daemon_rig import Daemon, wait_until
+
+from motorctl.daemon.client import Client, DaemonRefusedError
+from motorctl.daemon.program_transfer import packed
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    with Daemon(tmp_path_factory.mktemp("daemon")) as running:
+        yield running
+
+
+@pytest.fixture
+def idle(daemon: Daemon) -> Daemon:
+    """Both axes enabled and holding."""
+    for axis in ("x", "y"):
+        if daemon.state(axis) == "fault":
+            daemon.ask("reset", axis=axis)
+        if daemon.state(axis) not in {"off", "idle"}:
+            daemon.ask("stop", axis=axis)
+            wait_until(lambda axis=axis: daemon.state(axis) == "off")
+        daemon.ask("start", axis=axis)
+    return daemon
+
+
+def refusal(daemon: Daemon, do: str, **arguments: object) -> DaemonRefusedError:
+    with pytest.raises(DaemonRefusedError) as refused:
+        daemon.ask(do, **arguments)
+    return refused.value
+
+
+def test_axes_start_and_stop_while_the_other_one_runs(idle: Daemon) -> None:
+    idle.ask("program", axis="x", name="shuttle")
+    idle.ask("stop", axis="y")
+    wait_until(lambda: idle.state("y") == "off")
+    assert idle.state("x") == "running"
+    idle.ask("start", axis="y")
+    idle.ask("move", axis="y", position_m=0.12)
+    wait_until(lambda: idle.state("y") == "idle")
+    assert idle.state("x") == "running"
+    idle.ask("stop", axis="x")
+    wait_until(lambda: idle.state("x") == "off")
+    assert idle.state("y") == "idle"
+
+
+def test_start_holds_the_axis_where_it_stands(idle: Daemon) -> None:
+    axis = idle.ask("status", axis="x")["axes"]["x"]
+    assert axis["state"] == "idle"
+    assert abs(axis["following_error_m"]) < 0.01
+    assert idle.ask("start", axis="x")["state"] == "idle"  # it holds already: nothing to do
+
+
+def test_a_move_ends_where_it_was_sent(idle: Daemon) -> None:
+    answer = idle.ask("move", axis="x", position_m=0.08, velocity_m_s=0.2)
+    assert answer["duration_s"] > 0
+    wait_until(lambda: idle.state("x") == "idle")
+    axis = idle.ask("status", axis="x")["axes"]["x"]
+    assert axis["reference_m"] == pytest.approx(0.08, abs=1e-12)
+    assert axis["position_m"] == pytest.approx(0.08, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"position_m": 0.46}, "0.46"),
+        ({"position_m": -0.06}, "0.06"),
+        ({"position_m": 0.1, "velocity_m_s": 1.01}, "velocity 1.01"),
+        ({"position_m": 0.1, "acceleration_m_s2": 11}, "acceleration 11"),
+    ],
+)
+def test_a_move_beyond_a_limit_moves_nothing(
+    idle: Daemon, arguments: dict[str, float], named: str
+) -> None:
+    no = refusal(idle, "move", axis="x", **arguments)
+    assert (no.code, no.exit_status) == ("out_of_limits", 2)
+    assert named in str(no)
+    assert idle.state("x") == "idle"
+
+
+def test_a_program_beyond_a_limit_moves_nothing(idle: Daemon) -> None:
+    document = {
+        "kind": "point_to_point",
+        "axis": "y",
+        "start_m": 0.1,
+        "target_m": 0.4,
+        "max_velocity_m_s": 0.9,
+        "max_acceleration_m_s2": 50,
+        "max_jerk_m_s3": 1000,
+    }
+    no = refusal(idle, "program", axis="y", name="hard", document=document)
+    assert (no.code, no.exit_status) == ("out_of_limits", 2)
+    assert "acceleration" in str(no)
+    assert "voltage" in str(no)
+    assert idle.state("y") == "idle"
+
+
+def test_the_wrong_state_is_told_with_what_is_possible(idle: Daemon) -> None:
+    idle.ask("program", axis="x", name="shuttle")
+    no = refusal(idle, "move", axis="x", position_m=0.1)
+    assert (no.code, no.exit_status) == ("wrong_state", 2)
+    assert str(no) == "axis x is running: move is not possible; possible now: stop"
+    assert refusal(idle, "start", axis="x").code == "wrong_state"
+    assert refusal(idle, "program", axis="x", name="shuttle").code == "wrong_state"
+    assert refusal(idle, "reset", axis="x").code == "wrong_state"
+    idle.ask("stop", axis="x")
+    wait_until(lambda: idle.state("x") == "off")
+    assert idle.ask("stop", axis="x")["state"] == "off"  # it stands already: nothing to do
+    assert refusal(idle, "move", axis="x", position_m=0.1).code == "wrong_state"
+    assert refusal(idle, "home", axis="x").code == "no_homing"
+
+
+def test_unknown_names_are_told_with_the_known_ones(idle: Daemon) -> None:
+    assert "known: x, y" in str(refusal(idle, "start", axis="z"))
+    assert "known: shuttle, ring" in str(refusal(idle, "program", axis="x", name="dance"))
+    no = refusal(idle, "program", axis="y", name="shuttle")
+    assert (no.code, str(no)) == ("bad_program", "program 'shuttle' moves x, not axis y")
+
+
+def test_a_program_over_two_axes_begins_on_both_in_the_same_tick(idle: Daemon) -> None:
+    idle.ask("stop", axis="y")
+    wait_until(lambda: idle.state("y") == "off")
+    assert "axis y is off" in str(refusal(idle, "program", axis="x", name="ring"))
+    assert idle.state("x") == "idle"
+    idle.ask("start", axis="y")
+    answer = idle.ask("program", axis="y", name="ring")
+    assert answer["axes"] == ["x", "y"]
+    assert {idle.state("x"), idle.state("y")} == {"running"}
+    motions = [axis["motion"] for axis in idle.ask("status")["axes"].values()]
+    assert motions[0]["duration_s"] == motions[1]["duration_s"]
+    wait_until(lambda: idle.state("x") == idle.state("y") == "idle")
+
+
+def test_an_emergency_stop_trips_every_axis_until_it_is_reset(idle: Daemon) -> None:
+    idle.ask("program", axis="x", name="shuttle")
+    idle.ask("estop")
+    wait_until(lambda: idle.state("x") == idle.state("y") == "fault")
+    fault = idle.ask("status", axis="x")["axes"]["x"]["fault"]
+    assert fault["cause"] == "estop"
+    assert fault["message"].startswith("emergency stop, at ")
+    no = refusal(idle, "start", axis="x")
+    assert str(no) == "axis x is in fault: start is not possible; possible now: reset"
+    idle.ask("reset", axis="x")
+    assert idle.state("x") == "off"
+    assert idle.state("y") == "fault"
+
+
+def test_a_program_file_travels_to_the_daemon(idle: Daemon, tmp_path: Path) -> None:
+    file = tmp_path / "there.yaml"
+    file.write_text(
+        "{kind: point_to_point, axis: x, start_m: 0.1, target_m: 0.11, max_velocity_m_s: 0.1,"
+        " max_acceleration_m_s2: 1.0, max_jerk_m_s3: 50}"
+    )
+    done = idle.cli("program", "x", str(file), "--wait")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("axis x: program there on x: ")
+    reference = idle.ask("status", axis="x")["axes"]["x"]["reference_m"]
+    assert reference == pytest.approx(0.11, abs=1e-12)
+
+
+def test_recorded_points_travel_to_the_daemon(idle: Daemon, tmp_path: Path) -> None:
+    time_s = np.linspace(0, 1, 51)
+    x_m = 0.1 + 0.01 * (1 - np.cos(np.pi * time_s)) ** 2
+    file = tmp_path / "points.csv"
+    rows = "".join(f"{t:.6f},{x:.9f}\n" for t, x in zip(time_s, x_m, strict=True))
+    file.write_text("time_s,x_m\n" + rows)
+    (tmp_path / "shape.yaml").write_text("{kind: points, axes: [x], file: points.csv, ease_s: 0.2}")
+    request = packed(tmp_path / "shape.yaml", ["x", "y"])
+    assert request["files"]["points.csv"].startswith("time_s,x_m")
+    assert idle.ask("program", axis="x", **request)["program"] == "shape"
+    wait_until(lambda: idle.state("x") == "idle")
+
+
+def test_the_daemon_opens_no_file_on_a_clients_word(idle: Daemon, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.csv"
+    secret.write_text("time_s,x_m\nsecret,words\n")
+    document = {"kind": "points", "axes": ["x"], "file": str(secret)}
+    no = refusal(idle, "program", axis="x", name="mine", document=document)
+    assert (no.code, str(no)) == (
+        "bad_program",
+        "mine: file: its text is not in the request's files",
+    )
+    sent = {"document": document, "files": {str(secret): "time_s,x_m\n0,zero\n1,0.1\n"}}
+    no = refusal(idle, "program", axis="x", name="mine", **sent)
+    assert str(no).startswith("points.csv:2: x_m: 'zero' is no number")
+
+
+def test_a_bad_program_is_refused_with_its_key(idle: Daemon) -> None:
+    document = {"kind": "circle", "axes": ["x", "q"]}
+    no = refusal(idle, "program", axis="x", name="mine", document=document)
+    assert no.code == "bad_program"
+    assert "mine: center_m: this key is missing" in str(no)
+
+
+def test_the_command_line_tells_errors_with_their_exit_status(
+    daemon: Daemon, tmp_path: Path
+) -> None:
+    unknown = daemon.cli("start", "z")
+    assert (unknown.returncode, unknown.stdout) == (2, "")
+    assert unknown.stderr == "motorctl: unknown axis 'z'; known: x, y\n"
+    missing = daemon.cli("program", "x", str(tmp_path / "none.yaml"))
+    assert missing.returncode == 2
+    assert "none.yaml" in missing.stderr
+    negative = daemon.cli("move", "x", "-0.3")
+    assert negative.returncode == 2
+    assert "Traceback" not in unknown.stderr + missing.stderr + negative.stderr
+
+
+def test_status_is_one_json_document_or_a_table(idle: Daemon) -> None:
+    done = idle.cli("status", "x", "--json")
+    document = json.loads(done.stdout)
+    assert done.stderr == ""
+    assert document["machine"] == "bench"
+    assert document["loop"]["phase"] == "running"
+    assert list(document["axes"]) == ["x"]
+    assert document["axes"]["x"]["theta_hat"].keys() >= {"inertia", "em_cubic"}
+    assert document["recording"]["rows_lost"] == 0
+    shown = idle.cli("status").stdout
+    assert "bench" in shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_a_hostile_client_stops_no_axis(idle: Daemon) -> None:
+    idle.ask("program", axis="x", name="shuttle")
+    generator = np.random.default_rng(1)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hostile:
+        hostile.connect(str(idle.socket))
+        hostile.settimeout(20)
+        for size in (1, 100, 10_000):
+            hostile.sendall(generator.bytes(size) + b"\n")
+        deep = b'{"do":"program","axis":"x","name":"n","document":' + b'{"a":' * 5000
+        hostile.sendall(deep + b"1" + b"}" * 5001 + b"\n")
+        with Client(idle.socket) as other:
+            assert other.axis("x")["state"] == "running"
+            assert other.axis("y")["state"] == "idle"
+
+
+def test_the_log_holds_every_tick_and_what_was_commanded(idle: Daemon) -> None:
+    """Runs last: it ends the module's daemon."""
+    idle.ask("program", axis="x", name="ring")
+    wait_until(lambda: idle.state("x") == "idle")
+    assert idle.end() == 0, idle.said
+    table = pq.read_table(idle.log())
+    metadata = json.loads(table.schema.metadata[b"motorctl"])
+    tick = table["tick"].to_numpy()
+    assert tick[0] == 0
+    assert tick[-1] == metadata["loop"]["ticks"]
+    assert (np.diff(tick) > 0).all()
+    assert (np.diff(tick) - 1).sum() == metadata["loop"]["skipped_periods"]
+    assert metadata["rows_lost"] == 0
+    motion = metadata["motions"][-1]
+    assert (motion["name"], motion["axes"]) == ("ring", ["x", "y"])
+    # Both references leave their places right at the tick that was ordered for both.
+    for axis in motion["axes"]:
+        reference = table[f"{axis}.reference_m"].to_numpy()
+        moving = tick[1:][np.diff(reference) != 0]
+        assert motion["start_tick"] <= moving[moving >= motion["start_tick"] - 10][0]
+    assert not idle.partial_logs()

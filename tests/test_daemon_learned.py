@@ -1,0 +1,140 @@
+"""What was learned is kept from run to run, and nothing else gets in that way."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from daemon_rig import bench_config
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from motorctl.config import Machine, load
+from motorctl.daemon.learned import save, take_up
+
+THETA = {
+    "x": np.array([0.2, 0.3, 0.1, 0.05, -0.004, -0.0004]),
+    "y": np.array([0.7, 0.3, 0.2, 0.0, -0.01, -0.0002, 99.0]),  # longer than its model: the rest
+}
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
+    path = tmp_path_factory.mktemp("config") / "bench.yaml"
+    path.write_text(bench_config(keep_learned=True))
+    return load(path)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "state" / "bench.json"
+
+
+def test_what_was_saved_is_taken_up_to_the_last_bit(machine: Machine, path: Path) -> None:
+    save(machine, THETA, path)
+    learned, remarks = take_up(machine, path)
+    assert learned == {"x": list(THETA["x"]), "y": list(THETA["y"][:6])}
+    assert all("goes on from what was learned until" in remark for remark in remarks)
+    assert [file.name for file in path.parent.iterdir()] == ["bench.json"]
+
+
+def test_axes_that_do_not_keep_it_are_neither_saved_nor_changed(path: Path, tmp_path: Path) -> None:
+    config = tmp_path / "bench.yaml"
+    config.write_text(bench_config(keep_learned=True).replace("keep_learned: true", "", 1))
+    half = load(config)
+    save(half, THETA, path)
+    assert list(json.loads(path.read_text())["axes"]) == ["y"]
+    config.write_text(bench_config(keep_learned=False))
+    assert take_up(load(config), path) == ({}, [])
+
+
+def test_without_a_file_everything_starts_as_configured(machine: Machine, path: Path) -> None:
+    assert take_up(machine, path) == ({}, [])
+
+
+def spoilt(machine: Machine, path: Path, old: str, new: str) -> tuple[dict[str, list[float]], str]:
+    save(machine, THETA, path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    learned, remarks = take_up(machine, path)
+    return learned, "\n".join(remarks)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"machine": "bench"', '"machine": "lathe"', "machine 'lathe'"),
+        ('"format": "motorctl-learned-1"', '"format": "2"', "format '2'"),
+        ('"axes"', '"taxes"', "axes: Field required"),
+        ("{", "", "Invalid JSON"),
+    ],
+)
+def test_a_foreign_or_damaged_file_is_told_and_ignored(
+    machine: Machine, path: Path, old: str, new: str, told: str
+) -> None:
+    learned, remarks = spoilt(machine, path, old, new)
+    assert learned == {}
+    assert f"{path}: what was learned is not taken up: " in remarks
+    assert told in remarks
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"inertia": 0.2', '"inertia": 1.3', "inertia = 1.3 lies outside 0.05 to 1.2"),
+        ('"offset": 0.05', '"onset": 0.05', "it belongs to another model"),
+        ('"controller": "C2"', '"controller": "C1"', "it belongs to another model"),
+    ],
+)
+def test_an_axis_out_of_its_bounds_starts_as_configured_alone(
+    machine: Machine, path: Path, old: str, new: str, told: str
+) -> None:
+    learned, remarks = spoilt(machine, path, old, new)
+    assert list(learned) == ["y"]
+    assert f"axis x: what was learned is not taken up: {told}" in remarks
+
+
+def test_an_input_map_that_is_not_monotonic_is_not_taken_up(path: Path, tmp_path: Path) -> None:
+    config = tmp_path / "bench.yaml"
+    config.write_text(bench_config(keep_learned=True).replace("[-0.015, 0]", "[-0.05, 0]"))
+    wide = load(config)
+    # dv/du at 10 V: 1 + 2 * 10 theta5 + 3 * 100 theta6, 0.1 for x and -0.1 for y.
+    x, y = THETA["x"].copy(), THETA["y"].copy()
+    x[4:6], y[4:6] = (-0.03, -0.001), (-0.04, -0.001)
+    save(wide, {"x": x, "y": y}, path)
+    learned, remarks = take_up(wide, path)
+    assert list(learned) == ["x"]
+    assert "axis y: " in remarks[1]
+    assert "not monotonic up to 10 V (Assumption 2)" in remarks[1]
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    st.binary(max_size=300)
+    | st.recursive(
+        st.none() | st.floats() | st.text(), lambda inner: st.dictionaries(st.text(), inner)
+    ).map(lambda value: json.dumps(value).encode())
+)
+def test_no_file_content_whatever_hinders_the_start(
+    machine: Machine, tmp_path: Path, content: bytes
+) -> None:
+    path = tmp_path / "bench.json"
+    path.write_bytes(content)
+    learned, remarks = take_up(machine, path)
+    assert learned == {}
+    assert len(remarks) == 1
+
+
+def test_a_failed_save_leaves_the_old_file(machine: Machine, path: Path) -> None:
+    save(machine, THETA, path)
+    before = path.read_bytes()
+    blocked = {**THETA, "x": np.array([np.nan] * 6)}
+    with pytest.raises(ValueError, match="finite"):
+        save(machine, blocked, path)
+    assert path.read_bytes() == before
+    assert [file.name for file in path.parent.iterdir()] == ["bench.json"]

@@ -1,0 +1,174 @@
+"""Life and death of the daemon's two processes; whatever happens, the log is kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from daemon_rig import Daemon, alive, bench_config, command, wait_until
+
+from motorctl.log import recover
+from motorctl.log.sample import AxisState
+
+TESTS = Path(__file__).parent
+
+
+def loop_pid(daemon: Daemon) -> int:
+    pid: int = daemon.ask("status")["loop"]["pid"]
+    return pid
+
+
+def marking_config(mark: Path) -> str:
+    """The bench on a driver that writes down who made its outputs safe."""
+    return bench_config("ring", "ring").replace(
+        "{type: sim, preset",
+        f"{{type: 'marking_driver:MarkingDriver', mark: '{mark}', preset",
+    )
+
+
+def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
+    """And while it runs, no second daemon starts on its socket."""
+    config = bench_config("shuttle", keep_learned=True)
+    with Daemon(tmp_path, config) as daemon:
+        second = daemon.launch()
+        assert second.wait(120) == 2
+        assert f"a daemon already answers on {daemon.socket}" in daemon.said
+        started = daemon.ask("start", axis="x")
+        assert started["program"] == "shuttle"
+        wait_until(lambda: daemon.ask("status", axis="x")["axes"]["x"]["velocity_m_s"] > 0.01)
+        assert daemon.end(signal.SIGTERM) == 0, daemon.said
+        assert not daemon.socket.exists()
+        table = pq.read_table(daemon.log())
+        assert table["x.state"][-1].as_py() == AxisState.OFF
+        # Ramped down, not cut off: the last reference velocities fall to zero.
+        velocity = table["x.reference_velocity_m_s"].to_numpy()
+        states = table["x.state"].to_numpy()
+        ramp = velocity[states == AxisState.STOPPING]
+        assert len(ramp) > 2
+        assert abs(ramp[-1]) < 0.01
+        learned = json.loads((tmp_path / "state" / "motorctl" / "bench.json").read_text())
+        last = table["x.theta_hat_inertia"][-1].as_py()
+        assert learned["axes"]["x"]["parameters"]["inertia"] == last
+    # The next run goes on from there; this one is ended by Ctrl-C, twice.
+    with Daemon(tmp_path / "next", config, XDG_STATE_HOME=str(tmp_path / "state")) as daemon:
+        assert "axis x: goes on from what was learned" in daemon.said
+        daemon.ask("start", axis="x")
+        daemon.process.send_signal(signal.SIGINT)
+        assert daemon.end(signal.SIGINT) == 0, daemon.said
+        table = pq.read_table(daemon.log())
+        assert table["x.theta_hat_inertia"][0].as_py() == last
+        assert json.loads(table.schema.metadata[b"motorctl"])["rows_lost"] == 0
+
+
+def test_a_loop_that_dies_ends_the_daemon_with_the_reason_and_the_log(tmp_path: Path) -> None:
+    mark = tmp_path / "mark"
+    with Daemon(tmp_path, marking_config(mark), PYTHONPATH=str(TESTS)) as daemon:
+        # A program of two axes begins when the second of them is started.
+        waits = daemon.cli("start", "x")
+        assert waits.stdout == "axis x: enabled, holds; program ring waits for y\n"
+        assert daemon.state("x") == "idle"
+        assert daemon.ask("start", axis="y")["axes"] == ["x", "y"]
+        assert {daemon.state("x"), daemon.state("y")} == {"running"}
+        os.kill(loop_pid(daemon), signal.SIGKILL)
+        assert daemon.process.wait(60) == 1
+        assert "the loop process ended (killed by SIGKILL)" in daemon.said
+        assert "Traceback" not in daemon.said
+        # The supervisor itself made the outputs safe.
+        assert str(daemon.process.pid) in mark.read_text().split()
+        assert pq.read_table(daemon.log())["x.state"][-1].as_py() == AxisState.RUNNING
+        assert not daemon.partial_logs()
+
+
+@pytest.mark.slow
+def test_a_loop_that_stands_still_is_ended_and_starves_the_watchdog(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(60)
+        with Daemon(tmp_path, NOTIFY_SOCKET=str(tmp_path / "notify")) as daemon:
+            told = [manager.recv(4096).decode() for _ in range(8)]
+            assert any(text.startswith("READY=1\n") for text in told)
+            assert "WATCHDOG=1" in told
+            pid = loop_pid(daemon)
+            os.kill(pid, signal.SIGSTOP)
+            assert daemon.process.wait(60) == 1
+            assert "the loop stands still: no tick for" in daemon.said
+            assert not alive(pid)
+            assert pq.read_metadata(daemon.log()).num_rows > 0
+
+
+def test_a_killed_supervisor_leaves_no_loop_and_a_recoverable_log(tmp_path: Path) -> None:
+    with Daemon(tmp_path) as daemon:
+        daemon.ask("start", axis="x")
+        daemon.ask("program", axis="x", name="shuttle")
+        rows = daemon.ask("status")["recording"]["rows"]
+        pid = loop_pid(daemon)
+        assert daemon.end(signal.SIGKILL) == -signal.SIGKILL
+        wait_until(lambda: not alive(pid))
+        (partial,) = daemon.partial_logs()
+        found = recover(partial)
+        assert found.rows >= rows
+        assert pq.read_metadata(found.path).num_rows == found.rows
+
+
+def test_a_stop_before_the_first_tick_forgets_nothing(tmp_path: Path) -> None:
+    kept = tmp_path / "state" / "motorctl" / "bench.json"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("what an earlier run left")
+    daemon = Daemon(tmp_path, bench_config(keep_learned=True))
+    wait_until(lambda: daemon.cli("status").returncode == 0, 240)
+    # The loop may tick by now: then the daemon has every right to write a new file.
+    starting = daemon.ask("status")["loop"]["phase"] != "running"
+    assert daemon.end() == 0
+    assert "what was learned is not taken up: Invalid JSON" in daemon.said
+    assert "Traceback" not in daemon.said
+    assert not starting or kept.read_text() == "what an earlier run left"
+
+
+def test_a_refusal_of_the_loop_is_shown_in_one_line(tmp_path: Path) -> None:
+    # A CPU that does not exist cannot be pinned to, whatever rights the test has.
+    config = bench_config(without_realtime="refuse").replace("loop: {", "loop: {cpu: 4000, ")
+    daemon = Daemon(tmp_path, config)
+    assert daemon.process.wait(240) == 1
+    last = daemon.said.strip().splitlines()[-1]
+    assert "loop.without_realtime is 'refuse'" in last
+    assert "not pinned to a CPU" in last
+    assert not list(daemon.logs.iterdir())
+
+
+def test_what_cannot_work_is_told_before_anything_starts(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    daemon = Daemon(tmp_path)
+    daemon.process.kill()
+    daemon.process.wait()
+    daemon.logs = tmp_path / "file" / "logs"
+    assert daemon.launch().wait(120) == 2
+    assert f"log directory {daemon.logs}: Not a directory" in daemon.said
+    done = daemon.cli("status")
+    assert done.returncode == 1
+    assert "no daemon answers on" in done.stderr
+    assert command("run")[-1] == "run"
+
+
+@pytest.mark.slow
+def test_a_full_disk_stops_no_axis_and_is_counted(tmp_path: Path) -> None:
+    import resource
+
+    with Daemon(tmp_path) as daemon:
+        daemon.ask("start", axis="x")
+        size = daemon.partial_logs()[0].stat().st_size
+        resource.prlimit(daemon.process.pid, resource.RLIMIT_FSIZE, (size + 4096, size + 4096))
+        wait_until(lambda: daemon.ask("status")["recording"]["rows_lost"] > 0)
+        status = daemon.ask("status")
+        assert "cannot be written" in status["recording"]["failure"]
+        assert status["axes"]["x"]["state"] == "idle"
+        assert daemon.end() == 1
+        assert "recording" in daemon.said
+        # Whether the finished log still fits depends on its compression; the rows are kept anyhow.
+        left = daemon.partial_logs()
+        log = recover(left[0]).path if left else daemon.log()
+        assert pq.read_metadata(log).num_rows > 0

@@ -1,0 +1,119 @@
+"""The status picture: everything a document can hold is drawn, within 80 columns."""
+
+from __future__ import annotations
+
+import copy
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from motorctl.cli.status_view import status_view
+
+AXIS: dict[str, Any] = {
+    "state": "running",
+    "fault": None,
+    "homed": True,
+    "controller": "C2",
+    "position_m": 0.1234567,
+    "velocity_m_s": 0.5,
+    "reference_m": 0.1234444,
+    "following_error_m": 12.3e-6,
+    "command_v": -9.87,
+    "travel_m": [-0.05, 0.45],
+    "max_voltage_v": 10,
+    "motion": {"name": "published_x", "elapsed_s": 12.3, "approach_s": 0.4, "duration_s": 42.4},
+    "d0_hat_v": 0.01,
+    "theta_hat": {"inertia": 0.19, "position_dependent_friction_spline_12": 1e-9},
+}
+TIMING = {"p50_s": 11e-6, "p99_s": 23e-6, "p999_s": 1e-4, "max_s": 1.2e-3, "max_at_s": 3.21}
+DOCUMENT: dict[str, Any] = {
+    "machine": "published-gantry",
+    "daemon": {"socket": "/run/motorctl/motorctl.sock", "uptime_s": 3723.4, "stopping": False},
+    "loop": {
+        "phase": "running",
+        "rate_hz": 5000.0,
+        "ticks": 18_617_000,
+        "overruns": 0,
+        "skipped_periods": 0,
+        "degraded": [],
+        "turnaround": TIMING,
+        "lateness": TIMING,
+    },
+    "recording": {
+        "file": "/var/log/motorctl/published-gantry-20260101T120000Z.parquet",
+        "rows": 18_616_000,
+        "rows_lost": 0,
+        "failure": None,
+    },
+    "axes": {"x": AXIS, "y": {**AXIS, "state": "idle", "motion": None}},
+}
+
+
+def drawn(document: dict[str, Any], *, detailed: bool = False) -> str:
+    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+    console.print(status_view(document, detailed=detailed))
+    file = console.file
+    assert isinstance(file, io.StringIO)
+    text = file.getvalue()
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" not in text
+    return text
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    document = copy.deepcopy(DOCUMENT)
+    *parents, last = path.split(".")
+    place = document
+    for key in parents:
+        place = place[key]
+    place[last] = value
+    return document
+
+
+def test_what_matters_is_on_it() -> None:
+    text = drawn(DOCUMENT)
+    for part in (
+        "published-gantry",
+        "● running  5000 Hz  up 1:02:03",
+        "123.4567 mm",
+        "+12.3 µm",
+        "-9.87 V",
+        "x follows published_x",
+        "12.3 of 42.4 s",
+        "median 11.0 µs   p99 23.0 µs   worst 1.20 ms at 3.2 s",
+        "18,616,000 ticks, 0 lost",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "shown"),
+    [
+        ("axes.x.fault", {"cause": "estop", "message": "emergency stop, at 3 s"}, "x: emergency"),
+        ("axes.x.homed", False, "not homed"),
+        ("axes.x.position_m", None, "–"),
+        ("loop.turnaround", None, "turnaround  –"),
+        ("loop.degraded", ["the kernel is not PREEMPT_RT"], "! the kernel is not"),
+        ("loop.overruns", 1234, "1,234, 0 periods skipped"),
+        ("recording.failure", "run.partial: No space left", "No space left"),
+        ("recording.file", None, "overruns"),
+        ("daemon.stopping", True, "● stopping"),
+    ],
+)
+def test_what_is_wrong_is_on_it(path: str, value: Any, shown: str) -> None:
+    assert shown in drawn(changed(path, value))
+
+
+@pytest.mark.parametrize(("position_m", "cell"), [(-9.0, 0), (-0.05, 0), (0.2, 6), (9.0, 12)])
+def test_the_dot_stands_where_the_axis_stands(position_m: float, cell: int) -> None:
+    text = drawn(changed("axes.x.position_m", position_m))
+    row = next(line for line in text.splitlines() if "running" in line and "├" in line)
+    bar = row[row.index("├") + 1 : row.index("┤")]
+    assert bar.index("●") == cell
+
+
+def test_one_axis_shows_its_parameters() -> None:
+    assert "position_dependent_friction_spline_12" in drawn(DOCUMENT, detailed=True)
+    assert "spline_12" not in drawn(DOCUMENT)

@@ -1,0 +1,208 @@
+"""The socket's file: its permissions, its peers, and one daemon a socket."""
+
+from __future__ import annotations
+
+import asyncio
+import grp
+import os
+import socket
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from motorctl.daemon.access import ControlSocket, Peer, peer_of
+from motorctl.daemon.client import Client
+from motorctl.daemon.places import client_socket, daemon_socket, state_file
+from motorctl.daemon.server import ControlServer
+from motorctl.errors import RunError, UsageError
+
+ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become somebody else")
+NOBODY = 65534
+
+# Connects as another user and prints what comes back.
+ASK_AS_NOBODY = f"""
+import os, socket, sys
+os.setgroups([int(group) for group in sys.argv[2:]])
+os.setgid({NOBODY})
+os.setuid({NOBODY})
+s = socket.socket(socket.AF_UNIX)
+s.settimeout(20)
+try:
+    s.connect(sys.argv[1])
+except PermissionError:
+    sys.exit("PermissionError")
+try:
+    s.sendall(b'{{"do": "status"}}' + bytes([10]))
+except OSError:
+    pass  # the refusal is there already
+sys.exit(s.recv(200).decode())
+"""
+
+
+def test_only_owner_and_group_may_open_the_socket(tmp_path: Path) -> None:
+    control = ControlSocket(tmp_path / "s.sock")
+    found = control.path.stat()
+    assert stat.S_IMODE(found.st_mode) == 0o660
+    assert found.st_gid == os.getegid()
+    control.close()
+    assert not control.path.exists()
+
+
+@ROOT_ONLY
+def test_the_socket_belongs_to_the_chosen_group(tmp_path: Path) -> None:
+    group = grp.getgrgid(NOBODY).gr_name
+    control = ControlSocket(tmp_path / "s.sock", group)
+    assert control.path.stat().st_gid == NOBODY
+    control.close()
+
+
+def test_an_unknown_group_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no group 'no-such-group'"):
+        ControlSocket(tmp_path / "s.sock", "no-such-group")
+
+
+def test_the_kernel_tells_who_is_there(tmp_path: Path) -> None:
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with here, there:
+        peer = peer_of(here)
+    assert (peer.pid, peer.uid) == (os.getpid(), os.geteuid())
+    assert peer.groups == {os.getegid(), *os.getgroups()}
+
+
+def test_root_the_own_user_and_members_are_admitted(tmp_path: Path) -> None:
+    control = ControlSocket(tmp_path / "s.sock")
+    stranger = os.geteuid() + 1
+    assert control.admits(Peer(1, 0, frozenset()))
+    assert control.admits(Peer(1, os.geteuid(), frozenset()))
+    assert control.admits(Peer(1, stranger, frozenset({os.getegid(), 5})))
+    assert not control.admits(Peer(1, stranger, frozenset({os.getegid() + 1})))
+    control.close()
+
+
+@ROOT_ONLY
+@pytest.mark.parametrize(
+    ("groups", "mode", "expected"),
+    [
+        ([], 0o660, "PermissionError"),  # the file's mode keeps a stranger out
+        ([], 0o666, "forbidden"),  # and so do the peer's credentials alone
+        ([12345], 0o660, '"ok":true'),
+    ],
+)
+def test_a_user_outside_the_group_is_kept_out(
+    tmp_path: Path, groups: list[int], mode: int, expected: str
+) -> None:
+    tmp_path.chmod(0o755)
+    for folder in tmp_path.parents[:2]:
+        folder.chmod(0o755)
+
+    async def ask() -> str:
+        control = ControlSocket(tmp_path / "s.sock")
+        control.group_id = 12345
+        os.chown(control.path, -1, control.group_id)
+        control.path.chmod(mode)
+        server = ControlServer(control, lambda _: asyncio.sleep(0, {}))
+        await server.start()
+        arguments = [sys.executable, "-c", ASK_AS_NOBODY, str(control.path), *map(str, groups)]
+        asking = await asyncio.create_subprocess_exec(*arguments, stderr=subprocess.PIPE)
+        _, out = await asking.communicate()
+        await server.close()
+        control.close()
+        return out.decode()
+
+    assert expected in asyncio.run(ask())
+
+
+def test_a_dead_daemons_socket_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "s.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
+        dead.bind(str(path))
+    control = ControlSocket(path)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        control.socket.listen()
+        client.connect(str(path))
+    control.close()
+
+
+def test_a_living_daemon_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "s.sock"
+    first = ControlSocket(path)
+    with pytest.raises(UsageError, match=f"a daemon already answers on {path}.*{os.getpid()}"):
+        ControlSocket(path)
+    assert path.exists()
+    first.close()
+    ControlSocket(path).close()
+
+
+def test_a_foreign_server_on_the_socket_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "s.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as foreign:
+        foreign.bind(str(path))
+        foreign.listen()
+        with pytest.raises(UsageError, match="already answers"):
+            ControlSocket(path)
+
+
+def test_the_lock_lasts_as_long_as_any_process_holds_it(tmp_path: Path) -> None:
+    """An orphaned loop that is still stopping its axes keeps the machine taken."""
+    control = ControlSocket(tmp_path / "s.sock")
+    loop = subprocess.Popen(["sleep", "60"], pass_fds=[control.lock_fd])
+    control.close()
+    try:
+        with pytest.raises(UsageError, match="already answers"):
+            ControlSocket(tmp_path / "s.sock")
+    finally:
+        loop.kill()
+        loop.wait()
+    ControlSocket(tmp_path / "s.sock").close()
+
+
+def test_a_file_that_is_no_socket_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("mine")
+    with pytest.raises(UsageError, match="not a socket"):
+        ControlSocket(path)
+    assert path.read_text() == "mine"
+
+
+def test_an_impossible_place_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="control socket"):
+        ControlSocket(tmp_path / "file" / "s.sock")
+    with pytest.raises(UsageError, match="too long"):
+        ControlSocket(tmp_path / ("s" * 120))
+
+
+def test_a_socket_that_somebody_else_made_since_is_left_alone(tmp_path: Path) -> None:
+    control = ControlSocket(tmp_path / "s.sock")
+    control.path.unlink()
+    control.path.write_text("somebody else's")
+    control.close()
+    assert control.path.exists()
+
+
+def test_a_client_without_a_daemon_is_told_how_to_start_one(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"no daemon answers on .*motorctl run"):
+        Client(tmp_path / "s.sock")
+
+
+def test_systemds_directories_come_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RUNTIME_DIRECTORY", f"{tmp_path}/run:{tmp_path}/other")
+    monkeypatch.setenv("STATE_DIRECTORY", f"{tmp_path}/state")
+    assert daemon_socket() == tmp_path / "run" / "motorctl.sock"
+    assert client_socket() == daemon_socket()
+    assert state_file("gantry") == tmp_path / "state" / "gantry.json"
+
+
+def test_a_users_own_places_are_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    assert daemon_socket() == tmp_path / "motorctl.sock"
+    assert state_file("gantry") == tmp_path / "state" / "motorctl" / "gantry.json"
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    assert daemon_socket() == Path("/run/motorctl/motorctl.sock")

@@ -1,0 +1,238 @@
+"""The control socket: whatever a client sends, it harms nobody but itself."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from motorctl.daemon import server as server_module
+from motorctl.daemon.access import ControlSocket
+from motorctl.daemon.client import Client, DaemonRefusedError
+from motorctl.daemon.protocol import (
+    MAX_LINE_BYTES,
+    Code,
+    MoveCommand,
+    RefusedError,
+    Request,
+    parse_request,
+    refusal,
+    request_id,
+)
+from motorctl.daemon.server import MAX_CLIENTS_A_USER, ControlServer
+from motorctl.errors import RunError
+
+LINES = settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner),
+    max_leaves=12,
+)
+COMMANDS = st.sampled_from(["start", "stop", "move", "program", "estop", "status", "dance"])
+ALMOST_REQUESTS = st.fixed_dictionaries(
+    {"do": COMMANDS | JSON_VALUES},
+    optional={"id": JSON_VALUES, "axis": st.just("x") | JSON_VALUES, "position_m": JSON_VALUES},
+)
+
+
+async def _handle(request: Request) -> dict[str, Any]:
+    """Stand in for the daemon: one axis x, and one command that is broken."""
+    if request.do == "home":
+        raise ZeroDivisionError("a mistake of ours")
+    if request.do == "estop":
+        raise RefusedError(Code.WRONG_STATE, "not now")
+    return {"did": request.do}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Iterator[Path]:
+    place = tmp_path / "s.sock"
+    ready, events = threading.Event(), asyncio.new_event_loop()
+
+    async def serve(stop: asyncio.Event) -> None:
+        control = ControlSocket(place)
+        server = ControlServer(control, _handle)
+        await server.start()
+        ready.set()
+        await stop.wait()
+        await server.close()
+        control.close()
+
+    stop = asyncio.Event()
+    thread = threading.Thread(target=events.run_until_complete, args=(serve(stop),))
+    thread.start()
+    ready.wait()
+    yield place
+    events.call_soon_threadsafe(stop.set)
+    thread.join()
+    events.close()
+
+
+def exchange(path: Path, data: bytes, answers: int) -> list[dict[str, Any]]:
+    """Send bytes and read that many lines, or up to the end."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(20)
+        connection.connect(str(path))
+        connection.sendall(data)
+        lines = connection.makefile("rb")
+        found = [line for _ in range(answers) if (line := lines.readline())]
+        lines.close()
+    return [json.loads(line) for line in found]
+
+
+def answers_still(path: Path) -> bool:
+    with Client(path) as client:
+        return client.ask("status") == {"did": "status"}
+
+
+def test_a_request_is_answered_under_its_id(path: Path) -> None:
+    requests = b'{"id": 7, "do": "start", "axis": "x"}\n{"do": "estop", "id": "a"}\n'
+    assert exchange(path, requests, 2) == [
+        {"id": 7, "ok": True, "did": "start"},
+        {"id": "a", "ok": False, "error": {"code": "wrong_state", "message": "not now"}},
+    ]
+
+
+@LINES
+@given(st.binary(max_size=200).filter(lambda b: b.replace(b"\n", b"").strip()))
+def test_random_bytes_are_refused_and_the_server_lives(path: Path, data: bytes) -> None:
+    (first, *_) = exchange(path, data + b"\n", 1)
+    assert first["ok"] is False
+    assert first["error"]["code"] == "bad_request"
+    assert answers_still(path)
+
+
+@LINES
+@given(ALMOST_REQUESTS)
+def test_every_json_object_gets_one_answer(path: Path, request_like: dict[str, Any]) -> None:
+    (found,) = exchange(path, json.dumps(request_like).encode() + b"\n", 1)
+    assert found["ok"] or found["error"]["message"]
+    assert answers_still(path)
+
+
+@given(st.binary(max_size=300) | ALMOST_REQUESTS.map(lambda r: json.dumps(r).encode()))
+def test_a_line_is_a_request_or_refused_with_a_reason(line: bytes) -> None:
+    refused = None
+    try:
+        request = parse_request(line)
+    except RefusedError as no:
+        refused = no
+    if refused is None:
+        assert request.do in line.decode()
+        return
+    assert refused.code is Code.BAD_REQUEST
+    assert refused.message
+    assert json.loads(refusal(request_id(line), refused.code, refused.message))["ok"] is False
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", '"0.1"', "true", "null"])
+def test_a_position_is_a_finite_number(number: str) -> None:
+    line = f'{{"do": "move", "axis": "x", "position_m": {number}}}'.encode()
+    with pytest.raises(RefusedError, match=r"position_m|JSON"):
+        parse_request(line)
+
+
+def test_what_is_wrong_with_a_request_is_named() -> None:
+    with pytest.raises(RefusedError, match=r"unknown command 'dance'; known: .*'start'"):
+        parse_request(b'{"do": "dance"}')
+    with pytest.raises(RefusedError, match='no command: give "do"'):
+        parse_request(b'{"axis": "x"}')
+    with pytest.raises(RefusedError, match="speed: Extra inputs are not permitted"):
+        parse_request(b'{"do": "move", "axis": "x", "position_m": 0.1, "speed": 2}')
+    assert parse_request(b'{"do": "move", "axis": "x", "position_m": 1}') == MoveCommand(
+        do="move", axis="x", position_m=1.0
+    )
+
+
+def test_a_mistake_of_ours_is_told_and_survived(path: Path) -> None:
+    (found,) = exchange(path, b'{"id": 1, "do": "home", "axis": "x"}\n', 1)
+    assert found["error"]["code"] == "internal"
+    assert answers_still(path)
+
+
+def test_an_oversized_request_is_refused_and_hung_up_on(path: Path) -> None:
+    with Client(path) as client, pytest.raises(DaemonRefusedError, match="bytes") as refused:
+        client.ask("start", axis="x" * (MAX_LINE_BYTES + 10))
+    assert refused.value.code == "too_large"
+    assert answers_still(path)
+
+
+def test_an_endless_line_does_not_keep_others_waiting(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as endless:
+        endless.connect(str(path))
+        endless.settimeout(20)
+        with pytest.raises(OSError, match=r"Broken pipe|reset"):
+            endless.sendall(b"x" * (10 * MAX_LINE_BYTES))
+        assert answers_still(path)
+
+
+def test_silent_and_half_spoken_clients_do_not_keep_others_waiting(path: Path) -> None:
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as silent,
+        socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as half,
+    ):
+        silent.connect(str(path))
+        half.connect(str(path))
+        half.sendall(b'{"do": "sta')
+        assert answers_still(path)
+        half.sendall(b'tus"}\n')
+        assert json.loads(half.recv(4096))["ok"]
+
+
+def test_a_line_that_never_ends_is_hung_up_on(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "LINE_TIMEOUT_S", 0.05)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as half:
+        half.connect(str(path))
+        half.settimeout(20)
+        half.sendall(b'{"do": "sta')
+        assert half.recv(4096) == b""
+    assert answers_still(path)
+
+
+def test_a_client_that_takes_no_answers_is_dropped(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_module, "WRITE_TIMEOUT_S", 0.05)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as deaf:
+        deaf.connect(str(path))
+        deaf.settimeout(20)
+        with pytest.raises(OSError, match=r"Broken pipe|reset"):
+            deaf.sendall(b'{"do":"status"}\n' * 1_000_000)
+    assert answers_still(path)
+
+
+def test_a_flood_of_requests_leaves_turns_to_others(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as flood:
+        flood.connect(str(path))
+        flood.settimeout(20)
+        flood.sendall(b"\n" * 100_000 + b'{"do":"status"}\n' * 1000)
+        assert answers_still(path)
+
+
+def test_too_many_connections_of_one_user_are_refused_until_one_ends(path: Path) -> None:
+    clients = [Client(path) for _ in range(MAX_CLIENTS_A_USER)]
+    for client in clients:
+        client.ask("status")
+    with Client(path) as one_more, pytest.raises(DaemonRefusedError, match="connections"):
+        one_more.ask("status")
+    clients.pop().close()
+    for _ in range(200):
+        try:
+            assert answers_still(path)
+            break
+        except (DaemonRefusedError, RunError):  # the end has not been noticed yet
+            continue
+    else:
+        pytest.fail("the place was not given back")
+    for client in clients:
+        client.close()
