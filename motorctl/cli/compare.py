@@ -1,0 +1,58 @@
+"""`motorctl compare`: before and after, by the published measures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from motorctl.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("compare", epilog="Example: motorctl compare c1.parquet c2.parquet --out pictures")(
+        _compare
+    )
+
+
+def _compare(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="RECORDING…", help="Logs or foreign recordings.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where pictures go; none without it.")
+    ] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", help="The motion's period, where neither log nor motion shows it."
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Measure every recording: eM, eF, L2[e], uM, and the first one's ratio to each other."""
+    from motorctl.cli.measure_tables import print_comparison
+    from motorctl.cli.progress import showing_progress
+    from motorctl.insight.compare import compare, comparison_document
+    from motorctl.insight.plots import plot_comparison
+    from motorctl.log import read_recording
+
+    if period is not None and not 0.0 < period < float("inf"):
+        raise UsageError(f"--period {period:g}: should be a number of seconds above 0")
+    read = []
+    with showing_progress("reading the recordings") as progress:
+        for i, path in enumerate(recordings):
+            read.append(read_recording(path, gaps="keep"))
+            progress((i + 1) / len(recordings))
+    comparison = compare(read, period)
+    pictures = plot_comparison(comparison, out) if out else []
+    if as_json:
+        document = comparison_document(comparison)
+        print(json.dumps(document | {"pictures": [str(p) for p in pictures]}))
+        return
+    print_comparison(comparison)
+    for picture in pictures:
+        print(picture)

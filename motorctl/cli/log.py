@@ -1,0 +1,115 @@
+"""`motorctl log`: look into a recording, export it, recover it after a crash."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
+    from motorctl.log.info import LogInfo
+
+LogFile = Annotated[Path, typer.Argument(metavar="FILE", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+
+
+class Target(StrEnum):
+    """Formats that a log can be exported to."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    MAT = "mat"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    group = typer.Typer(no_args_is_help=True)
+    group.command("info", epilog="Example: motorctl log info run.parquet")(_info)
+    group.command("export", epilog="Example: motorctl log export run.parquet --to csv")(_export)
+    group.command("recover", epilog="Example: motorctl log recover run.parquet.partial")(_recover)
+    app.add_typer(group, name="log", help="Look into a log, export it, recover it after a crash.")
+
+
+def _info(file: LogFile, as_json: AsJson = False) -> None:
+    """Show what is in a log, in an unfinished one or in a foreign recording."""
+    from motorctl.log.info import describe
+
+    info = describe(file)
+    if as_json:
+        print(json.dumps(dataclasses.asdict(info)))
+    else:
+        print(_told(info))
+
+
+def _export(
+    file: LogFile,
+    to: Annotated[Target, typer.Option(help="The format.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="The new file; else beside the log.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a log as CSV, as MAT, or as Parquet that any program reads."""
+    from motorctl.cli.progress import showing_progress
+    from motorctl.log.export import export
+
+    with showing_progress(f"writing {to.value}") as progress:
+        target = export(file, to.value, out, progress)
+    print(json.dumps({"out": str(target)}) if as_json else target)
+
+
+def _recover(
+    file: LogFile,
+    out: Annotated[Path | None, typer.Option(help="The log; else as it was to be called.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a log of what a crash left, with every row that is whole."""
+    from motorctl.log.recovery import recover
+
+    done = recover(file, out)
+    if as_json:
+        print(json.dumps(dataclasses.asdict(done) | {"path": str(done.path)}))
+    elif done.was_finished:
+        print(f"{done.path}: was complete already, with {done.rows} rows")
+    else:
+        tail = "; what was torn is given up" if done.tail_cut else ""
+        print(f"{done.path}: {done.rows} rows kept{tail}")
+        if done.partial_kept:
+            print("the damage is more than an interrupted write: the partial file stays")
+
+
+def _told(info: LogInfo) -> str:
+    lines = [info.path + ("" if info.finished else "  (not finished)")]
+    lines.append(f"  {info.rows} rows, {info.size_bytes / 1e6:.3g} MB")
+    if info.begin_s is not None and info.end_s is not None:
+        rate = f" at {info.sample_rate_hz:g} Hz" if info.sample_rate_hz else ""
+        lines.append(f"  {info.begin_s:.6g} s to {info.end_s:.6g} s{rate}")
+    lines.append(f"  axes: {', '.join(info.axes)}")
+    known = ("machine", "version", "seed", "host", "started_utc", "rows_lost")
+    for key in known:
+        if info.metadata.get(key) not in (None, 0):
+            lines.append(f"  {key}: {_short(info.metadata[key])}")
+    timing = info.metadata.get("timing") or {}
+    for name in ("turnaround", "lateness"):
+        if isinstance(found := timing.get(name), dict):
+            lines.append(f"  {name}: {_durations(found)}")
+    if missing := timing.get("ticks_missing"):
+        lines.append(f"  {missing} ticks are missing (skipped or lost)")
+    lines += [f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}" for f in info.faults]
+    lines += [f"  note: {note}" for note in info.notes]
+    return "\n".join(lines)
+
+
+def _short(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {item}" for key, item in value.items())
+    return str(value)
+
+
+def _durations(found: dict[str, float]) -> str:
+    names = {"p50_s": "median", "p99_s": "99 %", "p999_s": "99.9 %", "max_s": "worst"}
+    parts = [f"{names[key]} {found[key] * 1e6:.3g} µs" for key in names if key in found]
+    at = f" at {found['max_at_s']:.6g} s" if "max_at_s" in found else ""
+    return ", ".join(parts) + at
