@@ -1,0 +1,75 @@
+"""Which model is identified: the recording's own, C1, C2, or that of a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from motorctl.config import Machine, load, load_resolved
+from motorctl.errors import ConfigError, DataError, UsageError
+from motorctl.log import Recording
+from motorctl.model import Effect, EffectList, effect_class, make_effect
+
+FOUR = ("inertia", "viscous_friction", "coulomb_friction", "offset")
+ELECTROMAGNETIC = ("em_quadratic", "em_cubic")
+
+
+def declared_models(
+    recording: Recording, model: str | None = None, axis: str | None = None
+) -> dict[str, EffectList]:
+    """Give the list of effects of every axis of `recording`, or of `axis` alone.
+
+    `model` None is what the configuration in the log declares, and C1 where there is none. C1
+    and C2 are the log's own list without or with the electromagnetic effects. Else it is the
+    path or name of a configuration; its axis is that of the same name, or its only one. Raises
+    UsageError, DataError and ConfigError.
+    """
+    if axis is not None and axis not in recording.axes:
+        known = ", ".join(recording.axes)
+        raise UsageError(f"{recording.source}: no axis '{axis}'; it has: {known}")
+    names = list(recording.axes) if axis is None else [axis]
+    if model is None or model in ("C1", "C2"):
+        own = _own(recording)
+        return {name: controller_list(own.get(name), model) for name in names}
+    machine = load(model)
+    return {name: _of_axis(machine, name) for name in names}
+
+
+def controller_list(declared: EffectList | None, controller: str | None) -> EffectList:
+    """Give C1's or C2's list, made from what an axis declares where that is known."""
+    if declared is None:
+        declared = EffectList(_effects(FOUR))
+        if controller is None:
+            return declared
+    if controller == "C1":
+        return declared.without_electromagnetic()
+    if controller == "C2":
+        missing = [name for name in ELECTROMAGNETIC if name not in declared.names]
+        return EffectList([*declared.effects, *_effects(missing)])
+    return declared
+
+
+def _effects(names: tuple[str, ...] | list[str]) -> list[Effect]:
+    return [make_effect(effect_class(name)) for name in names]
+
+
+def _own(recording: Recording) -> dict[str, EffectList]:
+    config: Mapping[str, Any] | None = recording.metadata.get("config")
+    if not config:
+        return {}
+    try:
+        machine = load_resolved(config, recording.source)
+    except ConfigError as error:
+        raise DataError(
+            f"{recording.source}: its configuration cannot be read:\n{error}"
+        ) from error
+    return {name: axis.declared for name, axis in machine.axes.items()}
+
+
+def _of_axis(machine: Machine, name: str) -> EffectList:
+    if name in machine.axes:
+        return machine.axes[name].declared
+    if len(machine.axes) == 1:
+        return next(iter(machine.axes.values())).declared
+    known = ", ".join(machine.axes)
+    raise UsageError(f"{machine.source}: no axis '{name}' to take the model from; it has: {known}")
