@@ -19,11 +19,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import llvmlite
+import llvmlite  # type: ignore[import-untyped]
 import numba
 
-# Rooms of this package that hold kernels.
+from motorctl.errors import RunError
+
+# What of this package can be part of a kernel: rooms, and modules with constants of records.
 KERNEL_ROOMS = ("model", "control", "motion", "loop")
+KERNEL_CONSTANTS = ("hal/contract.py", "log/sample.py")
 
 
 def cache_root() -> Path:
@@ -45,6 +48,8 @@ def kernel_folder(*others: Path) -> Path:
     for folder in (*(package / room for room in KERNEL_ROOMS), *others):
         for path in sorted(folder.rglob("*.py")):
             digest.update(path.read_bytes())
+    for constants in KERNEL_CONSTANTS:
+        digest.update((package / constants).read_bytes())
     versions = (numba.__version__, llvmlite.__version__, platform.python_version())
     digest.update(repr(versions).encode())
     return cache_root() / f"kernels-{digest.hexdigest()[:16]}"
@@ -63,14 +68,15 @@ def source_digest(source: str) -> str:
 
 
 def load_generated(name: str, source: str) -> ModuleType:
-    """Write a generated module into the cache folder, once, and import it."""
+    """Write a generated module into the cache folder, once, and import it.
+
+    Raises RunError where nothing can be written there.
+    """
     full_name = f"motorctl_generated_{name}"
     if full_name in sys.modules:
         return sys.modules[full_name]
-    folder = kernel_folder()
-    path = folder / f"{full_name}.py"
+    path = _made(kernel_folder()) / f"{full_name}.py"
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
         draft = path.with_suffix(f".{os.getpid()}.tmp")
         draft.write_text(source)
         draft.replace(path)
@@ -79,8 +85,12 @@ def load_generated(name: str, source: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[full_name] = module
-    with kernels_cached():
-        spec.loader.exec_module(module)
+    try:
+        with kernels_cached():
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[full_name]
+        raise
     return module
 
 
@@ -89,13 +99,27 @@ def kernels_cached(*others: Path) -> Iterator[None]:
     """Let functions that are decorated with ``njit(cache=True)`` inside keep their code here.
 
     Import the module that defines them inside this context. `others` as in `kernel_folder`.
+    Raises RunError where nothing can be written there.
     """
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(kernel_folder(*others) / "compiled")
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(_made(kernel_folder(*others) / "compiled"))
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = before
+        settings.CACHE_DIR = before
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = f"{error.strerror}; let XDG_CACHE_HOME name a folder that can be written"
+        raise RunError(f"compiled kernels cannot be kept in {folder}: {why}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        why = "no permission to write; let XDG_CACHE_HOME name a folder that can be written"
+        raise RunError(f"compiled kernels cannot be kept in {folder}: {why}")
+    return folder
 
 
 def specialise(kernel: Any, *arguments: object) -> Callable[..., Any]:
@@ -104,5 +128,6 @@ def specialise(kernel: Any, *arguments: object) -> Callable[..., Any]:
     What is given skips the look-up of the arguments' types that a call of `kernel` itself makes,
     which costs several times the tick's mathematics. Every later call must pass the same types.
     """
-    entry: Callable[..., Any] = kernel.compile(tuple(numba.typeof(a) for a in arguments))
+    type_of: Callable[[object], Any] = numba.typeof
+    entry: Callable[..., Any] = kernel.compile(tuple(type_of(a) for a in arguments))
     return entry

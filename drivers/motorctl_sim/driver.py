@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -19,6 +19,7 @@ from motorctl.hal import (
     Outputs,
     RateBudget,
     kernels_cached,
+    specialise,
 )
 from motorctl_sim import compose
 from motorctl_sim.options import SimOptions
@@ -70,13 +71,15 @@ class SimDriver(Driver):
         self._plants = compose.make_plants(options, channels, self._clock)
         self._faults = compose.make_faults(options, channels, period_s)
         self._pace = Pace(period_s)
+        self._move: Callable[..., None] = physics.advance
+        self._deliver: Callable[..., None] = physics.deliver
+        self._accept: Callable[..., None] = physics.accept
         self._virtual = False
         self._running = False
         self._reset()
 
     def _reset(self) -> None:
         self._states = compose.make_states(self._sim, self.channels)
-        self._command, self._enable = self._states["command"], self._states["enable"]
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which the simulation takes a quarter of the period."""
@@ -99,9 +102,12 @@ class SimDriver(Driver):
         """Power the machine on: time 0, carriages at their places. Compiles what is not cached."""
         self._reset()
         physics.start(self._clock, self._plants, self._states, self._faults)
-        physics.advance(self._clock, self._plants, self._states, self._faults, 0)
-        scratch = Inputs(len(self.channels))
-        physics.deliver(self._states[:0], scratch.counts, scratch.index_counts, scratch.status)
+        records = (self._clock, self._plants, self._states, self._faults)
+        self._move = specialise(physics.advance, *records, 0)
+        seen, asked = Inputs(len(self.channels)), Outputs(len(self.channels))
+        shown = (seen.counts, seen.index_counts, seen.status)
+        self._deliver = specialise(physics.deliver, self._states, *shown)
+        self._accept = specialise(physics.accept, self._states, asked.volts, asked.enable)
         self._pace.restart()
         self._running = True
 
@@ -114,22 +120,21 @@ class SimDriver(Driver):
         """Fill `inputs` with what the machine shows now."""
         if self._running and not self._virtual:
             periods = self._pace.periods(time.monotonic_ns())
-            physics.advance(self._clock, self._plants, self._states, self._faults, periods)
-        physics.deliver(self._states, inputs.counts, inputs.index_counts, inputs.status)
+            self._move(self._clock, self._plants, self._states, self._faults, periods)
+        self._deliver(self._states, inputs.counts, inputs.index_counts, inputs.status)
 
     def write(self, outputs: Outputs) -> None:
         """Set the amplifiers' commands, held until the next write."""
-        np.copyto(self._command, outputs.volts)
-        np.copyto(self._enable, outputs.enable)
+        self._accept(self._states, outputs.volts, outputs.enable)
 
     def safe(self) -> None:
         """Zero and disable every amplifier."""
-        self._command.fill(0.0)
-        self._enable.fill(0)
+        self._states["command"] = 0.0
+        self._states["enable"] = 0
 
     def advance(self) -> None:
         """Let one period pass in virtual time."""
-        physics.advance(self._clock, self._plants, self._states, self._faults, 1)
+        self._move(self._clock, self._plants, self._states, self._faults, 1)
 
     def true_state(self) -> TrueState:
         """Give a copy of the true motion, for tests and demonstrations; the loop never asks."""

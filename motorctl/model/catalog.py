@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import sys
 from functools import cache
+from typing import get_args
+
+from numba.core.dispatcher import Dispatcher
 
 from motorctl.errors import UsageError
 from motorctl.model import effects
-from motorctl.model.effect import Effect
+from motorctl.model.effect import Effect, Kind
 
 
 @cache
@@ -42,7 +46,26 @@ def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
         raise UsageError(f"effect '{name}' ({type_name}) is not a motorctl.model.Effect")
     if found.name != name:
         raise UsageError(f"effect '{name}' ({type_name}) calls itself '{found.name}'")
+    _insist_on_its_parts(found, f"effect '{name}' ({type_name})")
     return found  # type: ignore[no-any-return]
+
+
+def _insist_on_its_parts(found: type[Effect], who: str) -> None:
+    if not found.name.isidentifier():
+        raise UsageError(f"{who}: the name needs letters, digits and _")
+    for part in ("kind", "title", "formula", "compensated", "identified", "visible_in"):
+        if not isinstance(getattr(found, part, None), str):
+            raise UsageError(f"{who}: the class has no text '{part}'")
+    if found.kind not in get_args(Kind):
+        raise UsageError(f"{who}: its kind is '{found.kind}'; must be one of {get_args(Kind)}")
+    module = sys.modules[found.__module__]
+    for kernel in ("column", "slope") if found.kind == "input" else ("column",):
+        # Only compiled functions can be called from the compiled tick.
+        if not isinstance(getattr(module, kernel, None), Dispatcher):
+            raise UsageError(
+                f"{who}: its module {found.__module__} has no function '{kernel}' decorated with "
+                f"numba's njit"
+            )
 
 
 def _is_effect(item: object) -> bool:

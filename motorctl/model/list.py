@@ -71,9 +71,16 @@ class EffectList:
         return load_generated(self.module_name, self._source)
 
     def regressor(self, x: Array, v: Array, a: Array, vs: Array, t: Array, u: Array) -> Array:
-        """Give psi over a recording: arrays of shape (N,) in, shape (N, n) out."""
+        """Give psi over a recording: arrays of shape (N,) in, shape (N, n) out.
+
+        Raises ValueError where their shapes differ.
+        """
+        signals = [np.ascontiguousarray(signal, np.float64) for signal in (x, v, a, vs, t, u)]
+        shapes = {signal.shape for signal in signals}
+        if len(shapes) > 1 or signals[0].ndim != 1:
+            raise ValueError(f"the signals of a recording differ in shape: {sorted(shapes)}")
         out = np.empty((len(x), len(self)))
-        self.kernels.regressor_over(x, v, a, vs, t, u, out)
+        self.kernels.regressor_over(*signals, out)
         return out
 
     @cached_property

@@ -170,3 +170,11 @@ def deliver(states: Any, counts: Any, index_counts: Any, status: Any) -> None:
         index_counts[i] = state.index_count
         status[i] = state.status
         state.status &= KEEP
+
+
+@numba.njit(cache=True)
+def accept(states: Any, volts: Any, enable: Any) -> None:
+    """Set the amplifiers' commands."""
+    for i in range(len(states)):
+        states[i].command = volts[i]
+        states[i].enable = enable[i]

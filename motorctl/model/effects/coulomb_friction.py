@@ -11,7 +11,9 @@ from motorctl.model.effect import Effect, EffectOptions, Parameter
 class CoulombOptions(EffectOptions):
     """How steeply the friction turns over at zero speed."""
 
-    slope_s_m: float = Field(default=900.0, gt=0, description="slope of Sf at rest; .inf is sign(v)")
+    slope_s_m: float = Field(
+        default=900.0, gt=0, description="slope of Sf at rest; .inf is sign(v)"
+    )
 
 
 class CoulombFriction(Effect):
@@ -39,7 +41,9 @@ class CoulombFriction(Effect):
 
 
 @njit(inline="always")
-def column(j, x, v, a, vs, t, c):
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
     """Give Sf of the velocity that is free of quantisation."""
     if vs == 0.0:
         return 0.0

@@ -25,12 +25,12 @@ class EmCubic(Effect):
 
 
 @njit(inline="always")
-def column(j, u, c):
+def column(j: int, u: float, c: tuple[float, ...]) -> float:
     """Give u^3."""
     return u * u * u
 
 
 @njit(inline="always")
-def slope(j, u, c):
+def slope(j: int, u: float, c: tuple[float, ...]) -> float:
     """Give its derivative."""
     return 3.0 * u * u

@@ -25,12 +25,12 @@ class EmQuadratic(Effect):
 
 
 @njit(inline="always")
-def column(j, u, c):
+def column(j: int, u: float, c: tuple[float, ...]) -> float:
     """Give u|u|."""
     return u * abs(u)
 
 
 @njit(inline="always")
-def slope(j, u, c):
+def slope(j: int, u: float, c: tuple[float, ...]) -> float:
     """Give its derivative."""
     return 2.0 * abs(u)

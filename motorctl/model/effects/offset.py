@@ -23,6 +23,8 @@ class Offset(Effect):
 
 
 @njit(inline="always")
-def column(j, x, v, a, vs, t, c):
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
     """Give minus one."""
     return -1.0

@@ -23,6 +23,8 @@ class ViscousFriction(Effect):
 
 
 @njit(inline="always")
-def column(j, x, v, a, vs, t, c):
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
     """Give the velocity."""
     return v

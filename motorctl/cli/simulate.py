@@ -1,0 +1,68 @@
+"""`motorctl simulate`: the same loop in virtual time, as fast as it goes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from motorctl.cli.choices import ControllerChoice
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command(
+        "simulate",
+        epilog="Example: motorctl simulate published_gantry --controller C1 --log c1.parquet",
+    )(_simulate)
+
+
+def _simulate(
+    config: Annotated[str, typer.Argument(help="A YAML file, or a shipped configuration's name.")],
+    log: Annotated[Path, typer.Option(help="The log to write, a Parquet file.")],
+    controller: Annotated[
+        ControllerChoice | None, typer.Option(help="In place of what the axes say.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Seconds; else until the programs end.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="In place of the drivers' own seeds.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Start every axis in virtual time, follow its program, log every tick.
+
+    Two runs with the same configuration and seed give the same rows, bit for bit.
+    """
+    from motorctl.cli.measure_tables import COLUMNS
+    from motorctl.cli.progress import showing_progress
+    from motorctl.config import load
+    from motorctl.insight.measures import measure_recording, measured_document, table_cells
+    from motorctl.log import read_recording
+    from motorctl.loop.simulation import simulate, with_seed
+
+    machine = load(config, None if controller is None else controller.value)
+    if seed is not None:
+        machine = with_seed(machine, seed)
+    with showing_progress("simulating; the first run compiles the kernels") as progress:
+        result = simulate(machine, log, duration_s=duration, progress=progress)
+        measured = measure_recording(read_recording(log))
+    if as_json:
+        document = {
+            "log": str(log),
+            "duration_s": result.duration_s,
+            "wall_s": result.wall_s,
+            "times_real_time": result.times_real_time,
+            "turnaround": result.turnaround,
+            "axes": {name: measured_document(run) for name, run in measured.items()},
+        }
+        print(json.dumps(document))
+        return
+    print(
+        f"{log}: {result.duration_s:.1f} s in {result.wall_s:.1f} s, "
+        f"{result.times_real_time:.1f} times real time"
+    )
+    for name, run in measured.items():
+        values = zip(COLUMNS, table_cells(run.measures), strict=True)
+        print(f"  {name}: " + ", ".join(f"{label} {value}" for label, value in values))

@@ -1,0 +1,82 @@
+"""Assumption 2 as half-planes: the input map stays strictly monotonic over the voltage range."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from motorctl.control.records import MAX_HALF_PLANES
+from motorctl.errors import UsageError
+from motorctl.model import EffectList
+
+GRID = 32
+"""Points of the voltage range, on each side, at which the slope is kept above the margin."""
+HALVINGS = 12
+"""Further points between the first of them and 0, each half as far out as the one before."""
+ROUNDING = 1e-9
+
+Array = NDArray[np.float64]
+
+
+def monotonicity_half_planes(
+    model: EffectList, lower: Array, upper: Array, u_max: float, margin: float
+) -> tuple[Array, Array]:
+    """Give normals (K, n) and offsets (K,) such that normal . theta >= offset keeps Assumption 2.
+
+    dv/du = 1 + sum theta_i h_i'(u) >= margin for |u| <= u_max is one half-plane for each u
+    (Chen, Yao, Wang 2013, Assumption 2). Those that follow from the box `lower`, `upper` [units
+    of theta] and from the others are left out; with theta6 <= 0 one remains, at u_max.
+    Raises UsageError where more than the law can hold remain, or bounds are not finite.
+    """
+    n = len(model)
+    slopes = _slopes(model, u_max)
+    used = slopes.any(axis=0)
+    if not (np.isfinite(lower[used]).all() and np.isfinite(upper[used]).all()):
+        raise UsageError("the parameters of the input map need finite bounds")
+    # In the box's own coordinates, 0 to 1 along each side: rows . s >= limits.
+    width = (upper - lower)[used]
+    rows = slopes[:, used] * width
+    limits = margin - 1.0 - slopes[:, used] @ lower[used]
+    lowest = np.minimum(rows, 0.0).sum(axis=1)
+    kept = [k for k in range(len(rows)) if rows[k].any() and lowest[k] < limits[k] - ROUNDING]
+    for k in list(kept):
+        others = [i for i in kept if i != k]
+        if not _can_fall_below(rows[k], limits[k], rows[others], limits[others]):
+            kept.remove(k)
+    if len(kept) > MAX_HALF_PLANES:
+        raise UsageError(
+            f"the input map needs {len(kept)} half-planes to stay monotonic within its bounds; "
+            f"at most {MAX_HALF_PLANES} are possible: narrow the bounds of its parameters"
+        )
+    return slopes[kept].reshape(-1, n), np.full(len(kept), margin - 1.0)
+
+
+def _slopes(model: EffectList, u_max: float) -> Array:
+    """Give h_i'(u), a row for each voltage that is looked at."""
+    sides = [u_max * k / GRID for k in range(GRID, 0, -1)]
+    sides += [u_max / GRID / 2.0**k for k in range(1, HALVINGS + 1)]
+    if not all(effect.odd for effect in model.effects if effect.kind == "input"):
+        sides += [-u for u in sides]
+    points = [*sides, 0.0]
+    slopes = np.zeros((len(points), len(model)))
+    theta = np.zeros(len(model))
+    for i in range(len(model)):
+        theta[:] = 0.0
+        theta[i] = 1.0
+        slopes[:, i] = [model.kernels.input_slope(u, theta) - 1.0 for u in points]
+    return slopes
+
+
+def _can_fall_below(row: Array, limit: float, rows: Array, limits: Array) -> bool:
+    """Tell whether row . s < limit is possible in the unit box while rows . s >= limits."""
+    scale = np.abs(row).max()
+    lengths = np.abs(rows).max(axis=1, initial=0.0)
+    result = linprog(
+        row / scale,
+        A_ub=-rows / lengths[:, np.newaxis] if len(rows) else None,
+        b_ub=-limits / lengths if len(rows) else None,
+        bounds=[(0.0, 1.0)] * len(row),
+    )
+    # Only an answer that says otherwise lets a half-plane go.
+    return not (result.status == 0 and result.fun * scale >= limit - ROUNDING)

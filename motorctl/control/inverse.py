@@ -1,0 +1,53 @@
+"""The inverse of the input map: the command u whose v(u) is the virtual command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+MAX_ITERATIONS = 60
+
+
+@njit
+def invert(
+    input_map: Callable[..., float],
+    input_slope: Callable[..., float],
+    v: float,
+    theta: Any,
+    u_max: float,
+) -> float:
+    """Solve v = input_map(u) for u on the monotonic branch [-u_max, u_max].
+
+    Newton from u0 = v, kept inside a bracket by bisection (Cardano's formula loses digits as
+    theta6 goes to zero). Beyond the branch the nearer end is given; nan where v or theta is.
+    Chen, Yao, Wang 2013, eq. 9; Assumption 2 makes the root unique.
+    """
+    low, high = -u_max, u_max
+    v_low, v_high = input_map(low, theta), input_map(high, theta)
+    if v >= v_high:
+        return high
+    if v <= v_low:
+        return low
+    if not v_low < v < v_high:
+        return math.nan
+    u = min(max(v, low), high)
+    for _ in range(MAX_ITERATIONS):
+        excess = input_map(u, theta) - v
+        if excess == 0.0:
+            return u
+        if excess > 0.0:
+            high = u
+        else:
+            low = u
+        slope = input_slope(u, theta)
+        step = excess / slope if slope > 0.0 else u_max
+        next_u = u - step
+        if not low < next_u < high:
+            next_u = 0.5 * (low + high)
+        if abs(next_u - u) <= 4e-16 * (1.0 + abs(u)):
+            return next_u
+        u = next_u
+    return u

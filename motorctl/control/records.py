@@ -1,0 +1,95 @@
+"""Records that the compiled law works on: its settings and its state, with named fields."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+
+HISTORY = 64
+"""Ticks of past commands that the estimator can reach back; bounds the input delay."""
+MAX_HALF_PLANES = 64
+
+
+class LawFlag(IntFlag):
+    """What the law did in a step."""
+
+    SATURATED = 1
+    ADAPTED = 2
+    PROJECTED = 4
+
+
+def law_settings(parameters: int) -> np.dtype[np.void]:
+    """Give the settings record for a theta of at most `parameters` entries."""
+    p = parameters
+    return np.dtype(
+        [
+            ("n", "i8"),  # entries of theta in use
+            ("period_s", "f8"),
+            ("k1", "f8"),
+            ("ks", "f8"),
+            ("gamma_d", "f8"),
+            ("d_max", "f8"),
+            ("u_max", "f8"),
+            ("adapt", "i8"),
+            ("forgetting", "f8"),  # lambda = exp(-alpha Ts)
+            ("nu", "f8"),
+            ("filter_pole", "f8"),  # exp(-omega Ts), twice
+            ("gate_velocity", "f8"),
+            ("gate_acceleration", "f8"),
+            ("rate_limit", "f8"),
+            ("delay_ticks", "i8"),  # whole part of the input delay
+            ("delay_fraction", "f8"),
+            ("lower", "f8", (p,)),
+            ("upper", "f8", (p,)),
+            ("covariance", "f8", (p,)),  # Gamma(0)
+            ("covariance_limit", "f8", (p,)),  # on the diagonal of Gamma
+            ("planes", "i8"),
+            ("plane_normal", "f8", (MAX_HALF_PLANES, p)),  # normal . theta >= offset
+            ("plane_offset", "f8", (MAX_HALF_PLANES,)),
+        ],
+        align=True,
+    )
+
+
+def law_state(parameters: int) -> np.dtype[np.void]:
+    """Give the state record for a theta of at most `parameters` entries."""
+    p = parameters
+    return np.dtype(
+        [
+            ("theta", "f8", (p,)),
+            ("U", "f8", (p, p)),  # Gamma = U diag(D) U^T, U unit upper triangular
+            ("D", "f8", (p,)),
+            ("d0", "f8"),
+            ("u", "f8"),  # the command of the last step
+            ("v", "f8"),  # its virtual command
+            ("flags", "i8"),
+            ("steps", "i8"),  # since the law was started
+            ("blind", "i8"),  # the position is not known yet: nothing is learned
+            ("y1", "f8"),  # position one tick ago
+            ("y2", "f8"),
+            ("vd1", "f8"),
+            ("t1", "f8"),
+            ("history", "f8", (HISTORY, p + 1)),  # input columns and u, a ring
+            ("stage1", "f8", (p + 1,)),  # the filter on every column and u
+            ("stage2", "f8", (p + 1,)),
+            ("stage1_v", "f8"),  # and on velocity and acceleration, for the gate
+            ("stage2_v", "f8"),
+            ("stage1_a", "f8"),
+            ("stage2_a", "f8"),
+            ("row", "f8", (p + 1,)),  # work space
+            ("gain", "f8", (p,)),
+            ("f", "f8", (p,)),
+            ("g", "f8", (p,)),
+            ("gamma", "f8", (p, p)),
+            ("active", "i8", (p + 1,)),  # the projection's active constraints
+            ("multiplier", "f8", (p + 1,)),
+            ("coupling", "f8", (p + 1,)),  # of the active constraints with a new one
+            ("response", "f8", (p + 1,)),  # of their multipliers to its multiplier
+            ("dual", "f8", (p + 1, p + 2)),
+            ("lever", "f8", (p + 1, p)),  # Gamma times each active normal
+            ("normal", "f8", (p,)),
+            ("z", "f8", (p,)),
+        ],
+        align=True,
+    )

@@ -1,0 +1,93 @@
+"""Homing: find the switch, then its edge or the index mark at low speed, and set the zero."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from motorctl.hal import Status
+from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.reference import ramp
+from motorctl.loop.safety import LIMIT_NEGATIVE, LIMIT_POSITIVE, set_soft_limits, trip
+
+IDLE = int(AxisState.IDLE)
+HOMING_FAILED = int(FaultCause.HOMING_FAILED)
+HOME_SWITCH = int(Status.HOME_SWITCH)
+INDEX_LATCHED = int(Status.INDEX_LATCHED)
+
+BACK_OFF = 0  # leave the switch, if it is pressed at the start
+SEARCH = 1  # towards the switch
+TURN = 2  # stop on the switch
+RETREAT = 3  # leave it again, where the edge is to be met from the searching side
+LATCH_EDGE = 4
+LATCH_INDEX = 5
+SETTLE = 6  # stop, then set the zero
+
+
+@njit
+def begin_homing(settings: Any, axis: Any) -> None:
+    """Start the sequence from rest."""
+    axis.homed = 0
+    axis.phase_ticks = 0
+    axis.phase = BACK_OFF if settings.home_on_switch else LATCH_INDEX
+
+
+@njit
+def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float) -> float:
+    """Move the reference for one tick; gives the shift of coordinates at the end, else 0.
+
+    index_count_m is the position of the index mark that the driver latched last.
+    """
+    pressed = (axis.status & HOME_SWITCH) != 0
+    search, latch = settings.search_velocity_m_s, settings.latch_velocity_m_s
+    axis.phase_ticks += elapsed
+    blocked = (axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0) or (
+        axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0
+    )
+    if axis.phase_ticks > settings.homing_ticks or blocked:
+        trip(axis, HOMING_FAILED, float(axis.phase), 0.0, t)
+        return 0.0
+    # A narrow switch may have been run over while stopping: it has to be met again first.
+    if axis.phase in (RETREAT, LATCH_EDGE) and pressed:
+        axis.seen = 1
+    left_switch = axis.seen != 0 and not pressed
+    if axis.phase == BACK_OFF:
+        if pressed:
+            ramp(settings, axis, -search, elapsed)
+        elif ramp(settings, axis, 0.0, elapsed):
+            axis.phase = SEARCH
+    elif axis.phase == SEARCH:
+        if pressed:
+            axis.phase, axis.seen = TURN, 0
+        ramp(settings, axis, 0.0 if pressed else search, elapsed)
+    elif axis.phase == TURN:
+        if ramp(settings, axis, 0.0, elapsed):
+            axis.phase = LATCH_EDGE if search * latch < 0.0 else RETREAT
+    elif axis.phase == RETREAT:
+        if left_switch:
+            if ramp(settings, axis, 0.0, elapsed):
+                axis.phase = LATCH_EDGE
+        else:
+            ramp(settings, axis, -search, elapsed)
+    elif axis.phase == LATCH_EDGE:
+        # Leaving the switch the edge is where it opens, coming to it where it closes.
+        if left_switch if search * latch < 0.0 else pressed:
+            axis.latched_m = axis.position_m
+            axis.phase = LATCH_INDEX if settings.home_on_index else SETTLE
+        ramp(settings, axis, latch, elapsed)
+    elif axis.phase == LATCH_INDEX:
+        ramp(settings, axis, latch, elapsed)
+        if axis.status & INDEX_LATCHED:
+            axis.latched_m = index_count_m
+            axis.phase = SETTLE
+    elif ramp(settings, axis, 0.0, elapsed):
+        shift = settings.home_position_m - axis.latched_m
+        axis.shift_m += shift
+        axis.position_m += shift
+        axis.reference_m += shift
+        axis.homed = 1
+        axis.state = IDLE
+        set_soft_limits(settings, axis)
+        return shift  # type: ignore[no-any-return]
+    return 0.0

@@ -1,0 +1,124 @@
+"""Plan motion for axes at rest: a move, or the approach to a program and the program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from motorctl.config.analysis import required_command
+from motorctl.config.machine import Axis, Machine
+from motorctl.errors import UsageError
+from motorctl.loop.shared import PROGRAM_SEGMENTS
+from motorctl.motion import (
+    AxisLimits,
+    PointToPoint,
+    Program,
+    Trajectory,
+    check_program,
+    point_to_point,
+)
+
+
+def plan_move(
+    machine: Machine,
+    axis_name: str,
+    from_m: float,
+    to_m: float,
+    velocity_m_s: float | None = None,
+    acceleration_m_s2: float | None = None,
+) -> Trajectory:
+    """Plan a move from rest to rest; raises UsageError where it would exceed a limit.
+
+    An axis that stands outside its travel may be moved back into it.
+    """
+    axis = machine.axes[axis_name]
+    for name, value, limit in (
+        ("velocity", velocity_m_s, axis.limits.max_velocity_m_s),
+        ("acceleration", acceleration_m_s2, axis.limits.max_acceleration_m_s2),
+    ):
+        if value is not None and not 0.0 < value <= limit:
+            raise UsageError(f"{name} {value:g}: must lie above 0 and not above {limit:g}")
+    move = PointToPoint(
+        name="move",
+        axis=axis_name,
+        start_m=from_m,
+        target_m=to_m,
+        max_velocity_m_s=velocity_m_s or axis.limits.max_velocity_m_s,
+        max_acceleration_m_s2=acceleration_m_s2 or _approach_acceleration(axis),
+        max_jerk_m_s3=_approach_jerk(axis),
+    )
+    low, high = axis.limits.travel_m
+    if not low <= to_m <= high:
+        raise UsageError(f"target {to_m:g} m: must lie within the travel {low:g} to {high:g} m")
+    _check(machine, move, from_m)
+    return move.trajectories()[axis_name]
+
+
+def plan_program(
+    machine: Machine, program: Program, references_m: Mapping[str, float]
+) -> dict[str, Trajectory]:
+    """Plan the approach from where the axes stand, then the program with all its cycles.
+
+    Where the program moves several axes, those that arrive first wait, so that all begin it in
+    the same tick. Raises UsageError where it would exceed a limit or has too many segments.
+    """
+    _check(machine, program)
+    motions = program.trajectories()
+    approaches = {
+        name: plan_approach(machine.axes[name], references_m[name], motion.start_m)
+        for name, motion in motions.items()
+    }
+    longest = max(approach.duration_s for approach in approaches.values())
+    plans = {}
+    for name, motion in motions.items():
+        wait = longest - approaches[name].duration_s
+        plans[name] = approaches[name].hold(wait).then(motion)
+        needed = len(plans[name].segments)
+        if needed > PROGRAM_SEGMENTS:
+            raise UsageError(
+                f"program '{program.name}' needs {needed} segments for axis {name}; "
+                f"at most {PROGRAM_SEGMENTS} fit: fewer cycles or fewer points"
+            )
+    return plans
+
+
+def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:
+    """Plan the move to a program's start, with the gentle limits that also serve stopping."""
+    return point_to_point(
+        from_m,
+        to_m,
+        axis.limits.max_velocity_m_s,
+        _approach_acceleration(axis),
+        _approach_jerk(axis),
+    )
+
+
+def _approach_acceleration(axis: Axis) -> float:
+    return min(axis.limits.stop_acceleration_m_s2, axis.limits.max_acceleration_m_s2)
+
+
+def _approach_jerk(axis: Axis) -> float:
+    return min(axis.limits.stop_jerk_m_s3, axis.limits.max_jerk_m_s3)
+
+
+def _check(machine: Machine, program: Program, from_m: float | None = None) -> None:
+    limits, voltages = {}, {}
+    for name, axis in machine.axes.items():
+        low, high = axis.limits.travel_m
+        if from_m is not None:
+            low, high = min(low, from_m), max(high, from_m)
+        limits[name] = AxisLimits(
+            (low, high),
+            axis.limits.max_velocity_m_s,
+            axis.limits.max_acceleration_m_s2,
+            axis.limits.max_jerk_m_s3,
+            axis.limits.max_voltage_v,
+        )
+        theta = np.array([estimate.initial for estimate in axis.estimates])
+        voltages[name] = required_command(axis.model, theta, axis.limits.max_voltage_v)
+    violations = check_program(program, limits, voltages)
+    if violations:
+        raise UsageError(
+            "\n".join(f"program '{program.name}': {violation}" for violation in violations)
+        )

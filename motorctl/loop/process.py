@@ -1,0 +1,108 @@
+"""The loop process: everything prepared, then nothing but ticks."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from motorctl.config.machine import Machine
+from motorctl.errors import MotorctlError, RunError
+from motorctl.loop.clock import WallClock
+from motorctl.loop.realtime import NEEDED, enter_realtime, reasons
+from motorctl.loop.runner import run_wall
+from motorctl.loop.shared import Degraded, LoopMemory, Phase
+from motorctl.loop.tick import Tick
+from motorctl.loop.warm_up import warm_up
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What the supervisor hands to the loop process on its standard input."""
+
+    machine: Machine
+    memory_fd: int
+    learned: Mapping[str, Sequence[float]]
+    """theta_hat to start from, by axis; axes that are missing start from their configuration."""
+
+
+def spawn(
+    machine: Machine,
+    memory: LoopMemory,
+    *,
+    learned: Mapping[str, Sequence[float]] | None = None,
+    keep_open: Sequence[int] = (),
+) -> subprocess.Popen[bytes]:
+    """Start the loop process on this memory; it keeps the descriptors `keep_open` open."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "motorctl.loop"],
+        stdin=subprocess.PIPE,
+        pass_fds=(memory.fd, *keep_open),
+    )
+    assert process.stdin is not None
+    # A process that died at once is found dead by whoever watches it.
+    with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
+        pickle.dump(Orders(machine, memory.fd, learned or {}), pipe)
+    return process
+
+
+def main() -> int:
+    """Run the loop process; gives its exit status."""
+    # Ctrl-C and systemd's SIGTERM go to the whole group: the supervisor decides what they mean.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    orders: Orders = pickle.load(sys.stdin.buffer)
+    memory = LoopMemory.attach(orders.memory_fd)
+    status = memory.status
+    status["pid"][0] = os.getpid()
+    try:
+        orphaned = _run(orders, memory)
+    except MotorctlError as error:
+        message = str(error)
+    except Exception as error:  # a driver may break its contract in any way
+        traceback.print_exc()
+        message = f"{type(error).__name__}: {error}"
+    else:
+        if orphaned:
+            status["message"][0] = b"the supervisor fell silent: every axis was stopped"
+        status["phase"][0] = Phase.STOPPED
+        return 0
+    status["message"][0] = message.encode()[:512]
+    status["phase"][0] = Phase.FAILED
+    return 1
+
+
+def _run(orders: Orders, memory: LoopMemory) -> bool:
+    """Prepare everything and tick until the end; tells whether the supervisor was lost.
+
+    The outputs are safe and the devices released when it is left, in whatever way.
+    """
+    status = memory.status
+    status["phase"][0] = Phase.COMPILING
+    warm_up(orders.machine)
+    tick = Tick(orders.machine, memory, learned=orders.learned)
+    degraded = enter_realtime(orders.machine.loop)
+    status["degraded"][0] = degraded
+    _insist(orders.machine, degraded)
+    tick.open()
+    try:
+        status["phase"][0] = Phase.RUNNING
+        run_wall(tick, WallClock(orders.machine.loop.spin_s))
+    finally:
+        tick.close()
+    return bool(tick.watch["orphaned"][0])
+
+
+def _insist(machine: Machine, degraded: Degraded) -> None:
+    missing = degraded & NEEDED
+    if missing and machine.loop.without_realtime == "refuse":
+        raise RunError(
+            f"{machine.source}: loop.without_realtime is 'refuse' and this machine does not give "
+            f"real time: {'; '.join(reasons(missing))}"
+        )

@@ -1,0 +1,110 @@
+"""Ask the machine for real time, and say what it did not give."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import mmap
+import os
+from pathlib import Path
+
+from motorctl.config.machine import LoopSettings
+from motorctl.loop.shared import Degraded
+
+MCL_CURRENT, MCL_FUTURE = 1, 2
+M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
+PREFAULT_BYTES = 16 << 20
+
+REASONS = {
+    Degraded.NO_FIFO: "no SCHED_FIFO: the user lacks LimitRTPRIO or CAP_SYS_NICE",
+    Degraded.NO_PINNING: "not pinned to a CPU",
+    Degraded.NO_LOCKED_MEMORY: "memory not locked: the user lacks LimitMEMLOCK=infinity",
+    Degraded.NO_CPU_LATENCY: "/dev/cpu_dma_latency cannot be held: deep idle states add latency",
+    Degraded.KERNEL_NOT_RT: "the kernel is not PREEMPT_RT",
+    Degraded.CPU_NOT_ISOLATED: "no isolated CPU (kernel parameter isolcpus)",
+}
+
+NEEDED = Degraded.NO_FIFO | Degraded.NO_PINNING | Degraded.NO_LOCKED_MEMORY
+"""What `without_realtime: refuse` insists on; the rest is the kernel's set-up and only told."""
+
+
+def reasons(degraded: int) -> list[str]:
+    """Put the bits of Degraded into words."""
+    return [text for bit, text in REASONS.items() if degraded & bit]
+
+
+def isolated_cpus() -> list[int]:
+    """Give the CPUs that the kernel keeps free of other work."""
+    try:
+        text = Path("/sys/devices/system/cpu/isolated").read_text().strip()
+    except OSError:
+        return []
+    cpus: list[int] = []
+    for part in filter(None, text.split(",")):
+        first, _, last = part.partition("-")
+        cpus += range(int(first), int(last or first) + 1)
+    return cpus
+
+
+def enter_realtime(settings: LoopSettings) -> Degraded:
+    """Take priority, CPU, locked memory and idle-state latency; gives what was refused.
+
+    Call it when everything is compiled, warmed up and allocated: the garbage collector is
+    switched off for good.
+    """
+    degraded = Degraded(0)
+    libc = ctypes.CDLL(None, use_errno=True)
+    libc.mallopt(M_TRIM_THRESHOLD, -1)
+    libc.mallopt(M_MMAP_MAX, 0)
+    _prefault(libc)
+    if libc.mlockall(MCL_CURRENT | MCL_FUTURE) != 0:
+        degraded |= Degraded.NO_LOCKED_MEMORY
+    degraded |= _pin(chosen_cpu(settings))
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
+    except OSError:
+        degraded |= Degraded.NO_FIFO
+    try:
+        # Held open until the process ends: closing it gives the request back.
+        fd = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
+        os.write(fd, (0).to_bytes(4, "little"))
+    except OSError:
+        degraded |= Degraded.NO_CPU_LATENCY
+    if not _kernel_is_rt():
+        degraded |= Degraded.KERNEL_NOT_RT
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return degraded
+
+
+def chosen_cpu(settings: LoopSettings) -> int:
+    """Give the CPU to pin to: the configured one, else the highest isolated, else the highest."""
+    if settings.cpu is not None:
+        return settings.cpu
+    return max(isolated_cpus() or os.sched_getaffinity(0))
+
+
+def _pin(cpu: int) -> Degraded:
+    try:
+        os.sched_setaffinity(0, {cpu})
+    except OSError:
+        return Degraded.NO_PINNING
+    return Degraded(0) if cpu in isolated_cpus() else Degraded.CPU_NOT_ISOLATED
+
+
+def _kernel_is_rt() -> bool:
+    with contextlib.suppress(OSError):
+        return Path("/sys/kernel/realtime").read_text().strip() == "1"
+    return "PREEMPT_RT" in os.uname().version
+
+
+def _prefault(libc: ctypes.CDLL) -> None:
+    libc.malloc.restype = ctypes.c_void_p
+    libc.free.argtypes = (ctypes.c_void_p,)
+    block = libc.malloc(ctypes.c_size_t(PREFAULT_BYTES))
+    if block:
+        for offset in range(0, PREFAULT_BYTES, mmap.PAGESIZE):
+            ctypes.memset(block + offset, 0, 1)
+        libc.free(block)

@@ -1,0 +1,103 @@
+"""Records of the tick: an axis' settings and its state, with named fields."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motorctl.config.machine import Axis
+
+AXIS_SETTINGS = np.dtype(
+    [
+        ("period_s", "f8"),
+        ("metres_per_count", "f8"),  # signed by the direction
+        ("offset_m", "f8"),
+        ("counter_span", "i8"),  # 2^bits; 0: as wide as an int64, does not wrap
+        ("travel_low_m", "f8"),
+        ("travel_high_m", "f8"),
+        ("max_velocity_m_s", "f8"),
+        ("max_acceleration_m_s2", "f8"),
+        ("max_voltage_v", "f8"),
+        ("error_minimum_m", "f8"),
+        ("error_per_velocity_s", "f8"),
+        ("error_ticks", "i8"),  # trip when exceeded for more than these
+        ("stop_acceleration_m_s2", "f8"),
+        ("stop_jerk_m_s3", "f8"),
+        ("absolute", "i8"),  # no homing: the encoder knows its position
+        ("home_on_switch", "i8"),
+        ("home_on_index", "i8"),
+        ("search_velocity_m_s", "f8"),
+        ("latch_velocity_m_s", "f8"),
+        ("home_position_m", "f8"),
+        ("homing_ticks", "i8"),  # timeout
+    ],
+    align=True,
+)
+
+AXIS_STATE = np.dtype(
+    [
+        ("state", "i8"),  # AxisState
+        ("fault", "i8"),  # FaultCause
+        ("fault_value", "f8"),
+        ("fault_limit", "f8"),
+        ("fault_time_s", "f8"),
+        ("fresh", "i8"),  # just enabled: the law starts in this tick
+        ("homed", "i8"),
+        ("have_counts", "i8"),
+        ("raw_counts", "i8"),  # as last read
+        ("blind_ticks", "i8"),  # since when the count cannot be trusted
+        ("counts", "i8"),  # unwrapped
+        ("shift_m", "f8"),  # found by homing
+        ("position_m", "f8"),
+        ("velocity_m_s", "f8"),
+        ("reference_m", "f8"),
+        ("reference_velocity_m_s", "f8"),
+        ("reference_acceleration_m_s2", "f8"),
+        ("soft_low_m", "f8"),  # in force since the axis was enabled
+        ("soft_high_m", "f8"),
+        ("error_count", "i8"),  # ticks beyond the following error's limit
+        ("fast_count", "i8"),  # ticks beyond the top speed
+        ("slot", "i8"),  # program slot followed, or -1
+        ("start_tick", "i8"),
+        ("segment", "i8"),
+        ("segment_time_s", "f8"),
+        ("phase", "i8"),  # of homing
+        ("phase_ticks", "i8"),
+        ("seen", "i8"),  # the home switch was pressed in this phase
+        ("latched_m", "f8"),
+        ("status", "i8"),  # the driver's status word
+    ],
+    align=True,
+)
+
+# A jump of the count beyond this many times the top speed is no motion.
+JUMP_SPEED_RATIO = 4.0
+# Motion may exceed the configured top speed by this much, for less than these ticks, before the
+# axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
+# grow by a fifth of a period in each of five ticks without a whole period being skipped.
+OVERSPEED_RATIO = 1.2
+OVERSPEED_TICKS = 5
+
+
+def fill_axis_settings(record: np.void, axis: Axis, period_s: float) -> None:
+    """Write an axis' settings into `record` (of AXIS_SETTINGS)."""
+    limits, homing, encoder = axis.limits, axis.homing, axis.encoder
+    record["period_s"] = period_s
+    record["metres_per_count"] = encoder.direction * encoder.resolution_m
+    record["offset_m"] = encoder.offset_m
+    record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0
+    record["travel_low_m"], record["travel_high_m"] = limits.travel_m
+    record["max_velocity_m_s"] = limits.max_velocity_m_s
+    record["max_acceleration_m_s2"] = limits.max_acceleration_m_s2
+    record["max_voltage_v"] = limits.max_voltage_v
+    record["error_minimum_m"] = limits.following_error.minimum_m
+    record["error_per_velocity_s"] = limits.following_error.per_velocity_s
+    record["error_ticks"] = round(limits.following_error.filter_time_s / period_s)
+    record["stop_acceleration_m_s2"] = limits.stop_acceleration_m_s2
+    record["stop_jerk_m_s3"] = limits.stop_jerk_m_s3
+    record["absolute"] = homing.method == "absolute"
+    record["home_on_switch"] = homing.method in ("switch", "switch_index")
+    record["home_on_index"] = homing.method in ("index", "switch_index")
+    record["search_velocity_m_s"] = homing.search_velocity_m_s
+    record["latch_velocity_m_s"] = homing.latch_velocity_m_s
+    record["home_position_m"] = homing.home_position_m
+    record["homing_ticks"] = round(homing.timeout_s / period_s)

@@ -1,0 +1,63 @@
+"""What an axis should do in this tick: hold, follow a program, or ramp down."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from motorctl.log.sample import AxisState
+from motorctl.motion import advance, evaluate, velocity_ramp_step
+
+OFF = int(AxisState.OFF)
+IDLE = int(AxisState.IDLE)
+RUNNING = int(AxisState.RUNNING)
+STOPPING = int(AxisState.STOPPING)
+
+
+@njit
+def hold_where_it_is(axis: Any) -> None:
+    """Make the present position the reference, at rest."""
+    axis.reference_m = axis.position_m
+    axis.reference_velocity_m_s = 0.0
+    axis.reference_acceleration_m_s2 = 0.0
+
+
+@njit
+def ramp(settings: Any, axis: Any, velocity: float, elapsed: int) -> bool:
+    """Move the reference's velocity towards `velocity`; tells whether it is reached."""
+    for _ in range(elapsed):
+        v, a, dx = velocity_ramp_step(
+            axis.reference_velocity_m_s,
+            axis.reference_acceleration_m_s2,
+            velocity,
+            settings.stop_acceleration_m_s2,
+            settings.stop_jerk_m_s3,
+            settings.period_s,
+        )
+        axis.reference_m += dx
+        axis.reference_velocity_m_s = v
+        axis.reference_acceleration_m_s2 = a
+    reached = axis.reference_velocity_m_s == velocity
+    return reached and axis.reference_acceleration_m_s2 == 0.0  # type: ignore[no-any-return]
+
+
+@njit
+def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elapsed: int) -> None:
+    """Advance the program by the periods that passed; at its end the axis holds."""
+    if tick < axis.start_tick:
+        return
+    table, count = segments[axis.slot], counts[axis.slot]
+    # After skipped periods the start may lie between the last tick and this one.
+    passed_s = min(elapsed, tick - axis.start_tick) * settings.period_s
+    index, time_s, done = advance(table, count, axis.segment, axis.segment_time_s, passed_s)
+    axis.segment, axis.segment_time_s = index, time_s
+    x, v, a = evaluate(table, count, axis.segment, axis.segment_time_s)
+    axis.reference_m = x
+    axis.reference_velocity_m_s = v
+    axis.reference_acceleration_m_s2 = a
+    if done:
+        axis.state = IDLE
+        axis.slot = -1
+        axis.reference_velocity_m_s = 0.0
+        axis.reference_acceleration_m_s2 = 0.0

@@ -1,0 +1,240 @@
+"""The memory between supervisor and loop process: mailbox, status, program slots, ring of samples.
+
+One memfd, mapped by both. Every field has one writer; indices are published after the data that
+they announce, so no lock is needed that one side could hold while the other waits.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+from collections.abc import Sequence
+from enum import IntEnum, IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.log.sample import TICK_SAMPLE, axis_sample
+from motorctl.motion import SEGMENT
+
+HEADER_BYTES = 4096
+MAILBOX_SIZE = 64
+PROGRAM_SEGMENTS = 65536
+"""Longest program of one axis, in segments."""
+RING_SECONDS = 8.0
+BEAT_TIMEOUT_S = 0.5
+"""How long the loop goes on without a sign of life from the supervisor."""
+
+
+class Verb(IntEnum):
+    """What the supervisor can ask of the loop."""
+
+    START = 1
+    STOP = 2
+    HOME = 3
+    FOLLOW = 4
+    """Follow the program in the command's slot, from the command's tick on (0: at once)."""
+    RESET = 5
+    ESTOP = 6
+    SHUTDOWN = 7
+    """Stop every axis, make the outputs safe, end the process."""
+
+
+class Reply(IntEnum):
+    """What the loop answers."""
+
+    OK = 1
+    WRONG_STATE = 2
+    NOT_HOMED = 3
+    NOT_AT_START = 4
+    """The program does not begin where the axis stands."""
+    STILL_FAULTY = 5
+    """What caused the fault is still there."""
+    NO_HOMING = 6
+    """The axis has an absolute encoder: there is nothing to home."""
+    LATE = 7
+    """The tick at which the program should have begun has passed."""
+
+
+class Phase(IntEnum):
+    """How far the loop process is."""
+
+    STARTING = 0
+    COMPILING = 1
+    RUNNING = 2
+    STOPPED = 3
+    FAILED = 4
+
+
+class Degraded(IntFlag):
+    """What of real time this run does without."""
+
+    NO_FIFO = 1 << 0
+    NO_PINNING = 1 << 1
+    NO_LOCKED_MEMORY = 1 << 2
+    NO_CPU_LATENCY = 1 << 3
+    KERNEL_NOT_RT = 1 << 4
+    CPU_NOT_ISOLATED = 1 << 5
+
+
+LOOP_STATUS = np.dtype(
+    [
+        ("pid", "i8"),
+        ("phase", "i8"),
+        ("beat", "i8"),  # written by the supervisor
+        ("tick", "i8"),  # the last tick that was finished
+        ("time_s", "f8"),
+        ("overruns", "i8"),
+        ("skipped_periods", "i8"),
+        ("degraded", "u8"),
+        ("ring_head", "i8"),  # rows written so far
+        ("mail_head", "i8"),  # written by the supervisor
+        ("mail_tail", "i8"),
+        ("message", "S512"),  # why the process failed or ended
+    ],
+    align=True,
+)
+
+COMMAND = np.dtype([("verb", "i8"), ("axis", "i8"), ("slot", "i8"), ("tick", "i8")], align=True)
+
+
+def axis_status(parameters: int) -> np.dtype[np.void]:
+    """Give the status record of one axis, written by the loop once a tick."""
+    return np.dtype(
+        [
+            ("state", "i4"),  # AxisState
+            ("fault", "i4"),  # FaultCause
+            ("homed", "i4"),
+            ("slot", "i4"),  # program slot in use, or -1
+            ("position_m", "f8"),
+            ("velocity_m_s", "f8"),
+            ("reference_m", "f8"),
+            ("reference_velocity_m_s", "f8"),
+            ("following_error_m", "f8"),
+            ("command_v", "f8"),
+            ("d0_hat_v", "f8"),
+            ("theta_hat", "f8", (parameters,)),
+            ("fault_value", "f8"),  # what tripped the limit
+            ("fault_limit", "f8"),
+            ("fault_time_s", "f8"),
+        ],
+        align=True,
+    )
+
+
+class LoopMemory:
+    """The mapped memory, seen as numpy views. Made by the supervisor, attached by the loop."""
+
+    def __init__(self, fd: int, layout: dict[str, int]) -> None:
+        self.fd = fd
+        self.layout = layout
+        axes, parameters = layout["axes"], layout["parameters"]
+        self.ring_rows, segments = layout["ring_rows"], layout["segments"]
+        parts: list[tuple[str, np.dtype[np.void] | str, tuple[int, ...]]] = [
+            ("_status", LOOP_STATUS, (1,)),
+            ("axis_status", axis_status(parameters), (axes,)),
+            ("mailbox", COMMAND, (MAILBOX_SIZE,)),
+            ("replies", "i8", (MAILBOX_SIZE,)),
+            ("segments", SEGMENT, (axes, 2, segments)),
+            ("segment_counts", "i8", (axes, 2)),
+            ("ticks", TICK_SAMPLE, (self.ring_rows,)),
+            ("samples", axis_sample(parameters), (self.ring_rows, axes)),
+        ]
+        offset = HEADER_BYTES
+        places = []
+        for name, dtype, shape in parts:
+            places.append((name, np.dtype(dtype), shape, offset))
+            size = np.dtype(dtype).itemsize * int(np.prod(shape))
+            offset += -(-size // 4096) * 4096
+        if os.fstat(fd).st_size < offset:
+            os.ftruncate(fd, offset)
+        self._map = mmap.mmap(fd, offset)
+        views = {
+            name: np.frombuffer(self._map, dtype, int(np.prod(shape)), place).reshape(shape)
+            for name, dtype, shape, place in places
+        }
+        self.status: NDArray[np.void] = views["_status"]
+        """Shape (1,), of LOOP_STATUS."""
+        self.axis_status: NDArray[np.void] = views["axis_status"]
+        self.mailbox: NDArray[np.void] = views["mailbox"]
+        self.replies: NDArray[np.int64] = views["replies"]
+        self.segments: NDArray[np.void] = views["segments"]
+        self.segment_counts: NDArray[np.int64] = views["segment_counts"]
+        self.ticks: NDArray[np.void] = views["ticks"]
+        self.samples: NDArray[np.void] = views["samples"]
+        self._drained = 0
+
+    @classmethod
+    def create(cls, axes: Sequence[str], parameters: int, rate_hz: float) -> LoopMemory:
+        """Make the memory for these axes, with theta of at most `parameters` entries."""
+        fd = os.memfd_create("motorctl-loop", 0)
+        layout = {
+            "axes": len(axes),
+            "parameters": parameters,
+            "ring_rows": max(4096, int(RING_SECONDS * rate_hz)),
+            "segments": PROGRAM_SEGMENTS,
+        }
+        os.ftruncate(fd, HEADER_BYTES)
+        os.pwrite(fd, json.dumps(layout).encode().ljust(HEADER_BYTES, b"\0"), 0)
+        return cls(fd, layout)
+
+    @classmethod
+    def attach(cls, fd: int) -> LoopMemory:
+        """Map the memory that the other process made."""
+        header = os.pread(fd, HEADER_BYTES, 0)
+        return cls(fd, json.loads(header.rstrip(b"\0")))
+
+    def beat(self) -> None:
+        """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""
+        self.status["beat"][0] += 1
+
+    def post(self, verb: Verb, axis: int = 0, *, slot: int = 0, tick: int = 0) -> int:
+        """Put a command into the mailbox; gives the number under which `reply` answers.
+
+        Raises BufferError while the loop has not yet taken the last 64 commands.
+        """
+        head = int(self.status["mail_head"][0])
+        if head - int(self.status["mail_tail"][0]) >= MAILBOX_SIZE:
+            raise BufferError("the loop does not take commands")
+        self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick)
+        self.status["mail_head"][0] = head + 1
+        return head
+
+    def reply(self, number: int) -> Reply | None:
+        """Give the answer to a command, or None while the loop has not taken it."""
+        if int(self.status["mail_tail"][0]) <= number:
+            return None
+        return Reply(int(self.replies[number % MAILBOX_SIZE]))
+
+    def load_program(self, axis: int, segments: NDArray[np.void]) -> int:
+        """Write a trajectory's segments into the slot that is not in use; gives the slot.
+
+        Raises ValueError where there are more segments than a slot holds.
+        """
+        if len(segments) > self.layout["segments"]:
+            raise ValueError(
+                f"the program has {len(segments)} segments; at most {self.layout['segments']} fit"
+            )
+        slot = 1 if int(self.axis_status["slot"][axis]) == 0 else 0
+        self.segments[axis, slot, : len(segments)] = segments
+        self.segment_counts[axis, slot] = len(segments)
+        return slot
+
+    def drain(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
+        """Copy the rows that came since the last call: ticks (N,), samples (N, axes), rows lost."""
+        head = int(self.status["ring_head"][0])
+        first = max(self._drained, head - self.ring_rows)
+        index = np.arange(first, head) % self.ring_rows
+        ticks, samples = self.ticks[index], self.samples[index]
+        # Rows that the loop overwrote while they were copied are lost, not passed on torn.
+        torn = int(self.status["ring_head"][0]) + 1 - self.ring_rows - first
+        if torn > 0:
+            ticks, samples, first = ticks[torn:], samples[torn:], first + torn
+        lost = first - self._drained
+        self._drained = max(head, first)
+        return ticks, samples, lost
+
+    def close(self) -> None:
+        """Give the file descriptor back; the mapping goes with its last view."""
+        os.close(self.fd)

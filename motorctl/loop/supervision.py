@@ -1,0 +1,59 @@
+"""What stops every axis at once: a silent supervisor, and too many overruns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from motorctl.log.sample import FaultCause
+from motorctl.loop.commands import stop
+
+SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
+OVERRUN = int(FaultCause.OVERRUN)
+
+WATCH = np.dtype(
+    [
+        ("silent_limit", "i8"),  # ticks without a beat; 0: there is no supervisor
+        ("last_beat", "i8"),
+        ("silent_ticks", "i8"),
+        ("bucket_size", "i8"),  # overruns that fill the bucket; 0: only count them
+        ("bucket", "i8"),
+        ("orphaned", "i8"),
+        ("shutdown", "i8"),
+    ],
+    align=True,
+)
+
+
+@njit
+def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t: float) -> None:
+    """Stop all axes where the supervisor is silent or the bucket of overruns is full.
+
+    The bucket leaks: an overrun, and each period that was skipped, adds one, a good tick takes
+    one out.
+    """
+    if watch.silent_limit:
+        if status.beat != watch.last_beat:
+            watch.last_beat, watch.silent_ticks = status.beat, 0
+        else:
+            watch.silent_ticks += elapsed
+        if watch.silent_ticks > watch.silent_limit and not watch.orphaned:
+            watch.orphaned = 1
+            watch.shutdown = 1
+            for i in range(axes.size):
+                stop(axes[i], SUPERVISOR_LOST, t)
+    skipped = elapsed - 1
+    if overran:
+        status.overruns += 1
+    status.skipped_periods += skipped
+    if watch.bucket_size:
+        if overran or skipped:
+            watch.bucket += max(skipped, 1)
+        elif watch.bucket > 0:
+            watch.bucket -= 1
+        if watch.bucket >= watch.bucket_size:
+            watch.bucket = 0
+            for i in range(axes.size):
+                stop(axes[i], OVERRUN, t)

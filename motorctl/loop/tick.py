@@ -1,0 +1,216 @@
+"""The tick of wall and virtual time: read all, compute all, check limits, write all, publish."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from motorctl.config.machine import Machine
+from motorctl.control import fill_settings, fill_state, law_settings, law_state
+from motorctl.hal import Channel, Driver, Inputs, Outputs
+from motorctl.kernels import kernels_cached, specialise
+from motorctl.loop.compose import compose_tick
+from motorctl.loop.records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
+from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
+from motorctl.loop.supervision import WATCH
+
+with kernels_cached():
+    from motorctl.loop.publish import publish
+
+Step = Callable[[int, int, bool, int, int], bool]
+"""step(number, elapsed, overran, scheduled_ns, woke_ns) -> whether the loop may end."""
+
+
+def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> dict[str, Driver]:
+    """Make every driver of the machine, not yet opened, with its channels in the axes' order.
+
+    driver_class stands in for every driver's own class.
+    """
+    drivers = {}
+    for name, setup in machine.drivers.items():
+        channels = [
+            Channel(
+                axis=axis.name,
+                number=axis.channel,
+                resolution_m=axis.encoder.resolution_m,
+                counter_bits=axis.encoder.counter_bits,
+                max_voltage_v=axis.limits.max_voltage_v,
+            )
+            for axis in machine.axes.values()
+            if axis.driver == name
+        ]
+        if channels:
+            drivers[name] = (driver_class or setup.cls)(setup.options, channels, machine.period_s)
+    return drivers
+
+
+class Tick:
+    """Everything that one tick works on, made before the first."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        memory: LoopMemory,
+        *,
+        virtual: bool = False,
+        learned: Mapping[str, Sequence[float]] | None = None,
+        driver_class: type[Driver] | None = None,
+    ) -> None:
+        self.machine = machine
+        self.memory = memory
+        self.drivers = make_drivers(machine, driver_class)
+        axes = list(machine.axes.values())
+        parameters = memory.layout["parameters"]
+        self.settings = np.zeros(len(axes), AXIS_SETTINGS)
+        self.axes = np.zeros(len(axes), AXIS_STATE)
+        self.law_settings = np.zeros(len(axes), law_settings(parameters))
+        self.laws = np.zeros(len(axes), law_state(parameters))
+        for i, axis in enumerate(axes):
+            fill_axis_settings(self.settings[i], axis, machine.period_s)
+            self.axes[i]["slot"] = -1
+            self.axes[i]["homed"] = self.settings[i]["absolute"]
+            adaptation, estimates = axis.adaptation, axis.estimates
+            covariance = [e.covariance for e in estimates]
+            fill_settings(
+                self.law_settings[i],
+                axis.model,
+                period_s=machine.period_s,
+                k1_1_s=axis.gains.k1_1_s,
+                ks_v_s_m=axis.gains.ks_v_s_m,
+                gamma_d=axis.gains.gamma_d,
+                d_hat_max_v=axis.gains.d_hat_max_v,
+                max_voltage_v=axis.limits.max_voltage_v,
+                lower=[e.lower for e in estimates],
+                upper=[e.upper for e in estimates],
+                covariance=covariance,
+                adapt=adaptation.enabled,
+                forgetting_1_s=adaptation.forgetting_1_s,
+                normalisation=adaptation.normalisation,
+                filter_rad_s=adaptation.filter_rad_s,
+                covariance_limit=adaptation.covariance_limit,
+                rate_limit_1_s=adaptation.rate_limit_1_s,
+                gate_velocity_m_s=adaptation.gate_velocity_m_s,
+                gate_acceleration_m_s2=adaptation.gate_acceleration_m_s2,
+                input_delay_s=adaptation.input_delay_s,
+                monotonicity_margin=adaptation.monotonicity_margin,
+            )
+            theta = (learned or {}).get(axis.name, [e.initial for e in estimates])
+            fill_state(self.laws[i], theta, covariance)
+        self.watch = np.zeros(1, WATCH)
+        if not virtual:
+            self.watch["silent_limit"] = round(BEAT_TIMEOUT_S * machine.rate_hz)
+            policy = machine.loop.overrun_policy
+            sizes = {"count": 0, "leaky_bucket": machine.loop.bucket_size, "stop": 1}
+            self.watch["bucket_size"] = sizes[policy]
+        self.measured_s = np.zeros((memory.ring_rows, 4))
+        """Wall-clock turnaround, read, compute and write of each ring row, in virtual time too."""
+        self.step = self._make_step(virtual)
+
+    def _make_step(self, virtual: bool) -> Step:
+        axes = self.machine.axes.values()
+        order = [axis for name in self.drivers for axis in axes if axis.driver == name]
+        place = {axis.name: i for i, axis in enumerate(order)}
+        counts = np.zeros(len(order), np.int64)
+        index_counts = np.zeros(len(order), np.int64)
+        words = np.zeros(len(order), np.uint32)
+        volts = np.zeros(len(order))
+        enable = np.zeros(len(order), np.uint8)
+        reads, writes, advances = [], [], []
+        first = 0
+        for driver in self.drivers.values():
+            last = first + len(driver.channels)
+            inputs, outputs = Inputs(0), Outputs(0)
+            inputs.counts, inputs.index_counts = counts[first:last], index_counts[first:last]
+            inputs.status = words[first:last]
+            outputs.volts, outputs.enable = volts[first:last], enable[first:last]
+            reads.append((driver.read, inputs))
+            writes.append((driver.write, outputs))
+            advances.append(driver.advance)
+            first = last
+        module = compose_tick(
+            [axis.model for axis in axes],
+            [place[name] for name in self.machine.axes],
+        )
+        memory = self.memory
+        inputs_outputs = (counts, index_counts, words, volts, enable)
+        commands = (self.watch, memory.status, memory.mailbox, memory.replies)
+        records = (self.settings, self.axes, self.law_settings, self.laws)
+        programs = (memory.segments, memory.segment_counts)
+        before = (*inputs_outputs, 1, False, 0, 0.0, *commands, *records, *programs, memory.samples)
+        kernel = specialise(module.tick, *before, 0, memory.axis_status)
+        rows_out = (memory.status, memory.ticks, self.measured_s)
+        finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
+        watch, status, mailbox, replies = commands
+        settings, axis_records, law_records, laws = records
+        segments, segment_counts = programs
+        samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status
+        measured, rows = self.measured_s, memory.ring_rows
+        period_s, now = self.machine.period_s, time.monotonic_ns
+        written = 0
+
+        def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
+            nonlocal written
+            row = written % rows
+            for read, inputs in reads:
+                read(inputs)
+            t1 = now()
+            may_end: bool = kernel(
+                counts, index_counts, words, volts, enable, elapsed, overran, number,
+                number * period_s, watch, status, mailbox, replies, settings, axis_records,
+                law_records, laws, segments, segment_counts, samples, row, axis_status,
+            )  # fmt: skip
+            t2 = now()
+            for write, outputs in writes:
+                write(outputs)
+            t3 = now()
+            written += 1
+            finish(
+                status, ticks, measured, row, written, number, period_s, virtual,
+                scheduled_ns, woke_ns, t1, t2, t3,
+            )  # fmt: skip
+            if virtual:
+                for advance in advances:
+                    advance()
+            return may_end
+
+        return step
+
+    def open(self, *, virtual: bool = False) -> None:
+        """Open every driver; what was opened is made safe again where one fails."""
+        opened: list[Driver] = []
+        try:
+            for driver in self.drivers.values():
+                if virtual:
+                    driver.start_virtual_time()
+                driver.open()
+                opened.append(driver)
+        except BaseException:
+            self.safe()
+            _close(opened)
+            raise
+
+    def safe(self) -> None:
+        """Zero and disable every output; a driver that fails at it keeps no other from it."""
+        for driver in self.drivers.values():
+            with contextlib.suppress(Exception):
+                driver.safe()
+
+    def close(self) -> None:
+        """Make every output safe and release the devices."""
+        self.safe()
+        _close(self.drivers.values())
+
+
+def _close(drivers: Iterable[Driver]) -> None:
+    """Close every driver, then raise the first error that one of them raised."""
+    errors = []
+    for driver in drivers:
+        try:
+            driver.close()
+        except Exception as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]

@@ -1,0 +1,146 @@
+"""A machine in virtual time, in this process: the same tick, as fast as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.machine import Machine
+from motorctl.errors import RunError, UsageError
+from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.plan import plan_program
+from motorctl.loop.runner import VirtualRun
+from motorctl.loop.shared import LoopMemory, Reply, Verb
+from motorctl.loop.tick import Tick
+from motorctl.motion import Trajectory
+
+Rows = Callable[[NDArray[np.void], NDArray[np.void]], None]
+"""Takes ticks (N,) and samples (N, axes) as they come."""
+
+CHUNK_TICKS = 2000
+"""Ticks between two looks into the ring."""
+
+
+class VirtualMachine:
+    """Drives every axis of a machine through virtual time.
+
+    Raises UsageError where a driver does not support virtual time.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        on_rows: Rows,
+        *,
+        learned: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
+        for setup in machine.drivers.values():
+            if not setup.cls.supports_virtual_time:
+                raise UsageError(
+                    f"driver '{setup.name}' ({setup.type}) does not support virtual time"
+                )
+        self.machine = machine
+        self.names = list(machine.axes)
+        parameters = max(len(axis.model) for axis in machine.axes.values())
+        self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
+        self.tick = Tick(machine, self.memory, virtual=True, learned=learned)
+        self._run = VirtualRun(self.tick)
+        self._on_rows = on_rows
+        self._turnarounds: list[NDArray[np.float64]] = []
+
+    def __enter__(self) -> VirtualMachine:
+        self.tick.open(virtual=True)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.tick.close()
+        self.memory.close()
+
+    @property
+    def turnaround_s(self) -> NDArray[np.float64]:
+        """Wall-clock times of every tick so far, (ticks, 4): turnaround, read, compute, write."""
+        return np.concatenate(self._turnarounds) if self._turnarounds else np.zeros((0, 4))
+
+    @property
+    def ticks(self) -> int:
+        """Ticks that have passed."""
+        return self._run.number
+
+    def advance(self, ticks: int) -> None:
+        """Let so many ticks pass and hand on their rows."""
+        while ticks > 0:
+            chunk = min(ticks, CHUNK_TICKS)
+            first = int(self.memory.status["ring_head"][0])
+            self._run.advance(chunk)
+            rows = np.arange(first, first + chunk) % self.memory.ring_rows
+            self._turnarounds.append(self.tick.measured_s[rows])
+            new_ticks, samples, _ = self.memory.drain()
+            self._on_rows(new_ticks, samples)
+            ticks -= chunk
+
+    def order(self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0) -> None:
+        """Give one command and let the tick pass that takes it; raises RunError where refused."""
+        number = self.memory.post(verb, self.names.index(axis), slot=slot, tick=tick)
+        self.advance(1)
+        reply = self.memory.reply(number)
+        if reply != Reply.OK:
+            refusal = reply.name.lower() if reply else "no answer"
+            raise RunError(f"axis {axis}: {verb.name.lower()} refused: {refusal}")
+
+    def start(self) -> None:
+        """Enable every axis, and home those that need it."""
+        for name in self.names:
+            self.order(Verb.START, name)
+        for name, axis in self.machine.axes.items():
+            if axis.homing.method != "absolute":
+                self.order(Verb.HOME, name)
+                timeout = round(axis.homing.timeout_s * self.machine.rate_hz)
+                self._wait_for(name, AxisState.HOMING, timeout)
+
+    def follow(self, trajectories: Mapping[str, Trajectory]) -> None:
+        """Let axes follow trajectories from where they stand, all from the same tick on."""
+        tick = int(self.memory.status["tick"][0]) + len(trajectories) + 1
+        for name, trajectory in trajectories.items():
+            slot = self.memory.load_program(self.names.index(name), trajectory.segments)
+            self.order(Verb.FOLLOW, name, slot=slot, tick=tick)
+
+    def follow_programs(self, programs: Sequence[str]) -> float:
+        """Start the named programs; gives how long the longest takes with its approach [s]."""
+        trajectories: dict[str, Trajectory] = {}
+        for name in programs:
+            program = self.machine.programs[name]
+            standing = {axis: self.state(axis)["reference_m"] for axis in program.axes}
+            trajectories |= plan_program(self.machine, program, standing)
+        self.follow(trajectories)
+        return max((t.duration_s for t in trajectories.values()), default=0.0)
+
+    def state(self, axis: str) -> np.void:
+        """Give the axis' status record."""
+        status: np.void = self.memory.axis_status[self.names.index(axis)]
+        return status
+
+    def raise_faults(self) -> None:
+        """Raise RunError, telling cause, value and limit, where an axis is in FAULT."""
+        for name in self.names:
+            status = self.state(name)
+            if status["state"] == AxisState.FAULT:
+                cause = FaultCause(int(status["fault"])).name.lower()
+                raise RunError(
+                    f"axis {name} tripped at {status['fault_time_s']:.4f} s: {cause} "
+                    f"(value {status['fault_value']:.6g}, limit {status['fault_limit']:.6g})"
+                )
+
+    def _wait_for(self, axis: str, leaving: AxisState, ticks: int) -> None:
+        for _ in range(0, ticks + CHUNK_TICKS, CHUNK_TICKS):
+            if self.state(axis)["state"] != leaving:
+                break
+            self.advance(CHUNK_TICKS)
+        self.raise_faults()

@@ -1,0 +1,57 @@
+"""Run every path of the tick once on memory of its own, so that nothing compiles while running."""
+
+from __future__ import annotations
+
+from motorctl.config.machine import Machine
+from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
+from motorctl.loop.runner import VirtualRun
+from motorctl.loop.shared import LoopMemory, Verb
+from motorctl.loop.tick import Tick
+
+WARM_UP_TICKS = 400
+
+
+class Unconnected(Driver):
+    """A driver without a device: the counts stand still, the volts go nowhere."""
+
+    Options = DriverOptions
+    supports_virtual_time = True
+
+    def rate_budget(self) -> RateBudget:
+        """No bus, no limit."""
+        return RateBudget(1e9, "no bus")
+
+    def open(self) -> None:
+        """Nothing to open."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def read(self, inputs: Inputs) -> None:
+        """Leave the counts as they are."""
+
+    def write(self, outputs: Outputs) -> None:
+        """Drop the volts."""
+
+    def safe(self) -> None:
+        """Nothing to make safe."""
+
+    def start_virtual_time(self) -> None:
+        """Nothing depends on time."""
+
+    def advance(self) -> None:
+        """Nothing moves."""
+
+
+def warm_up(machine: Machine) -> None:
+    """Compile, or load from the cache, and exercise the tick of this machine."""
+    parameters = max(len(axis.model) for axis in machine.axes.values())
+    memory = LoopMemory.create(list(machine.axes), parameters, machine.rate_hz)
+    tick = Tick(machine, memory, virtual=True, driver_class=Unconnected)
+    run = VirtualRun(tick)
+    for i in range(len(machine.axes)):
+        memory.post(Verb.START, i)
+    run.advance(WARM_UP_TICKS)
+    memory.post(Verb.SHUTDOWN)
+    run.advance(WARM_UP_TICKS)
+    memory.close()

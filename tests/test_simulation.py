@@ -1,0 +1,128 @@
+"""`motorctl simulate` and the demonstration: the same tick in virtual time, logged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner, Result
+
+from motorctl.cli import make_app
+from motorctl.config import load
+from motorctl.demo.published import TABLES
+from motorctl.demo.story import Story, tell
+from motorctl.errors import RunError, UsageError
+from motorctl.insight.compare import ratios
+from motorctl.loop.simulation import simulate, with_seed
+
+CONFIG = "small_stage"
+
+
+def invoke(*arguments: str) -> Result:
+    return CliRunner().invoke(make_app(), list(arguments))
+
+
+@pytest.fixture(scope="module")
+def stage_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    log = tmp_path_factory.mktemp("stage") / "a.parquet"
+    simulate(with_seed(load(CONFIG), 7), log, duration_s=4.0)
+    return log
+
+
+def test_the_same_config_and_seed_give_the_same_rows_to_the_byte(
+    stage_log: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / "b.parquet"
+    simulate(with_seed(load(CONFIG), 7), again, duration_s=4.0)
+    first, second = pq.read_table(stage_log), pq.read_table(again)
+    assert first.num_rows == 20_000
+    for name in first.column_names:
+        assert first[name].to_numpy().tobytes() == second[name].to_numpy().tobytes(), name
+
+
+def test_another_seed_gives_another_run(stage_log: Path, tmp_path: Path) -> None:
+    other = tmp_path / "c.parquet"
+    simulate(with_seed(load(CONFIG), 8), other, duration_s=4.0)
+
+    column = next(n for n in pq.read_schema(other).names if n.endswith(".position_m"))
+    assert not pq.read_table(stage_log)[column].equals(pq.read_table(other)[column])
+
+
+def test_a_virtual_log_has_every_tick(stage_log: Path) -> None:
+    ticks = pq.read_table(stage_log)["tick"].to_numpy()
+    assert (ticks == range(len(ticks))).all()
+
+
+def test_an_axis_that_trips_ends_the_run_with_its_cause_and_a_complete_log(
+    tmp_path: Path,
+) -> None:
+    config = tmp_path / "faulty.yaml"
+    text = Path("configs/small_stage.yaml").read_text()
+    fault = "faults: [{kind: encoder_lost, channel: 0, at_s: 0.5, duration_s: 1}]"
+    assert "preset: small_stage" in text
+    config.write_text(text.replace("preset: small_stage", f"preset: small_stage, {fault}"))
+    log = tmp_path / "faulty.parquet"
+    with pytest.raises(RunError, match=r"tripped at 0\.5\d+ s: encoder_lost"):
+        simulate(load(config), log, duration_s=4.0)
+    assert pq.read_table(log).num_rows >= 2500
+
+
+def test_simulate_prints_one_json_document_with_the_published_measures(tmp_path: Path) -> None:
+    log = tmp_path / "d.parquet"
+    result = invoke("simulate", CONFIG, "--log", str(log), "--duration", "5", "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert document["duration_s"] == 5.0
+    assert log.exists()
+    assert document["axes"]
+
+
+def test_a_duration_of_nothing_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    log = tmp_path / "e.parquet"
+    with pytest.raises(UsageError, match="duration"):
+        simulate(load(CONFIG), log, duration_s=0.0)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
+    return tell(tmp_path_factory.mktemp("demo"), lambda what, share: None)
+
+
+OURS = {  # the prototype's table for the same plants, in um and V
+    "x": {"C1": (65.7, 42.3, 4.04, 9.57), "C2": (36.6, 28.2, 3.46, 9.89)},
+    "y": {"C1": (77.6, 52.6, 8.98, 9.35), "C2": (38.5, 34.9, 7.20, 9.79)},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_compensation_reaches_the_promised_ratios_on_the_published_plants(
+    story: Story, axis: str
+) -> None:
+    c1, c2 = (run.axes[axis].measures for run in story.comparison.runs)
+    ratio = ratios(c1, c2)
+    assert ratio["eM"] >= 1.4
+    assert ratio["eF"] >= 1.4
+    assert ratio["L2"] >= 1.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("run", [0, 1])
+def test_measures_lie_within_a_fifth_of_the_prototypes(story: Story, axis: str, run: int) -> None:
+    compared = story.comparison.runs[run]
+    found = compared.axes[axis].measures
+    values = (found.eM_m * 1e6, found.eF_m * 1e6, found.L2_m * 1e6, found.uM_V)
+    assert values == pytest.approx(OURS[axis][compared.label], rel=0.2)
+
+
+@pytest.mark.slow
+def test_the_demonstration_shows_the_published_tables_and_every_picture(story: Story) -> None:
+    page = story.page.read_text()
+    assert f"{TABLES['x']['C1'].eM_m * 1e6:.1f}" in page
+    kinds = {picture.stem.partition("_")[0] for picture in story.pictures}
+    assert kinds == {"tracking", "command", "estimates", "turnaround"}
+    assert page.count("data:image/png;base64,") == len(story.pictures)
