@@ -1,0 +1,192 @@
+"""The real loop process for a while, its axes following their programs, every tick logged."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from motorctl.config.machine import Machine
+from motorctl.config.metadata import log_metadata
+from motorctl.daemon.commander import Commander
+from motorctl.daemon.loop_process import LoopProcess
+from motorctl.daemon.protocol import AxisCommand, RefusedError
+from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.report import Report, fault_of
+from motorctl.errors import RunError
+from motorctl.log import LogAxis, LogWriter
+from motorctl.log.sample import AxisState
+from motorctl.loop import Phase, Verb, reasons
+
+BEAT_PERIOD_S = 0.02
+LOOK_PERIOD_S = 0.05
+NO_SOCKET = Path()
+
+
+@dataclass(frozen=True)
+class LoopRun:
+    """What the loop process itself told, and where its log stands."""
+
+    log: Path
+    first_tick: int
+    """From here on the axes followed their programs."""
+    last_tick: int
+    """Until here; the log goes on until every axis has stopped."""
+    ended_at_tick: int
+    overruns: int
+    skipped_periods: int
+    rows_lost: int
+    degraded: list[str]
+    trips: list[str]
+    """Every fault of an axis on the way: it was reset and started again."""
+    refusals: list[str]
+    """Why an axis did not do what it should have."""
+
+
+def run_loop(
+    machine: Machine,
+    log: Path,
+    duration_s: float,
+    *,
+    moving: bool,
+    progress: Callable[[float], None],
+) -> LoopRun:
+    """Run the loop process for so long and log every tick; raises RunError where it fails.
+
+    Without `moving` the axes stay off: the loop reads, computes and writes zeros.
+    """
+    return asyncio.run(_Session(machine, log).live(duration_s, moving, progress))
+
+
+class _Session:
+    """A supervisor without a socket."""
+
+    def __init__(self, machine: Machine, log: Path) -> None:
+        self._machine = machine
+        self._loop = LoopProcess(machine)
+        self._memory = self._loop.memory
+        self._report = Report(machine, self._memory, NO_SOCKET)
+        self._commander = Commander(machine, self._memory, self._report)
+        self._log = log
+        self._recorder: Recorder | None = None
+        self._trips: dict[str, None] = {}
+        self._refusals: dict[str, None] = {}
+
+    async def live(
+        self, duration_s: float, moving: bool, progress: Callable[[float], None]
+    ) -> LoopRun:
+        beating = asyncio.create_task(self._beat())
+        try:
+            recorder = await self._begin()
+            if moving:
+                await self._home()
+            first = self._tick
+            began = time.monotonic()
+            while (passed := time.monotonic() - began) < duration_s:
+                self._loop.insist()
+                if moving:
+                    await self._keep_moving()
+                progress(passed / duration_s)
+                await asyncio.sleep(min(LOOK_PERIOD_S, duration_s - passed))
+            last = self._tick
+            await self._stop()
+            self._loop.insist_on_order()
+        finally:
+            await self._stop()
+            await asyncio.to_thread(self._loop.end)
+            beating.cancel()
+            status = self._memory.status[0].copy()
+            if self._recorder is not None:
+                await asyncio.to_thread(self._recorder.finish, self._closing_facts)
+            self._loop.close()
+        if recorder.failure:
+            raise RunError(f"recording: {recorder.failure}")
+        return LoopRun(
+            log=recorder.path,
+            first_tick=first,
+            last_tick=last,
+            ended_at_tick=int(status["tick"]),
+            overruns=int(status["overruns"]),
+            skipped_periods=int(status["skipped_periods"]),
+            rows_lost=recorder.rows_lost,
+            degraded=reasons(int(status["degraded"])),
+            trips=list(self._trips),
+            refusals=list(self._refusals),
+        )
+
+    @property
+    def _tick(self) -> int:
+        return int(self._memory.status["tick"][0])
+
+    async def _beat(self) -> None:
+        while True:
+            self._memory.beat()
+            await asyncio.sleep(BEAT_PERIOD_S)
+
+    async def _begin(self) -> Recorder:
+        await asyncio.to_thread(self._loop.start, {}, ())
+        while self._loop.phase is not Phase.RUNNING:
+            self._loop.insist()
+            await asyncio.sleep(LOOK_PERIOD_S)
+        axes = [LogAxis(a.name, a.model.parameter_names) for a in self._machine.axes.values()]
+        metadata = {**log_metadata(self._machine), "clock": "wall"}
+        recorder = Recorder(self._memory, LogWriter(self._log, metadata, axes))
+        recorder.start()
+        self._recorder = self._report.recorder = recorder
+        return recorder
+
+    async def _home(self) -> None:
+        for name, axis in self._machine.axes.items():
+            if axis.homing.method == "absolute":
+                continue
+            await self._ask("start", name)
+            await self._ask("home", name)
+            deadline = time.monotonic() + axis.homing.timeout_s
+            while self._state(name) is AxisState.HOMING and time.monotonic() < deadline:
+                self._loop.insist()
+                await asyncio.sleep(LOOK_PERIOD_S)
+
+    async def _keep_moving(self) -> None:
+        """Start what stands: after its program an axis follows it again, after a trip as well."""
+        for i, (name, axis) in enumerate(self._machine.axes.items()):
+            state = self._state(name)
+            if state is AxisState.FAULT:
+                fault = fault_of(self._memory.axis_status[i])
+                self._trips[f"axis {name}: {fault['message'] if fault else 'tripped'}"] = None
+                await self._ask("reset", name)
+            elif state is AxisState.OFF or (state is AxisState.IDLE and axis.program):
+                await self._ask("start", name)
+
+    async def _ask(self, command: str, axis: str) -> None:
+        try:
+            await self._commander.handle(AxisCommand.model_validate({"do": command, "axis": axis}))
+        except RefusedError as error:
+            # An axis may trip between the look and the command; then the next look tells.
+            if self._state(axis) is not AxisState.FAULT:
+                self._refusals[error.message] = None
+
+    def _state(self, name: str) -> AxisState:
+        index = list(self._machine.axes).index(name)
+        return AxisState(int(self._memory.axis_status["state"][index]))
+
+    async def _stop(self) -> None:
+        """Let every axis ramp down and the loop process end; `end` does it by force otherwise."""
+        if not self._loop.alive or self._loop.phase is not Phase.RUNNING:
+            return
+        with suppress(BufferError):
+            self._memory.post(Verb.SHUTDOWN)
+        deadline = time.monotonic() + self._loop.stop_timeout_s
+        while self._loop.alive and time.monotonic() < deadline:
+            await asyncio.sleep(LOOK_PERIOD_S)
+
+    def _closing_facts(self) -> dict[str, Any]:
+        assert self._recorder is not None
+        return {
+            "rows_lost": self._recorder.rows_lost,
+            "loop": self._report.loop(),
+            "motions": self._commander.history,
+        }

@@ -1,0 +1,131 @@
+"""Figures, their targets, and the command that prints them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import typer
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from motorctl.bench import law_figures, tick_figures, virtual_figures
+from motorctl.bench.figure import Figure, Target, missed
+from motorctl.bench.interleave import interleaved, median_ratio
+from motorctl.bench.subject import measure
+from motorctl.bench.tick_figures import growth_figures
+from motorctl.cli.bench import register
+from motorctl.errors import UsageError
+
+KEYS = {"name", "title", "value", "unit", "peer", "peer_value", "ratio", "target", "met"}
+
+
+def _ignore(_share: float) -> None:
+    pass
+
+
+def _growth(law) -> Figure:
+    times = {n: np.full(5, law(n)) for n in (1, 2, 4, 8)}
+    return next(f for f in growth_figures(times) if f.name == "tick_growth")
+
+
+def test_subjects_are_measured_in_turn_after_a_round_that_does_not_count():
+    calls: list[str] = []
+
+    def subject(name: str):
+        def run() -> float:
+            calls.append(name)
+            return float(len(calls))
+
+        return run
+
+    results = interleaved({"a": subject("a"), "b": subject("b")}, 3, _ignore)
+    assert "".join(calls) == "ab" * 4
+    assert results["a"].tolist() == [3.0, 5.0, 7.0]
+    assert results["b"].tolist() == [4.0, 6.0, 8.0]
+
+
+def test_a_round_that_was_disturbed_as_a_whole_leaves_the_ratio_alone():
+    fast = np.array([1.0, 50.0, 1.0])
+    assert median_ratio(20.0 * fast, fast) == 20.0
+
+
+@pytest.mark.parametrize(
+    ("target", "value", "ratio", "met"),
+    [
+        (Target("value", "<", 15.0), 15.0, None, False),
+        (Target("value", "<", 15.0), 14.9, None, True),
+        (Target("value", "<=", 15.0), 15.0, None, True),
+        (Target("ratio", ">=", 15.0), 1.0, 15.0, True),
+        (Target("ratio", ">=", 15.0), 99.0, 14.9, False),
+        (Target("ratio", ">=", 15.0), 1.0, None, None),
+        (None, 1.0, 1.0, None),
+    ],
+)
+def test_a_target_is_judged_by_the_number_that_it_is_set_for(target, value, ratio, met):
+    figure = Figure("f", "a figure", value, "us", ratio=ratio, target=target)
+    assert figure.met is met
+    assert figure.document()["met"] is met
+    assert len(missed((figure,))) == (met is False)
+
+
+def test_a_missed_target_is_told_with_value_and_limit():
+    figure = Figure("f", "a figure", 7.25, "us", target=Target("value", "<", 5.0))
+    assert missed((figure,)) == ["a figure: 7.25 us, should be < 5 us"]
+
+
+@given(st.floats(0.01, 100.0), st.floats(0.0, 100.0))
+def test_linear_growth_with_any_fixed_part_is_no_worse_than_linear(per_axis, fixed):
+    assert _growth(lambda n: fixed + per_axis * n).value <= 2.0 + 1e-12
+
+
+@given(st.floats(0.01, 100.0))
+def test_quadratic_growth_is_worse_than_linear(scale):
+    assert _growth(lambda n: scale * n * n).met is False
+
+
+def test_the_fit_finds_fixed_part_and_cost_of_an_axis():
+    times = {n: np.full(5, 3.0 + 0.5 * n) for n in (1, 2, 4, 8)}
+    found = {f.name: f.value for f in growth_figures(times)}
+    assert found["tick_fixed"] == pytest.approx(3.0)
+    assert found["tick_per_axis"] == pytest.approx(0.5)
+    assert found["tick_fit_error"] == pytest.approx(0.0, abs=1e-9)
+    assert found["tick_4_axes_per_axis"] == pytest.approx(1.25)
+
+
+def test_bench_prints_one_json_document_of_figures(monkeypatch):
+    monkeypatch.setattr(law_figures, "ROUNDS", 2)
+    monkeypatch.setattr(law_figures, "STEPS", 200)
+    monkeypatch.setattr(tick_figures, "AXES", (1, 2))
+    monkeypatch.setattr(tick_figures, "ROUNDS", 2)
+    monkeypatch.setattr(virtual_figures, "SPANS", 2)
+    monkeypatch.setattr(virtual_figures, "SPAN_S", 0.2)
+    app = typer.Typer()
+    register(app)
+    answer = CliRunner().invoke(app, ["speed", "--json"])
+    assert answer.exit_code == 0
+    document = json.loads(answer.stdout)
+    assert document["subject"] == "speed"
+    assert document["host"]["cpus"] >= 1
+    figures = {figure["name"]: figure for figure in document["figures"]}
+    assert all(figure.keys() == KEYS for figure in figures.values())
+    fitted = {"tick_fixed", "tick_per_axis", "tick_fit_error"}
+    assert all(figures[name]["value"] > 0.0 for name in figures.keys() - fitted)
+    for name in ("c2_step", "c1_step"):
+        assert figures[name]["peer"] == "the same law in numpy"
+        assert figures[name]["ratio"] > 1.0
+        assert figures[name]["target"] == {"of": "ratio", "relation": ">=", "limit": 15.0}
+    assert figures["c2_step_published"]["peer_value"] == 14.0
+    assert figures["c1_step_published"]["peer_value"] == 10.0
+    parts = [figures[f"tick_2_axes_{part}"]["value"] for part in ("read", "compute", "write")]
+    assert 0.0 < sum(parts) <= figures["tick_2_axes"]["value"]
+    assert figures["virtual_time"]["ratio"] == figures["virtual_time"]["value"]
+    unmet = [figure["title"] for figure in figures.values() if figure["met"] is False]
+    assert len(document["missed"]) == len(unmet)
+
+
+def test_an_unknown_subject_is_refused_with_those_there_are():
+    with pytest.raises(UsageError, match="no bench 'diagnosi'; there are: speed"):
+        measure("diagnosi", _ignore)
