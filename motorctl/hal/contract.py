@@ -166,7 +166,10 @@ class Driver(ABC):
 
     @abstractmethod
     def safe(self) -> None:
-        """Zero and disable every channel; callable at any time, also before `open`; never raises."""
+        """Zero and disable every channel; callable at any time, also before `open`.
+
+        It never raises.
+        """
 
     def start_virtual_time(self) -> None:
         """Switch the device to virtual time, before `open`. Only where it is supported."""

@@ -41,13 +41,15 @@ def spawn(
 ) -> subprocess.Popen[bytes]:
     """Start the loop process on this memory; it keeps the descriptors `keep_open` open."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "motorctl.loop"],
+        [sys.executable, "-P", "-m", "motorctl.loop"],
         stdin=subprocess.PIPE,
         pass_fds=(memory.fd, *keep_open),
     )
     assert process.stdin is not None
     # A process that died at once is found dead by whoever watches it.
     with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
+        # Drivers and effects are found there wherever they were found here.
+        pickle.dump(sys.path, pipe)
         pickle.dump(Orders(machine, memory.fd, learned or {}), pipe)
     return process
 
@@ -57,6 +59,7 @@ def main() -> int:
     # Ctrl-C and systemd's SIGTERM go to the whole group: the supervisor decides what they mean.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
+    sys.path[:] = pickle.load(sys.stdin.buffer)
     orders: Orders = pickle.load(sys.stdin.buffer)
     memory = LoopMemory.attach(orders.memory_fd)
     status = memory.status

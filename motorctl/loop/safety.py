@@ -137,7 +137,7 @@ def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> f
     v is the virtual command that u was found for.
     """
     if not (math.isfinite(u) and math.isfinite(v)):
-        trip(axis, CAUSE_NOT_A_NUMBER, u, settings.max_voltage_v, t)
+        trip(axis, CAUSE_NOT_A_NUMBER, 0.0, settings.max_voltage_v, t)
     if axis.state == FAULT:
         return 0.0
     return min(max(u, -settings.max_voltage_v), settings.max_voltage_v)  # type: ignore[no-any-return]

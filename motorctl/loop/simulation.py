@@ -17,7 +17,7 @@ from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_metadata
 from motorctl.errors import UsageError
 from motorctl.log import LogAxis, LogWriter
-from motorctl.loop.virtual import VirtualMachine
+from motorctl.loop.virtual import VirtualMachine, require_virtual_time
 
 HOLD_S = 1.0
 """How long a machine without programs is simulated, unless told otherwise."""
@@ -83,6 +83,7 @@ def simulate(
     """
     if duration_s is not None and not 0.0 < duration_s < np.inf:
         raise UsageError(f"duration {duration_s:g} s: must lie above 0")
+    require_virtual_time(machine)
     axes = [LogAxis(name, axis.model.parameter_names) for name, axis in machine.axes.items()]
     writer = LogWriter(log, log_metadata(machine), axes)
     began = time.monotonic()

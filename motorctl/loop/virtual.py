@@ -24,6 +24,13 @@ CHUNK_TICKS = 2000
 """Ticks between two looks into the ring."""
 
 
+def require_virtual_time(machine: Machine) -> None:
+    """Raise UsageError where a driver does not support virtual time."""
+    for setup in machine.drivers.values():
+        if not setup.cls.supports_virtual_time:
+            raise UsageError(f"driver '{setup.name}' ({setup.type}) does not support virtual time")
+
+
 class VirtualMachine:
     """Drives every axis of a machine through virtual time.
 
@@ -37,11 +44,7 @@ class VirtualMachine:
         *,
         learned: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        for setup in machine.drivers.values():
-            if not setup.cls.supports_virtual_time:
-                raise UsageError(
-                    f"driver '{setup.name}' ({setup.type}) does not support virtual time"
-                )
+        require_virtual_time(machine)
         self.machine = machine
         self.names = list(machine.axes)
         parameters = max(len(axis.model) for axis in machine.axes.values())
@@ -80,7 +83,8 @@ class VirtualMachine:
             chunk = min(ticks, CHUNK_TICKS)
             first = int(self.memory.status["ring_head"][0])
             self._run.advance(chunk)
-            rows = np.arange(first, first + chunk) % self.memory.ring_rows
+            last = int(self.memory.status["ring_head"][0])  # a shutdown may end it early
+            rows = np.arange(first, last) % self.memory.ring_rows
             self._turnarounds.append(self.tick.measured_s[rows])
             new_ticks, samples, _ = self.memory.drain()
             self._on_rows(new_ticks, samples)

@@ -1,0 +1,71 @@
+"""What the machine does not give of real time is told, and refused where that is asked for."""
+
+import subprocess
+import sys
+
+import pytest
+
+from motorctl.loop import Degraded, reasons
+from motorctl.loop.realtime import NEEDED
+
+ENTER = """
+import gc, os, resource, sys
+from motorctl.config.machine import LoopSettings
+from motorctl.loop.realtime import enter_realtime
+
+if sys.argv[1] == "unprivileged":
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+    resource.setrlimit(resource.RLIMIT_MEMLOCK, (0, 0))
+    if os.geteuid() == 0:
+        os.setgroups([])
+        os.setgid(65534)
+        os.setuid(65534)
+cpu = int(sys.argv[2]) if len(sys.argv) > 2 else None
+settings = LoopSettings(cpu, 10, 60e-6, "degrade", "count", 10)
+degraded = enter_realtime(settings)
+policy, cpus = os.sched_getscheduler(0), len(os.sched_getaffinity(0))
+locked = next(int(l.split()[1]) for l in open("/proc/self/status") if l.startswith("VmLck"))
+print(int(degraded), policy == os.SCHED_FIFO, cpus, locked, gc.isenabled())
+"""
+
+
+def enter(*arguments: str) -> tuple[Degraded, bool, int, int, bool]:
+    done = subprocess.run(
+        [sys.executable, "-c", ENTER, *arguments], capture_output=True, text=True, check=True
+    )
+    degraded, fifo, cpus, locked, collecting = done.stdout.split()
+    return Degraded(int(degraded)), fifo == "True", int(cpus), int(locked), collecting == "True"
+
+
+def test_an_unprivileged_process_is_told_what_it_does_without():
+    degraded, fifo, _, locked, collecting = enter("unprivileged")
+    assert degraded & Degraded.NO_FIFO
+    assert degraded & Degraded.NO_LOCKED_MEMORY
+    assert not fifo
+    assert locked == 0
+    assert not collecting
+
+
+def test_what_is_reported_is_what_the_process_has():
+    degraded, fifo, cpus, locked, collecting = enter("as it is")
+    assert fifo is not bool(degraded & Degraded.NO_FIFO)
+    assert (cpus == 1) is not bool(degraded & Degraded.NO_PINNING)
+    assert (locked > 0) is not bool(degraded & Degraded.NO_LOCKED_MEMORY)
+    assert not collecting
+
+
+def test_a_cpu_that_there_is_not_cannot_be_pinned_to():
+    degraded, *_ = enter("as it is", "4095")
+    assert degraded & Degraded.NO_PINNING
+
+
+@pytest.mark.parametrize("bit", list(Degraded))
+def test_every_shortcoming_has_its_words(bit):
+    (text,) = reasons(bit)
+    assert text
+    assert "\n" not in text
+
+
+def test_several_shortcomings_are_all_told():
+    assert len(reasons(NEEDED)) == 3
+    assert reasons(0) == []

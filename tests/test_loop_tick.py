@@ -1,0 +1,103 @@
+"""The tick's place between the machine and its drivers."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from loop_bench import Rig, Still, gantry, with_axes, with_driver
+
+from motorctl.config.machine import DriverSetup
+from motorctl.errors import RunError
+from motorctl.hal import DriverOptions
+from motorctl.loop.tick import make_drivers
+
+
+def on_two_drivers(x: str, y: str, **classes):
+    """Give the gantry with an axis on each of two drivers, which are listed as a, then b."""
+    setups = {
+        name: DriverSetup(name, "own", classes.get(name, Still), DriverOptions()) for name in "ab"
+    }
+    machine = with_axes(with_axes(gantry(), ["x"], driver=x), ["y"], driver=y, channel=0)
+    return dataclasses.replace(machine, drivers=setups)
+
+
+def assert_wired(x: str, y: str) -> None:
+    rig = Rig(on_two_drivers(x, y))
+    devices = rig.tick.drivers
+    rig.tick.open(virtual=True)
+    rig.start()
+    devices[x].counts[0], devices[y].counts[0] = 100, 300
+    rig.advance(1)
+    assert rig.last("x")["position_m"] == pytest.approx(50e-6)
+    assert rig.last("y")["position_m"] == pytest.approx(150e-6)
+    assert devices[x].volts.tolist() == [rig.last("x")["command_v"]]
+    assert devices[y].volts.tolist() == [rig.last("y")["command_v"]]
+    assert devices[x].volts[0] != devices[y].volts[0]
+    assert devices[x].enable.tolist() == devices[y].enable.tolist() == [1]
+
+
+def test_axes_of_several_drivers_are_served_together():
+    assert_wired("a", "b")
+
+
+@pytest.mark.slow  # another wiring is another compiled tick
+def test_axes_may_stand_in_another_order_than_their_drivers():
+    assert_wired("b", "a")
+
+
+def test_a_driver_is_told_what_it_serves():
+    (driver,) = make_drivers(with_driver(gantry(), Still)).values()
+    assert driver.period_s == pytest.approx(0.2e-3)
+    assert [channel.axis for channel in driver.channels] == ["x", "y"]
+    assert [channel.number for channel in driver.channels] == [0, 1]
+    assert driver.channels[0].resolution_m == 0.5e-6
+    assert driver.channels[0].counter_bits == 32
+    assert driver.channels[0].max_voltage_v == 10.0
+
+
+class DoesNotOpen(Still):
+    """There is no such device."""
+
+    def open(self) -> None:
+        raise RunError("no device")
+
+
+class NeverSafe(Still):
+    """Breaks the contract in its last moment."""
+
+    def safe(self) -> None:
+        super().safe()
+        raise OSError("gone")
+
+    def close(self) -> None:
+        super().close()
+        raise OSError("gone as well")
+
+
+def test_a_driver_that_does_not_open_leaves_every_output_safe_and_the_others_closed():
+    rig = Rig(on_two_drivers("a", "b", b=DoesNotOpen))
+    with pytest.raises(RunError, match="no device"):
+        rig.tick.open(virtual=True)
+    assert rig.tick.drivers["a"].calls == ["open", "safe", "close"]
+    assert rig.tick.drivers["b"].calls == ["safe"]
+
+
+def test_a_driver_that_fails_to_be_safe_keeps_no_other_from_it():
+    rig = Rig(on_two_drivers("a", "b", a=NeverSafe))
+    rig.tick.open(virtual=True)
+    rig.start()
+    with pytest.raises(OSError, match="gone as well"):
+        rig.tick.close()
+    assert rig.tick.drivers["b"].calls == ["open", "safe", "close"]
+    assert rig.tick.drivers["b"].enable.tolist() == [0]
+
+
+def test_turnaround_is_measured_in_virtual_time_too_but_kept_out_of_the_rows():
+    rig = Rig(with_driver(gantry(), Still))
+    rig.tick.open(virtual=True)
+    rig.advance(100)
+    assert rig.turnaround_s.shape == (100, 4)
+    assert (rig.turnaround_s > 0.0).all()
+    assert np.allclose(rig.turnaround_s[:, 0], rig.turnaround_s[:, 1:].sum(axis=1))
+    assert (rig.ticks_seen["turnaround_s"] == 0.0).all()
+    assert (rig.ticks_seen["lateness_s"] == 0.0).all()
