@@ -34,11 +34,10 @@ def gantry() -> Machine:
 
 def changed(part: Any, **changes: Any) -> Any:
     """Give a frozen record with changes, nested ones as records of changes."""
-    nested = {
-        key: changed(getattr(part, key), **value) if isinstance(value, dict) else value
-        for key, value in changes.items()
-    }
-    return dataclasses.replace(part, **nested)
+    for key, value in changes.items():
+        if isinstance(value, dict) and dataclasses.is_dataclass(getattr(part, key)):
+            changes[key] = changed(getattr(part, key), **value)
+    return dataclasses.replace(part, **changes)
 
 
 def with_axes(machine: Machine, names: Sequence[str] = ("x", "y"), **changes: Any) -> Machine:
@@ -162,14 +161,10 @@ class Rig(VirtualMachine):
     def fault_of(self, axis: str) -> FaultCause:
         return FaultCause(int(self.state(axis)["fault"]))
 
-    def move(
-        self, axis: str, to_m: float, velocity: float = 0.5, acceleration: float = 5.0
-    ) -> float:
-        """Let an axis move; gives how long it takes [s]."""
+    def move(self, axis: str, to_m: float, velocity_m_s: float = 0.5) -> None:
+        """Let an axis begin to move."""
         here = float(self.state(axis)["reference_m"])
-        trajectory = point_to_point(here, to_m, velocity, acceleration, 500.0)
-        self.follow({axis: trajectory})
-        return trajectory.duration_s
+        self.follow({axis: point_to_point(here, to_m, velocity_m_s, 5.0, 500.0)})
 
     def wait_until(self, reached: Callable[[], bool], timeout_s: float = 30.0) -> None:
         """Let time pass until something is so, looking every tenth of a second."""

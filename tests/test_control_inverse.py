@@ -59,7 +59,7 @@ def test_the_inverse_rises_with_the_virtual_command(admissible, shares):
 
 
 @settings(deadline=None)
-@given(maps(), st.floats(1.0, 1e6))
+@given(maps(), st.floats(1.0 + 1e-12, 1e6))
 def test_the_inverse_stands_at_the_limit_beyond_the_branch(admissible, share):
     theta5, theta6, u_max = admissible
     v = share * mapped(u_max, theta5, theta6)

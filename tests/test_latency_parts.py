@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motorctl.bench.latency.advice import kernel_advice, spin_advice
+from motorctl.bench.host import stolen_s
+from motorctl.bench.latency.advice import kernel_advice, spin_advice, theft_advice
 from motorctl.bench.latency.cyclictest import cyclictest_command, rival_of, run_cyclictest
 from motorctl.bench.latency.durations import Durations
 from motorctl.bench.latency.histogram import (
@@ -210,3 +211,11 @@ def test_a_longer_spin_is_advised_only_where_wake_ups_are_late():
     assert spin_advice(60e-6, 200e-6, 0.0) == []
     assert spin_advice(120e-6, 200e-6, 0.1) == []
     assert "loop.spin_s 0.00012 instead of 6e-05" in spin_advice(60e-6, 200e-6, 0.01)[0]
+
+
+def test_time_that_a_hypervisor_took_is_found_and_told(tmp_path):
+    _machine_files(tmp_path, proc__stat="cpu 9 9 9 9 9 9 9 900 0\ncpu1 1 2 3 4 5 6 7 250 0 0")
+    assert stolen_s(1, tmp_path) == 250 / os.sysconf("SC_CLK_TCK")
+    assert stolen_s(2, tmp_path) == 0.0
+    assert theft_advice(0.0, 1) == []
+    assert "took 1.50% of CPU 1" in theft_advice(0.015, 1)[0]

@@ -34,6 +34,7 @@ def _log(path: Path, tick: list[int], lateness_us: list[float], flagged: set[int
         overruns=0,
         skipped_periods=skipped,
         rows_lost=0,
+        stolen_share=0.0,
         degraded=[],
         trips=[],
         refusals=[],

@@ -1,4 +1,4 @@
-"""Counts become a position: wrapped counters, both directions, gaps, and counts one cannot trust."""
+"""Counts become a position: wrapped counters, both directions, and counts one cannot trust."""
 
 import numpy as np
 import pytest

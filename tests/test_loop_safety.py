@@ -96,11 +96,8 @@ def test_a_fault_on_the_way_stops_its_axis_and_no_other(kind, cause):
 
 def test_the_following_error_trips_once_it_lasts_longer_than_the_filter_time():
     minimum, per_velocity, filter_ticks = 0.001, 0.002, 10
-    rig = still(
-        following_error={
-            "minimum_m": minimum, "per_velocity_s": per_velocity, "filter_time_s": filter_ticks * TS,
-        }
-    )  # fmt: skip
+    limit = {"minimum_m": minimum, "per_velocity_s": per_velocity}
+    rig = still(following_error=limit | {"filter_time_s": filter_ticks * TS})
     rig.move("x", 0.4)  # the counts stand still: the reference runs away
     rig.seconds(0.2)
     assert_tripped(rig, "x", FaultCause.FOLLOWING_ERROR)

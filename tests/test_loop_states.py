@@ -31,7 +31,7 @@ def in_state(state: AxisState) -> Rig:
             rig.move("x", 0.3)
         case AxisState.STOPPING:
             rig.order(Verb.START, "x")
-            rig.move("x", 0.0005, velocity=0.01)
+            rig.move("x", 0.0005, velocity_m_s=0.01)
             rig.seconds(0.03)
             rig.order(Verb.STOP, "x")
         case AxisState.FAULT:

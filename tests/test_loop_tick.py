@@ -26,10 +26,10 @@ def assert_wired(x: str, y: str) -> None:
     devices = rig.tick.drivers
     rig.tick.open(virtual=True)
     rig.start()
-    devices[x].counts[0], devices[y].counts[0] = 100, 300
+    devices[x].counts[0], devices[y].counts[0] = 2, 5
     rig.advance(1)
-    assert rig.last("x")["position_m"] == pytest.approx(50e-6)
-    assert rig.last("y")["position_m"] == pytest.approx(150e-6)
+    assert rig.last("x")["position_m"] == pytest.approx(1.0e-6)
+    assert rig.last("y")["position_m"] == pytest.approx(2.5e-6)
     assert devices[x].volts.tolist() == [rig.last("x")["command_v"]]
     assert devices[y].volts.tolist() == [rig.last("y")["command_v"]]
     assert devices[x].volts[0] != devices[y].volts[0]

@@ -58,6 +58,9 @@ class Effect(ABC):
     vs [m/s] a velocity free of quantisation (the desired one in the loop), t [s] the time,
     u [V] the command and c the tuple that `constants` gives. An input effect's `column` is h(u)
     and `slope` dh/du.
+
+    Kernels run in the real-time tick and must not raise: one that divides is decorated with
+    ``njit(error_model="numpy")``, or 1/0 ends the loop. What is not finite trips the axis.
     """
 
     name: ClassVar[str]
