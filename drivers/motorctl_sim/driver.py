@@ -98,9 +98,8 @@ class SimDriver(Driver):
         """Let time pass in `advance` only."""
         self._virtual = True
 
-    def open(self) -> None:
-        """Power the machine on: time 0, carriages at their places. Compiles what is not cached."""
-        self._reset()
+    def prepare(self) -> None:
+        """Compile the physics, or take it from the cache."""
         physics.start(self._clock, self._plants, self._states, self._faults)
         records = (self._clock, self._plants, self._states, self._faults)
         self._move = specialise(physics.advance, *records, 0)
@@ -108,6 +107,11 @@ class SimDriver(Driver):
         shown = (seen.counts, seen.index_counts, seen.status)
         self._deliver = specialise(physics.deliver, self._states, *shown)
         self._accept = specialise(physics.accept, self._states, asked.volts, asked.enable)
+
+    def open(self) -> None:
+        """Power the machine on: time 0, carriages at their places."""
+        self._reset()
+        self.prepare()
         self._pace.restart()
         self._running = True
 

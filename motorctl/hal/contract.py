@@ -148,6 +148,9 @@ class Driver(ABC):
     def rate_budget(self) -> RateBudget:
         """Compute the highest possible rate from options and channels, without any I/O."""
 
+    def prepare(self) -> None:  # noqa: B027 (most drivers have nothing to prepare)
+        """Compile and allocate, without any I/O, what would be slow once real time is entered."""
+
     @abstractmethod
     def open(self) -> None:
         """Connect, check the device and arm its watchdog; outputs stay zero and disabled."""

@@ -90,6 +90,7 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     status["phase"][0] = Phase.COMPILING
     warm_up(orders.machine)
     tick = Tick(orders.machine, memory, learned=orders.learned)
+    tick.prepare()
     degraded = enter_realtime(orders.machine.loop)
     status["degraded"][0] = degraded
     _insist(orders.machine, degraded)

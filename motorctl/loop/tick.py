@@ -178,6 +178,11 @@ class Tick:
 
         return step
 
+    def prepare(self) -> None:
+        """Let every driver do what is slow, before real time is entered."""
+        for driver in self.drivers.values():
+            driver.prepare()
+
     def open(self, *, virtual: bool = False) -> None:
         """Open every driver; what was opened is made safe again where one fails."""
         opened: list[Driver] = []
