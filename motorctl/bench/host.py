@@ -8,6 +8,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+ROOT = Path("/")
+STEAL = 8
+"""The word of a CPU's line in /proc/stat that counts stolen time."""
+
 
 def host_facts() -> dict[str, Any]:
     """Give what a reader of figures needs to know of this machine, and how busy it is."""
@@ -31,6 +35,22 @@ def host_line(facts: dict[str, Any]) -> str:
         f"Python {facts['python']}, numpy {facts['numpy']}, numba {facts['numba']}; "
         f"load average {facts['load_average_1_min']:g}"
     )
+
+
+def stolen_s(cpu: int, root: Path = ROOT) -> float:
+    """Give how long a hypervisor has kept this CPU from us since it was started.
+
+    root is where /proc is looked for.
+    """
+    try:
+        lines = (root / "proc/stat").read_text().splitlines()
+    except OSError:
+        return 0.0
+    for line in lines:
+        words = line.split()
+        if words[0] == f"cpu{cpu}" and len(words) > STEAL:
+            return int(words[STEAL]) / os.sysconf("SC_CLK_TCK")
+    return 0.0
 
 
 def _cpu_model() -> str:

@@ -8,6 +8,7 @@ ROOT = Path("/")
 LONGEST_SPIN = 0.6
 """Of the period: sleeping the rest keeps clear of the kernel's real-time throttling (95 %)."""
 LATE_ENOUGH = 1e-3
+STOLEN_ENOUGH = 1e-4
 
 
 def kernel_advice(cpu: int, root: Path = ROOT) -> list[str]:
@@ -64,6 +65,16 @@ def spin_advice(spin_s: float, period_s: float, late_share: float) -> list[str]:
     return [
         f"loop.spin_s {longer_s:g} instead of {spin_s:g} in the configuration: wake-ups that are "
         f"late by up to {longer_s * 1e6:g} us then do no harm; it takes more of the CPU"
+    ]
+
+
+def theft_advice(stolen_share: float, cpu: int) -> list[str]:
+    """Give what a share of time says that a hypervisor took, 0 to 1."""
+    if stolen_share < STOLEN_ENOUGH:
+        return []
+    return [
+        f"a machine of its own: a hypervisor took {stolen_share:.2%} of CPU {cpu} away while the "
+        "loop ran, and nothing on this side can prevent that"
     ]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from motorctl.bench.host import stolen_s
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_metadata
 from motorctl.daemon.commander import Commander
@@ -21,6 +22,7 @@ from motorctl.errors import RunError
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.sample import AxisState
 from motorctl.loop import Phase, Verb, reasons
+from motorctl.loop.realtime import chosen_cpu
 
 BEAT_PERIOD_S = 0.02
 LOOK_PERIOD_S = 0.05
@@ -40,6 +42,8 @@ class LoopRun:
     overruns: int
     skipped_periods: int
     rows_lost: int
+    stolen_share: float
+    """Of the time, what a hypervisor took of the loop's CPU, 0 to 1."""
     degraded: list[str]
     trips: list[str]
     """Every fault of an axis on the way: it was reset and started again."""
@@ -84,8 +88,9 @@ class _Session:
             recorder = await self._begin()
             if moving:
                 await self._home()
-            first = self._tick
-            began = time.monotonic()
+                await self._keep_moving()
+            first, cpu = self._tick, chosen_cpu(self._machine.loop)
+            began, stolen = time.monotonic(), stolen_s(cpu)
             while (passed := time.monotonic() - began) < duration_s:
                 self._loop.insist()
                 if moving:
@@ -93,6 +98,7 @@ class _Session:
                 progress(passed / duration_s)
                 await asyncio.sleep(min(LOOK_PERIOD_S, duration_s - passed))
             last = self._tick
+            stolen_share = (stolen_s(cpu) - stolen) / (time.monotonic() - began)
             await self._stop()
             self._loop.insist_on_order()
         finally:
@@ -113,6 +119,7 @@ class _Session:
             overruns=int(status["overruns"]),
             skipped_periods=int(status["skipped_periods"]),
             rows_lost=recorder.rows_lost,
+            stolen_share=stolen_share,
             degraded=reasons(int(status["degraded"])),
             trips=list(self._trips),
             refusals=list(self._refusals),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from motorctl.bench.host import host_facts
 from motorctl.bench.interleave import Progress, part_of
-from motorctl.bench.latency.advice import kernel_advice, spin_advice
+from motorctl.bench.latency.advice import kernel_advice, spin_advice, theft_advice
 from motorctl.bench.latency.cyclictest import (
     INSTALL,
     Rival,
@@ -98,6 +98,7 @@ def measure_latency(machine: Machine, options: LatencyOptions, progress: Progres
         rival=rival,
         without_rival=without if rival is None else None,
         advice=(
+            *theft_advice(run.stolen_share, cpu),
             *kernel_advice(cpu),
             *spin_advice(
                 machine.loop.spin_s, machine.period_s, times.lateness.share_beyond(LATE_S[0])

@@ -103,6 +103,7 @@ class Latency:
             "priority": self.machine.loop.priority,
             "spin_us": self.machine.loop.spin_s * US,
             "degraded": run.degraded,
+            "stolen_share": run.stolen_share,
             "lateness": times.lateness.document()
             | {"histogram": histogram_document(times.lateness)},
             "turnaround": turnaround.document()
