@@ -52,6 +52,8 @@ class Status(IntFlag):
     """The count cannot be trusted (broken wire, illegal transition, stale frame)."""
     AMPLIFIER_FAULT = 1 << 1
     COMMUNICATION_LOST = 1 << 2
+    """No news, but the device counts on. Where it may have restarted, and lost its count, a driver
+    reports ENCODER_LOST as well: an incremental axis then has to be homed again."""
     LIMIT_NEGATIVE = 1 << 3
     """The limit switch at the negative end is pressed."""
     LIMIT_POSITIVE = 1 << 4
@@ -71,7 +73,7 @@ class Inputs:
     __slots__ = ("counts", "index_counts", "status")
 
     counts: NDArray[np.int64]
-    """Raw counter, possibly wrapped to the width that the axis' configuration declares."""
+    """Raw counter, signed or not, possibly wrapped to the width that the configuration declares."""
     index_counts: NDArray[np.int64]
     """The counter's value at the last index mark."""
     status: NDArray[np.uint32]
@@ -136,6 +138,8 @@ class Driver(ABC):
 
     Options: ClassVar[type[DriverOptions]] = DriverOptions
     supports_virtual_time: ClassVar[bool] = False
+    simulated: ClassVar[bool] = False
+    """True where no machine moves: measurements then start axes without being told to."""
 
     def __init__(
         self, options: DriverOptions, channels: Sequence[Channel], period_s: float

@@ -13,7 +13,7 @@ from motorctl.control.records import LawFlag
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.homing import home
-from motorctl.loop.reference import follow, hold_where_it_is, ramp
+from motorctl.loop.reference import brake, follow, hold_where_it_is
 from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,
     COMMUNICATION_LOST,
@@ -57,7 +57,13 @@ def read_position(settings: Any, axis: Any, raw: int, elapsed: int, t: float) ->
     if not axis.have_counts:
         axis.have_counts, axis.counts, axis.raw_counts = 1, raw, raw
         axis.velocity_m_s, axis.blind_ticks = 0.0, 0
-        axis.position_m = settings.metres_per_count * raw + settings.offset_m + axis.shift_m
+        span = settings.counter_span
+        travel_m = settings.travel_high_m - settings.travel_low_m
+        if settings.absolute and span * abs(settings.metres_per_count) >= travel_m:
+            # Signed or not, the counter means a place in or near the travel.
+            middle = 0.5 * (settings.travel_low_m + settings.travel_high_m) - settings.offset_m
+            axis.counts += span * round((middle / settings.metres_per_count - raw) / span)
+        axis.position_m = settings.metres_per_count * axis.counts + settings.offset_m + axis.shift_m
         return
     step = raw - axis.raw_counts
     span = settings.counter_span
@@ -132,7 +138,7 @@ def axis_step(
             law.y2 += shift
     elif axis.state == RUNNING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
-    elif axis.state == STOPPING and ramp(settings, axis, 0.0, elapsed):
+    elif axis.state == STOPPING and brake(settings, axis, elapsed):
         axis.state = FAULT if axis.fault else OFF
     if axis.state not in (OFF, FAULT):
         check_motion(settings, axis, elapsed, t)
@@ -205,7 +211,6 @@ def axis_step(
 @njit
 def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     """Copy what `status` shows of an axis."""
-    status.state = axis.state
     status.fault = axis.fault
     status.homed = axis.homed
     status.slot = axis.slot
@@ -221,3 +226,4 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.fault_value = axis.fault_value
     status.fault_limit = axis.fault_limit
     status.fault_time_s = axis.fault_time_s
+    status.state = axis.state  # last: whoever sees FAULT finds its cause

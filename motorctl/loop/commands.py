@@ -8,8 +8,8 @@ from numba import njit
 
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.homing import begin_homing
-from motorctl.loop.reference import hold_where_it_is
-from motorctl.loop.safety import DEVICE_FAULTS, set_soft_limits, trip
+from motorctl.loop.reference import UNDECIDED, hold_where_it_is
+from motorctl.loop.safety import DEVICE_FAULTS, set_soft_limits, still_moves, trip
 from motorctl.loop.shared import MAILBOX_SIZE, Reply, Verb
 
 OFF = int(AxisState.OFF)
@@ -37,6 +37,7 @@ NOT_AT_START = int(Reply.NOT_AT_START)
 STILL_FAULTY = int(Reply.STILL_FAULTY)
 NO_HOMING = int(Reply.NO_HOMING)
 LATE = int(Reply.LATE)
+STILL_MOVING = int(Reply.STILL_MOVING)
 
 AT_START_M = 1e-6
 """How near the reference must be to a program's start."""
@@ -81,6 +82,7 @@ def stop(axis: Any, cause: int, t: float) -> None:
     """Let an enabled axis ramp down and switch off; with a cause it ends in FAULT."""
     if axis.state in (IDLE, RUNNING, HOMING):
         axis.state = STOPPING
+        axis.brake = UNDECIDED
         axis.slot = -1
         axis.fault = cause
         if cause:
@@ -139,6 +141,8 @@ def _enable(settings: Any, axis: Any) -> int:
         return WRONG_STATE
     if axis.status & DEVICE_FAULTS:
         return STILL_FAULTY
+    if still_moves(settings, axis):
+        return STILL_MOVING
     axis.state = IDLE
     axis.fresh = 1
     axis.error_count, axis.fast_count = 0, 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def plan_program(
     Where the program moves several axes, those that arrive first wait, so that all begin it in
     the same tick. Raises UsageError where it would exceed a limit or has too many segments.
     """
-    _check(machine, program)
+    _check(machine, program)  # before the approach, so that messages speak of the program itself
     motions = program.trajectories()
     approaches = {
         name: plan_approach(machine.axes[name], references_m[name], motion.start_m)
@@ -80,7 +81,31 @@ def plan_program(
                 f"program '{program.name}' needs {needed} segments for axis {name}; "
                 f"at most {PROGRAM_SEGMENTS} fit: fewer cycles or fewer points"
             )
+    for name, approach in approaches.items():
+        _check(machine, _Approach(program.name, name, approach), references_m[name])
     return plans
+
+
+@dataclass(frozen=True)
+class _Approach:
+    """The way to a program's start, as a program that can be checked."""
+
+    program: str
+    axis: str
+    trajectory: Trajectory
+    cycles: int = 1
+    period_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        return f"approach to {self.program}"
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        return (self.axis,)
+
+    def trajectories(self) -> dict[str, Trajectory]:
+        return {self.axis: self.trajectory}
 
 
 def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:

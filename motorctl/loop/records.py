@@ -22,6 +22,7 @@ AXIS_SETTINGS = np.dtype(
         ("error_ticks", "i8"),  # trip when exceeded for more than these
         ("stop_acceleration_m_s2", "f8"),
         ("stop_jerk_m_s3", "f8"),
+        ("max_jerk_m_s3", "f8"),
         ("absolute", "i8"),  # no homing: the encoder knows its position
         ("home_on_switch", "i8"),
         ("home_on_index", "i8"),
@@ -58,6 +59,7 @@ AXIS_STATE = np.dtype(
         ("fast_count", "i8"),  # ticks beyond the top speed
         ("slot", "i8"),  # program slot followed, or -1
         ("start_tick", "i8"),
+        ("brake", "i8"),  # how the axis stops, once that is decided
         ("segment", "i8"),
         ("segment_time_s", "f8"),
         ("phase", "i8"),  # of homing
@@ -75,6 +77,8 @@ JUMP_SPEED_RATIO = 4.0
 # axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
 # grow by a fifth of a period in each of five ticks without a whole period being skipped.
 OVERSPEED_RATIO = 1.2
+# Below this share of the top speed an axis counts as standing.
+STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5
 
 
@@ -94,6 +98,7 @@ def fill_axis_settings(record: np.void, axis: Axis, period_s: float) -> None:
     record["error_ticks"] = round(limits.following_error.filter_time_s / period_s)
     record["stop_acceleration_m_s2"] = limits.stop_acceleration_m_s2
     record["stop_jerk_m_s3"] = limits.stop_jerk_m_s3
+    record["max_jerk_m_s3"] = limits.max_jerk_m_s3
     record["absolute"] = homing.method == "absolute"
     record["home_on_switch"] = homing.method in ("switch", "switch_index")
     record["home_on_index"] = homing.method in ("index", "switch_index")

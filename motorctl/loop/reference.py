@@ -7,12 +7,14 @@ from typing import Any
 from numba import njit
 
 from motorctl.log.sample import AxisState
-from motorctl.motion import advance, evaluate, velocity_ramp_step
+from motorctl.motion import advance, evaluate, velocity_ramp_distance, velocity_ramp_step
 
 OFF = int(AxisState.OFF)
 IDLE = int(AxisState.IDLE)
 RUNNING = int(AxisState.RUNNING)
 STOPPING = int(AxisState.STOPPING)
+
+UNDECIDED, GENTLE, HARD = 0, 1, 2
 
 
 @njit
@@ -26,13 +28,49 @@ def hold_where_it_is(axis: Any) -> None:
 @njit
 def ramp(settings: Any, axis: Any, velocity: float, elapsed: int) -> bool:
     """Move the reference's velocity towards `velocity`; tells whether it is reached."""
+    acceleration, jerk = settings.stop_acceleration_m_s2, settings.stop_jerk_m_s3
+    return _ramp(settings, axis, velocity, acceleration, jerk, elapsed)  # type: ignore[no-any-return]
+
+
+@njit
+def brake(settings: Any, axis: Any, elapsed: int) -> bool:
+    """Ramp down to rest; tells whether the axis has come to it.
+
+    With the limits of a stop, unless that would end beyond the travel, or turn back on the way
+    because the axis already brakes harder. Then with the axis' own limits: a program that keeps
+    these comes to rest within the travel, so the hardest braking does so too.
+    """
+    if axis.brake == UNDECIDED:
+        axis.brake = GENTLE if _stops_gently(settings, axis) else HARD
+    if axis.brake == GENTLE:
+        return ramp(settings, axis, 0.0, elapsed)  # type: ignore[no-any-return]
+    acceleration, jerk = settings.max_acceleration_m_s2, settings.max_jerk_m_s3
+    return _ramp(settings, axis, 0.0, acceleration, jerk, elapsed)  # type: ignore[no-any-return]
+
+
+@njit
+def _stops_gently(settings: Any, axis: Any) -> bool:
+    x, v = axis.reference_m, axis.reference_velocity_m_s
+    a, jerk = axis.reference_acceleration_m_s2, settings.stop_jerk_m_s3
+    if v * a < 0.0 and a * a > 2.0 * jerk * abs(v):
+        return False
+    if not axis.homed:
+        return True
+    end = x + velocity_ramp_distance(v, a, 0.0, settings.stop_acceleration_m_s2, jerk)
+    return min(settings.travel_low_m, x) <= end <= max(settings.travel_high_m, x)  # type: ignore[no-any-return]
+
+
+@njit
+def _ramp(
+    settings: Any, axis: Any, velocity: float, acceleration: float, jerk: float, elapsed: int
+) -> bool:
     for _ in range(elapsed):
         v, a, dx = velocity_ramp_step(
             axis.reference_velocity_m_s,
             axis.reference_acceleration_m_s2,
             velocity,
-            settings.stop_acceleration_m_s2,
-            settings.stop_jerk_m_s3,
+            acceleration,
+            jerk,
             settings.period_s,
         )
         axis.reference_m += dx

@@ -9,7 +9,12 @@ from numba import njit
 
 from motorctl.hal import FAULT_BITS, Status
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop.records import JUMP_SPEED_RATIO, OVERSPEED_RATIO, OVERSPEED_TICKS
+from motorctl.loop.records import (
+    JUMP_SPEED_RATIO,
+    OVERSPEED_RATIO,
+    OVERSPEED_TICKS,
+    STANDSTILL_RATIO,
+)
 
 HOMING = int(AxisState.HOMING)
 FAULT = int(AxisState.FAULT)
@@ -36,13 +41,17 @@ CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
 
 @njit
 def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
-    """Put the axis into FAULT, keeping the first cause with its value and limit."""
+    """Put the axis into FAULT, keeping the first cause with its value and limit.
+
+    An axis that is being stopped for a cause has that one already.
+    """
     if axis.state != FAULT:
+        if axis.fault == 0:
+            axis.fault = cause
+            axis.fault_value = value
+            axis.fault_limit = limit
+            axis.fault_time_s = t
         axis.state = FAULT
-        axis.fault = cause
-        axis.fault_value = value
-        axis.fault_limit = limit
-        axis.fault_time_s = t
         axis.slot = -1
 
 
@@ -80,6 +89,13 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
             return True
     reach = JUMP_SPEED_RATIO * settings.max_velocity_m_s * seconds
     return abs(step) * unit > reach + 8.0 * unit  # type: ignore[no-any-return]
+
+
+@njit
+def still_moves(settings: Any, axis: Any) -> bool:
+    """Tell whether the axis moves too fast to be enabled: holding it would be a jolt."""
+    noise = 8.0 * abs(settings.metres_per_count) / settings.period_s
+    return abs(axis.velocity_m_s) > STANDSTILL_RATIO * settings.max_velocity_m_s + noise  # type: ignore[no-any-return]
 
 
 @njit

@@ -1,7 +1,8 @@
 """The memory between supervisor and loop process: mailbox, status, program slots, ring of samples.
 
 One memfd, mapped by both. Every field has one writer; indices are published after the data that
-they announce, so no lock is needed that one side could hold while the other waits.
+they announce, so no lock is needed that one side could hold while the other waits. That order holds
+on x86-64, whose stores are seen in the order in which they were made.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ class Reply(IntEnum):
     """The axis has an absolute encoder: there is nothing to home."""
     LATE = 7
     """The tick at which the program should have begun has passed."""
+    STILL_MOVING = 8
+    """The axis still moves: it can be enabled when it stands."""
 
 
 class Phase(IntEnum):

@@ -8,7 +8,7 @@ from motorctl.motion.files import AnyProgram, load_program_file, parse_program
 from motorctl.motion.move import PointToPoint, point_to_point
 from motorctl.motion.points import Points
 from motorctl.motion.program import Program
-from motorctl.motion.ramp import velocity_ramp_step
+from motorctl.motion.ramp import velocity_ramp_distance, velocity_ramp_step
 from motorctl.motion.segments import MOST_SEGMENTS, SEGMENT
 from motorctl.motion.trajectory import Peaks, Trajectory
 
@@ -32,5 +32,6 @@ __all__ = [
     "load_program_file",
     "parse_program",
     "point_to_point",
+    "velocity_ramp_distance",
     "velocity_ramp_step",
 ]

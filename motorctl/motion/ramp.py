@@ -40,6 +40,20 @@ def _phases(
 
 
 @njit()
+def velocity_ramp_distance(
+    v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float
+) -> float:
+    """Give the distance [m] of the whole way from (v, a) to `v_target`."""
+    t1, j1, t2, t3, j3 = _phases(v, a, v_target, max_acceleration, max_jerk)
+    distance = 0.0
+    for t, j in ((t1, j1), (t2, 0.0), (t3, j3)):
+        distance += t * (v + t * (a / 2.0 + t * j / 6.0))
+        v += t * (a + t * j / 2.0)
+        a += t * j
+    return distance
+
+
+@njit()
 def velocity_ramp_step(
     v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float, dt: float
 ) -> tuple[float, float, float]:
