@@ -10,4 +10,4 @@ from motorctl_sim import SimDriver
 class Device(SimDriver):
     """The simulated gantry in the role of real hardware."""
 
-    supports_virtual_time: ClassVar[bool] = False
+    simulated: ClassVar[bool] = False

@@ -54,7 +54,7 @@ def test_ratios_are_the_first_run_over_the_others(pair):
     (ratio,) = comparison.ratios("x")
     assert ratio["eM"] == pytest.approx(4.0)
     assert ratio["eF"] == pytest.approx(4.0)
-    assert ratio["L2"] == pytest.approx(4.0)
+    assert ratio["L2[e]"] == pytest.approx(4.0)
     assert ratio["uM"] == pytest.approx(1.0)
     assert [run.label for run in comparison.runs] == ["C1", "C2"]
     assert comparison.runs[0].axes["x"].period_from == "of the program"
@@ -131,7 +131,7 @@ def test_the_command_gives_one_json_document_and_pictures(invoke, pair, tmp_path
     assert [r["label"] for r in document["recordings"]] == ["C1", "C2"]
     assert document["recordings"][0]["timing"]["turnaround"]["worst_s"] > 0
     first = document["axes"]["y"]["runs"][0]
-    assert first["eM_m"] == pytest.approx(4e-5, rel=1e-3)
+    assert first["eM"] == pytest.approx(4e-5, rel=1e-3)
     assert first["period_s"] == PERIOD_S
     made = {p.rpartition("/")[2] for p in document["pictures"]}
     kinds = ("tracking_error", "command", "estimates")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import typer
 from latency_device import Device
+from loop_bench import gantry, with_sim
 from typer.testing import CliRunner
 
 from motorctl.bench.latency import LatencyOptions, measure_latency
@@ -18,7 +19,7 @@ from motorctl.bench.latency.cyclictest import INSTALL
 from motorctl.bench.latency.verdict import judge
 from motorctl.cli.latency import register
 from motorctl.config import load
-from motorctl.errors import UsageError
+from motorctl.errors import RunError, UsageError
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState
 
@@ -64,7 +65,7 @@ def test_two_seconds_give_a_log_with_every_tick_and_a_verdict(tmp_path, monkeypa
     assert document["cyclictest"] == {"missing": INSTALL}
     figures = {figure["name"]: figure for figure in document["figures"]}
     assert figures.keys() >= {"lateness_p50", "late_50us", "late_100us", "late_200us", "skipped"}
-    assert figures["turnaround_p50"]["peer_value"] == 14.0
+    assert figures["turnaround_p50"]["peer_value"] == pytest.approx(14.0)
     assert figures["lateness_p50"]["target"] == {"of": "value", "relation": "<", "limit": 2.0}
     assert figures["late_100us"]["met"] is None
 
@@ -110,6 +111,7 @@ def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, m
     machine = load("published_gantry")
     drivers = {n: dataclasses.replace(d, cls=Device) for n, d in machine.drivers.items()}
     machine = dataclasses.replace(machine, drivers=drivers)
+    assert Device.supports_virtual_time  # which says nothing of what moves
     log = tmp_path / "ticks.parquet"
     options = LatencyOptions(0.5, log, beside_cyclictest=False, move_devices=move)
     latency = measure_latency(machine, options, _ignore)
@@ -119,3 +121,31 @@ def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, m
         assert axis.state is not None
         assert (AxisState.RUNNING in axis.state) is move
         assert np.any(axis.command != 0.0) == move
+
+
+def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    fault = {"kind": "amplifier_fault", "at_s": 2.0, "channel": 1, "duration_s": 0.01}
+    log = tmp_path / "ticks.parquet"
+    options = LatencyOptions(30.0, log, beside_cyclictest=False, move_devices=True)
+    message = r"^axis y tripped: the amplifier reports a fault, at .* s; every axis was stopped$"
+    machine = with_sim(gantry(), faults=[fault])
+    drivers = {n: dataclasses.replace(d, cls=Device) for n, d in machine.drivers.items()}
+    with pytest.raises(RunError, match=message):
+        measure_latency(dataclasses.replace(machine, drivers=drivers), options, _ignore)
+    axes = read_recording(log, gaps="keep").axes
+    tripped = int(np.argmax(axes["y"].state == AxisState.FAULT))
+    assert (axes["y"].state[tripped:] == AxisState.FAULT).all()
+    assert not axes["y"].command[tripped:].any()
+    assert axes["x"].state[-1] == AxisState.OFF
+    assert axes["x"].command[-1] == 0.0
+
+
+def test_a_trip_of_a_simulated_axis_is_told_and_the_measurement_goes_on(tmp_path):
+    fault = {"kind": "amplifier_fault", "at_s": 1.0, "channel": 1, "duration_s": 0.01}
+    options = LatencyOptions(3.0, tmp_path / "ticks.parquet", beside_cyclictest=False)
+    latency = measure_latency(with_sim(gantry(), faults=[fault]), options, _ignore)
+    assert any("axis y tripped" in note for note in latency.run.refusals)
+    axes = read_recording(tmp_path / "ticks.parquet", gaps="keep").axes
+    tripped = int(np.argmax(axes["y"].state == AxisState.FAULT))
+    assert AxisState.RUNNING in axes["y"].state[tripped:]

@@ -36,7 +36,6 @@ def _log(path: Path, tick: list[int], lateness_us: list[float], flagged: set[int
         rows_lost=0,
         stolen_share=0.0,
         degraded=[],
-        trips=[],
         refusals=[],
     )
 

@@ -23,7 +23,9 @@ def test_every_axis_follows_its_program_until_the_longest_has_ended(tmp_path):
     assert np.ptp(recording.axes["x"].reference) == pytest.approx(0.4)
     assert np.ptp(recording.axes["y"].reference) == pytest.approx(0.4)
     assert recording.axes["y"].state[-1] == AxisState.IDLE
-    assert done.times_real_time > 0
+    told = recording.metadata["virtual_time"]
+    assert told == {"wall_s": done.wall_s, "turnaround": done.turnaround}
+    assert len(done.turnaround_s) == len(recording.time_s)
 
 
 def test_a_duration_ends_it_early(tmp_path):

@@ -200,4 +200,6 @@ def test_cells_have_the_digits_of_the_published_table():
 
 def test_the_document_of_a_run_names_measures_and_period():
     document = measured_document(measure_axis(recording(np.zeros(5000)), "x", 1.0))
-    assert document.keys() == {"eM_m", "eF_m", "L2_m", "uM_V", "period_s", "period_from"}
+    measures = {"eM", "eF", "L2[e]", "uM"}
+    assert document.keys() == measures | {"units", "period_s", "period_from"}
+    assert document["units"] == {"eM": "m", "eF": "m", "L2[e]": "m", "uM": "V"}

@@ -60,6 +60,7 @@ class SimDriver(Driver):
 
     Options: ClassVar[type[DriverOptions]] = SimOptions
     supports_virtual_time: ClassVar[bool] = True
+    simulated: ClassVar[bool] = True
 
     def __init__(
         self, options: DriverOptions, channels: Sequence[Channel], period_s: float

@@ -47,7 +47,7 @@ def _simulate(
         machine = with_seed(machine, seed)
     with showing_progress("simulating; the first run compiles the kernels") as progress:
         result = simulate(machine, log, duration_s=duration, progress=progress)
-        measured = measure_recording(read_recording(log))
+        measured = measure_recording(read_recording(log, gaps="keep"))
     if as_json:
         document = {
             "log": str(log),

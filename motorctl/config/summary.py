@@ -21,7 +21,7 @@ from motorctl.config.hardware import channels_of, rate_budget, wiring_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError
-from motorctl.model import Effect
+from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
 
 SAMPLES = 20_001
@@ -44,7 +44,11 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "programs": {n: _program(machine, p) for n, p in machine.programs.items()},
         "loop": asdict(machine.loop),
         "log_directory": str(machine.log_directory),
-        "notes": [note for name, axis in axes.items() for note in _notes(name, axis)],
+        "notes": [
+            note
+            for name, axis in axes.items()
+            for note in _notes(name, axis, machine.axes[name].model)
+        ],
         "resolved": dict(machine.resolved),
     }
     plain: dict[str, Any] = _finite(summary)
@@ -173,7 +177,7 @@ def _program(machine: Machine, program: Program) -> dict[str, Any]:
     }
 
 
-def _notes(name: str, axis: Mapping[str, Any]) -> Iterator[str]:
+def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[str]:
     condition = axis["robust_gain"]["at_initial"]
     ks = axis["robust_gain"]["ks_v_s_m"]
     if not condition["satisfied"]:
@@ -202,8 +206,8 @@ def _notes(name: str, axis: Mapping[str, Any]) -> Iterator[str]:
             f"bounds (worst dv/du {failing[0]['slope']:.3g}); the projection keeps the estimate "
             "out of them"
         )
-    others = [n for n in axis["effects"] if n not in (*COVERED_FRICTION, "inertia", "offset")]
-    beyond = [n for n in others if not n.startswith("em_")]
+    covered = (*COVERED_FRICTION, "inertia", "offset")
+    beyond = [e.name for e in model.effects if not e.electromagnetic and e.name not in covered]
     if beyond:
         yield f"axis {name}: condition and margins leave out {', '.join(beyond)}"
 

@@ -10,9 +10,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from motorctl import __version__
-from motorctl.demo.published import PAPER, TURNAROUND_S
 from motorctl.demo.tables import published_beside_ours, verdict
 from motorctl.insight.compare import Comparison
+from motorctl.insight.published import PAPER, TURNAROUND_S
 from motorctl.loop.simulation import Simulation
 
 TITLES = {
@@ -20,6 +20,12 @@ TITLES = {
     "command": "Control input, axis {axis}",
     "estimates": "Parameter estimates, axis {axis}",
     "turnaround": "Turnaround",
+}
+TEXTS = {
+    "estimates": (
+        "Dashed lines are the bounds. An estimate that runs into one says that the plant has "
+        "something that the model lacks: here actuator lag and delay, and cogging."
+    ),
 }
 
 
@@ -60,7 +66,7 @@ def write_page(
 
 def _picture(path: Path, simulations: Mapping[str, Simulation]) -> dict[str, Any]:
     kind, _, axis = path.stem.rpartition("_") if path.stem not in TITLES else (path.stem, "", "")
-    text = ""
+    text = TEXTS.get(kind, "")
     if kind == "turnaround":
         ours = ", ".join(
             f"{name} {1e6 * run.turnaround['p50_s']:.1f} µs (published "

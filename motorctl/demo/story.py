@@ -45,7 +45,7 @@ def tell(out: Path, progress: Callable[[str, float], None]) -> Story:
             progress=partial(progress, doing),
         )
     progress("comparing", 0.0)
-    recordings = [read_recording(run.log) for run in simulations.values()]
+    recordings = [read_recording(run.log, gaps="keep") for run in simulations.values()]
     comparison = compare(recordings)
     pictures = plot_comparison(comparison, out)
     turnarounds = {name: run.turnaround_s for name, run in simulations.items()}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from motorctl.demo.published import TABLES
 from motorctl.insight.compare import Comparison, ratios
 from motorctl.insight.measures import table_cells
+from motorctl.insight.published import TABLES
 
 
 def published_beside_ours(comparison: Comparison, axis: str) -> list[tuple[str, list[str]]]:

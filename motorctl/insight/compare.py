@@ -10,6 +10,7 @@ from typing import Any
 
 from motorctl.errors import DataError
 from motorctl.insight.measures import (
+    SYMBOLS,
     MeasuredRun,
     Measures,
     Timing,
@@ -54,8 +55,8 @@ class Comparison:
 
 
 def ratios(first: Measures, other: Measures) -> dict[str, float]:
-    """Give the first's measures over the other's, by eM, eF, L2 and uM; NaN over zero."""
-    pairs = zip(("eM", "eF", "L2", "uM"), astuple(first), astuple(other), strict=True)
+    """Give the first's measures over the other's, by their symbols; NaN over zero."""
+    pairs = zip(SYMBOLS, astuple(first), astuple(other), strict=True)
     return {name: value / against if against else nan for name, value, against in pairs}
 
 
@@ -96,7 +97,7 @@ def comparison_document(comparison: Comparison) -> dict[str, Any]:
                 {
                     "source": run.recording.source,
                     "label": run.label,
-                    **measured_document(run.axes[axis]),
+                    **measured_document(run.axes[axis], position_unit, command_unit),
                 }
                 for run in comparison.runs
             ],

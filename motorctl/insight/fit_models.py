@@ -8,10 +8,9 @@ from typing import Any
 from motorctl.config import Machine, load, load_resolved
 from motorctl.errors import ConfigError, DataError, UsageError
 from motorctl.log import Recording
-from motorctl.model import Effect, EffectList, effect_class, make_effect
+from motorctl.model import Effect, EffectList, effect_class, known_effects, make_effect
 
 FOUR = ("inertia", "viscous_friction", "coulomb_friction", "offset")
-ELECTROMAGNETIC = ("em_quadratic", "em_cubic")
 
 
 def declared_models(
@@ -44,7 +43,11 @@ def controller_list(declared: EffectList | None, controller: str | None) -> Effe
     if controller == "C1":
         return declared.without_electromagnetic()
     if controller == "C2":
-        missing = [name for name in ELECTROMAGNETIC if name not in declared.names]
+        missing = [
+            name
+            for name, effect in known_effects().items()
+            if effect.electromagnetic and name not in declared.names
+        ]
         return EffectList([*declared.effects, *_effects(missing)])
     return declared
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from motorctl.log.sample import AxisState
 
 Array = NDArray[np.float64]
 
+SYMBOLS = ("eM", "eF", "L2[e]", "uM")
 PERIODS_AT_END = 2
 STANDSTILL = 1e-6
 """Share of the reference's range within which it stands still."""
@@ -122,9 +123,16 @@ def measure_timing(recording: Recording) -> Timing:
     )
 
 
-def measured_document(run: MeasuredRun) -> dict[str, Any]:
-    """Give the measures of an axis as they stand in JSON documents."""
-    return asdict(run.measures) | {"period_s": run.period_s, "period_from": run.period_from}
+def measured_document(
+    run: MeasuredRun, position_unit: str = "m", command_unit: str = "V"
+) -> dict[str, Any]:
+    """Give the measures of an axis, by the paper's symbols, as they stand in JSON documents."""
+    units = (position_unit, position_unit, position_unit, command_unit)
+    return dict(zip(SYMBOLS, astuple(run.measures), strict=True)) | {
+        "units": dict(zip(SYMBOLS, units, strict=True)),
+        "period_s": run.period_s,
+        "period_from": run.period_from,
+    }
 
 
 def table_headings(position_unit: str = "m", command_unit: str = "V") -> tuple[str, ...]:

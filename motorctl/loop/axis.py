@@ -70,7 +70,8 @@ def read_position(settings: Any, axis: Any, raw: int, elapsed: int, t: float) ->
     if span:
         step = (step + span // 2) % span - span // 2
     if count_is_ambiguous(settings, axis, step, elapsed):
-        trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
+        if axis.state != OFF:
+            trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
         axis.homed = settings.absolute
     axis.blind_ticks = 0
     axis.raw_counts = raw

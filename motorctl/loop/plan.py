@@ -20,6 +20,9 @@ from motorctl.motion import (
     point_to_point,
 )
 
+APPROACH_SPEED = 0.25
+"""Share of the top speed."""
+
 
 def plan_move(
     machine: Machine,
@@ -109,11 +112,11 @@ class _Approach:
 
 
 def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:
-    """Plan the move to a program's start, with the gentle limits that also serve stopping."""
+    """Plan the move to a program's start: nobody drew it, so it is slow and gentle."""
     return point_to_point(
         from_m,
         to_m,
-        axis.limits.max_velocity_m_s,
+        APPROACH_SPEED * axis.limits.max_velocity_m_s,
         _approach_acceleration(axis),
         _approach_jerk(axis),
     )

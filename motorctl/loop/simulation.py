@@ -81,6 +81,8 @@ def simulate(
     Without a duration: until the longest program has ended. Raises RunError where an axis trips;
     the log then ends there and is complete.
     """
+    if log.suffix != ".parquet" or not log.parent.is_dir():
+        raise UsageError(f"{log}: a log is a .parquet file in a folder that exists")
     if duration_s is not None and not 0.0 < duration_s < np.inf:
         raise UsageError(f"duration {duration_s:g} s: must lie above 0")
     require_virtual_time(machine)

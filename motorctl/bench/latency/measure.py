@@ -41,7 +41,7 @@ class LatencyOptions:
     """The folder for latency.png and latency.json; None: they are not written."""
     beside_cyclictest: bool = True
     move_devices: bool = False
-    """Start axes also where a driver is a real device."""
+    """Start axes also where a driver is not a simulated one."""
 
 
 def measure_latency(machine: Machine, options: LatencyOptions, progress: Progress) -> Latency:
@@ -49,7 +49,7 @@ def measure_latency(machine: Machine, options: LatencyOptions, progress: Progres
 
     Both get the same CPU, priority and period, one after the other, so that neither disturbs
     the other. Raises UsageError where a duration is too short or a folder cannot be written to,
-    RunError where the loop fails.
+    RunError where the loop fails or an axis trips.
     """
     if not SHORTEST_S <= options.duration_s < float("inf"):
         raise UsageError(f"duration {options.duration_s:g} s: must be at least {SHORTEST_S:g} s")
@@ -60,8 +60,7 @@ def measure_latency(machine: Machine, options: LatencyOptions, progress: Progres
     host = host_facts()
     limits_s = (*LATE_S, machine.period_s)
     interval_us = round(machine.period_s * 1e6)
-    devices = [d.name for d in machine.drivers.values() if not d.cls.supports_virtual_time]
-    moving = options.move_devices or not devices
+    moving = options.move_devices or all(d.cls.simulated for d in machine.drivers.values())
     with ExitStack() as stack:
         log = options.log
         if log is None:

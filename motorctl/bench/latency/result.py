@@ -12,8 +12,8 @@ from motorctl.bench.latency.histogram import histogram_document
 from motorctl.bench.latency.loop_run import LoopRun
 from motorctl.bench.latency.ticks import TickTimes
 from motorctl.bench.latency.verdict import Verdict, judge
-from motorctl.bench.published import PUBLISHED, PUBLISHED_TURNAROUND_US
 from motorctl.config.machine import Machine
+from motorctl.insight.published import DEVICE, TURNAROUND_S
 
 LATE_S = (50e-6, 100e-6)
 """A wake-up later than this is late; so is one later than a period."""
@@ -120,7 +120,6 @@ class Latency:
                 "skipped_periods": run.skipped_periods,
                 "overruns": run.overruns,
             },
-            "trips": run.trips,
             "refusals": run.refusals,
             "cyclictest": {"missing": self.without_rival}
             if rival is None
@@ -143,14 +142,14 @@ class Latency:
         """Give the median turnaround beside the published one of the same controller."""
         median_us = self.times.parts["turnaround"].percentile_s(50.0) * US
         controllers = {axis.controller for axis in self.machine.axes.values()}
-        published_us = max(PUBLISHED_TURNAROUND_US[c] for c in controllers)
+        published_us = max(TURNAROUND_S[c] for c in controllers) * US
         return [
             Figure(
                 name="turnaround_p50",
                 title="median turnaround",
                 value=median_us,
                 unit="us",
-                peer=PUBLISHED,
+                peer=f"published, {DEVICE}",
                 peer_value=published_us,
                 ratio=published_us / median_us,
             )

@@ -12,7 +12,7 @@ from motorctl.bench.latency.histogram import histogram_lines
 from motorctl.bench.latency.result import Latency
 
 US = 1e6
-MOST_TRIPS = 5
+MOST_REFUSALS = 5
 
 
 def print_latency(console: Console, latency: Latency) -> None:
@@ -38,11 +38,7 @@ def print_latency(console: Console, latency: Latency) -> None:
     )
     for reason in run.degraded:
         console.print(f"[yellow]degraded[/yellow]  {escape(reason)}", highlight=False)
-    for trip in run.trips[:MOST_TRIPS]:
-        console.print(f"[yellow]tripped[/yellow]  {escape(trip)}", highlight=False)
-    if len(run.trips) > MOST_TRIPS:
-        console.print(f"[yellow]tripped[/yellow]  {len(run.trips)} times in all")
-    notes = [*run.refusals[:MOST_TRIPS], *filter(None, [latency.without_rival])]
+    notes = [*run.refusals[:MOST_REFUSALS], *filter(None, [latency.without_rival])]
     for note in notes:
         console.print(f"[yellow]note[/yellow]  {escape(note)}", highlight=False)
     for sentence in latency.missed:

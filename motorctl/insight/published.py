@@ -1,4 +1,4 @@
-"""The published figures that the demonstration sets beside its own."""
+"""What the paper published: figures to set beside measured ones, told and not measured here."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from motorctl.insight.measures import Measures
 PAPER = (
     "Z. Chen, B. Yao, Q. Wang, IEEE/ASME Transactions on Mechatronics 18(3), 2013, pp. 1122-1129"
 )
-TURNAROUND_S = {"C1": 10e-6, "C2": 14e-6}
-"""On a dSPACE CLP1103."""
+DEVICE = "dSPACE CLP1103"
+TURNAROUND_S: dict[str, float] = {"C1": 10e-6, "C2": 14e-6}
+"""On that device."""
 
-TABLES = {
+TABLES: dict[str, dict[str, Measures]] = {
     "x": {
         "C1": Measures(65.5e-6, 44.4e-6, 4.54e-6, 9.55),
         "C2": Measures(37.6e-6, 28.1e-6, 3.40e-6, 9.85),
