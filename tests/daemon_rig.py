@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from motorctl.daemon.client import Client
+from motorctl.daemon.client import Client, DaemonRefusedError
 
 START_TIMEOUT_S = 240.0  # the first run compiles
 END_TIMEOUT_S = 60.0
@@ -157,6 +157,21 @@ class Daemon:
         with Client(self.socket) as client:
             return client.ask(do, **arguments)
 
+    def ask_when_it_stands(self, do: str, axis: str) -> dict[str, Any]:
+        """Command an axis without drive that may still coast."""
+        answers: list[dict[str, Any]] = []
+
+        def taken() -> bool:
+            try:
+                answers.append(self.ask(do, axis=axis))
+            except DaemonRefusedError as no:
+                if no.code != "still_moving":
+                    raise
+            return bool(answers)
+
+        wait_until(taken)
+        return answers[0]
+
     def state(self, axis: str) -> str:
         """Give the state of an axis."""
         state: str = self.ask("status", axis=axis)["axes"][axis]["state"]
@@ -184,10 +199,14 @@ class Daemon:
 
 
 def command(*arguments: str) -> list[str]:
-    """Give the command line of motorctl in this interpreter."""
+    """Give the command line of motorctl in this interpreter.
+
+    Tests that a shell runs in its background inherit that Ctrl-C is ignored: not so the daemon.
+    """
     return [
         sys.executable,
         "-c",
+        "import signal as s; s.signal(s.SIGINT, s.default_int_handler);"
         "import motorctl.cli as c; c.GROUPS=('daemon',); c.main()",
         *arguments,
     ]

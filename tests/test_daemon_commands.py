@@ -27,11 +27,11 @@ def idle(daemon: Daemon) -> Daemon:
     """Both axes enabled and holding."""
     for axis in ("x", "y"):
         if daemon.state(axis) == "fault":
-            daemon.ask("reset", axis=axis)
+            daemon.ask_when_it_stands("reset", axis)
         if daemon.state(axis) not in {"off", "idle"}:
             daemon.ask("stop", axis=axis)
             wait_until(lambda axis=axis: daemon.state(axis) == "off")
-        daemon.ask("start", axis=axis)
+        daemon.ask_when_it_stands("start", axis)
     return daemon
 
 
@@ -46,7 +46,7 @@ def test_axes_start_and_stop_while_the_other_one_runs(idle: Daemon) -> None:
     idle.ask("stop", axis="y")
     wait_until(lambda: idle.state("y") == "off")
     assert idle.state("x") == "running"
-    idle.ask("start", axis="y")
+    idle.ask_when_it_stands("start", "y")
     idle.ask("move", axis="y", position_m=0.12)
     wait_until(lambda: idle.state("y") == "idle")
     assert idle.state("x") == "running"
@@ -133,7 +133,7 @@ def test_a_program_over_two_axes_begins_on_both_in_the_same_tick(idle: Daemon) -
     wait_until(lambda: idle.state("y") == "off")
     assert "axis y is off" in str(refusal(idle, "program", axis="x", name="ring"))
     assert idle.state("x") == "idle"
-    idle.ask("start", axis="y")
+    idle.ask_when_it_stands("start", "y")
     answer = idle.ask("program", axis="y", name="ring")
     assert answer["axes"] == ["x", "y"]
     assert {idle.state("x"), idle.state("y")} == {"running"}
@@ -151,7 +151,7 @@ def test_an_emergency_stop_trips_every_axis_until_it_is_reset(idle: Daemon) -> N
     assert fault["message"].startswith("emergency stop, at ")
     no = refusal(idle, "start", axis="x")
     assert str(no) == "axis x is in fault: start is not possible; possible now: reset"
-    idle.ask("reset", axis="x")
+    idle.ask_when_it_stands("reset", "x")
     assert idle.state("x") == "off"
     assert idle.state("y") == "fault"
 

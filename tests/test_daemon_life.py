@@ -6,14 +6,20 @@ import json
 import os
 import signal
 import socket
+import threading
 from pathlib import Path
 
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from daemon_rig import Daemon, alive, bench_config, command, wait_until
 
+from motorctl.config import load
+from motorctl.daemon import supervisor
+from motorctl.daemon.client import Client, DaemonRefusedError
+from motorctl.errors import RunError
 from motorctl.log import recover
-from motorctl.log.sample import AxisState
+from motorctl.log.sample import AxisState, FaultCause
 
 TESTS = Path(__file__).parent
 
@@ -65,6 +71,57 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
         assert json.loads(table.schema.metadata[b"motorctl"])["rows_lost"] == 0
 
 
+def test_an_emergency_stop_is_taken_while_the_daemon_stops(tmp_path: Path) -> None:
+    slow = bench_config().replace("max_velocity_m_s: 1.0", "max_velocity_m_s: 0.4")
+    slow = slow.replace("stop: {acceleration_m_s2: 2,", "stop: {acceleration_m_s2: 0.4,")
+    with Daemon(tmp_path, slow) as daemon, Client(daemon.socket) as client:
+        client.ask("start", axis="x")
+        client.ask("move", axis="x", position_m=0.4, velocity_m_s=0.35, acceleration_m_s2=5)
+        wait_until(lambda: client.axis("x")["velocity_m_s"] > 0.3)
+        daemon.process.send_signal(signal.SIGTERM)
+        wait_until(lambda: client.axis("x")["state"] == "stopping")
+        with pytest.raises(DaemonRefusedError, match="the daemon is stopping"):
+            client.ask("start", axis="y")
+        assert client.ask("estop") == {"axes": ["x", "y"]}
+        assert daemon.process.wait(60) == 0, daemon.said
+        table = pq.read_table(daemon.log())
+        assert table["x.state"][-1].as_py() == AxisState.FAULT
+        assert table["x.fault"][-1].as_py() == FaultCause.ESTOP
+
+
+def test_a_mistake_of_the_supervisor_ramps_the_axes_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moves = threading.Event()
+
+    def tell_changes(*arguments: object) -> None:
+        if moves.is_set():
+            raise ZeroDivisionError("a mistake of ours")
+
+    def command_it() -> None:
+        wait_until(lambda: (tmp_path / "s").exists() and any(tmp_path.glob("*.partial")), 240)
+        with Client(tmp_path / "s") as client:
+            client.ask("start", axis="x")
+            client.ask("program", axis="x", name="shuttle")
+            wait_until(lambda: client.axis("x")["velocity_m_s"] > 0.01)
+            moves.set()
+
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr(supervisor.Journal, "tell_changes", tell_changes)
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    options = supervisor.DaemonOptions(socket=tmp_path / "s", log_directory=tmp_path)
+    commanding = threading.Thread(target=command_it)
+    commanding.start()
+    with pytest.raises(RunError, match="ZeroDivisionError: a mistake of ours"):
+        supervisor.run_daemon(load(str(tmp_path / "bench.yaml")), options)
+    commanding.join()
+    (log,) = tmp_path.glob("*.parquet")
+    table = pq.read_table(log)
+    ramp = table.filter(pc.equal(table["x.state"], AxisState.STOPPING))
+    assert abs(ramp["x.reference_velocity_m_s"][-1].as_py()) < 0.01
+    assert table["x.state"][-1].as_py() == AxisState.OFF
+
+
 def test_a_loop_that_dies_ends_the_daemon_with_the_reason_and_the_log(tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     with Daemon(tmp_path, marking_config(mark), PYTHONPATH=str(TESTS)) as daemon:
@@ -72,7 +129,7 @@ def test_a_loop_that_dies_ends_the_daemon_with_the_reason_and_the_log(tmp_path: 
         waits = daemon.cli("start", "x")
         assert waits.stdout == "axis x: enabled, holds; program ring waits for y\n"
         assert daemon.state("x") == "idle"
-        assert daemon.ask("start", axis="y")["axes"] == ["x", "y"]
+        assert daemon.ask_when_it_stands("start", "y")["axes"] == ["x", "y"]
         assert {daemon.state("x"), daemon.state("y")} == {"running"}
         os.kill(loop_pid(daemon), signal.SIGKILL)
         assert daemon.process.wait(60) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -104,6 +105,50 @@ def test_rows_that_the_disk_refuses_are_counted_and_the_next_are_tried(
     assert recording.failure is None
     path = recording.finish(dict)
     assert (pq.read_table(path)["tick"].to_numpy() == [*range(100), *range(140, 200)]).all()
+
+
+@pytest.mark.parametrize("mistake", [MemoryError(), OSError("no more"), ValueError("odd")])
+def test_whatever_fails_costs_those_rows_and_no_others(
+    memory: LoopMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mistake: Exception
+) -> None:
+    def broken(*arguments: object) -> bytes:
+        raise mistake
+
+    recording = recorder(memory, tmp_path)
+    recording.start()
+    with monkeypatch.context() as patched:
+        patched.setattr("motorctl.log.writer.encode_batch", broken)
+        tick(memory, 40)
+        wait_until(lambda: recording.rows_lost == 40)
+        wait_until(lambda: recording.failure is not None)
+        assert type(mistake).__name__ in str(recording.failure)
+    tick(memory, 60)
+    wait_until(lambda: recording.rows_written == 60)
+    wait_until(lambda: recording.failure is None)
+    path = recording.finish(lambda: {"rows_lost": recording.rows_lost})
+    table = pq.read_table(path)
+    assert (table["tick"].to_numpy() == np.arange(40, 100)).all()
+    assert json.loads(table.schema.metadata[b"motorctl"])["rows_lost"] == 40
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_recorder_whose_thread_died_is_told_and_records_on(
+    memory: LoopMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def deadly() -> None:
+        raise SystemExit  # ends a thread without a word
+
+    recording = recorder(memory, tmp_path)
+    before = set(threading.enumerate())
+    with monkeypatch.context() as patched:
+        patched.setattr(memory, "drain", deadly)
+        recording.start()
+        wait_until(lambda: set(threading.enumerate()) <= before)
+    tick(memory, 50)
+    recording.insist()
+    assert recording.failure == "the recorder's thread has died"
+    wait_until(lambda: recording.rows_written == 50)
+    assert pq.read_table(recording.finish(dict)).num_rows == 50
 
 
 def test_a_log_that_cannot_be_closed_is_told_and_kept(memory: LoopMemory, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from motorctl.daemon import client as client_module
 from motorctl.daemon import server as server_module
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client, DaemonRefusedError
@@ -45,10 +46,16 @@ ALMOST_REQUESTS = st.fixed_dictionaries(
 )
 
 
+before_start: list[RefusedError] = []
+"""What `start` is refused with, one after another, before it is carried out."""
+
+
 async def _handle(request: Request) -> dict[str, Any]:
     """Stand in for the daemon: one axis x, and one command that is broken."""
     if request.do == "home":
         raise ZeroDivisionError("a mistake of ours")
+    if request.do == "start" and before_start:
+        raise before_start.pop()
     if request.do == "estop":
         raise RefusedError(Code.WRONG_STATE, "not now")
     return {"did": request.do}
@@ -236,3 +243,24 @@ def test_too_many_connections_of_one_user_are_refused_until_one_ends(path: Path)
         pytest.fail("the place was not given back")
     for client in clients:
         client.close()
+
+
+def test_a_client_waits_for_a_loop_that_is_not_ready_and_tells_once(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusals = [RefusedError(Code.NOT_READY, "the loop process is compiling; try again")] * 3
+    monkeypatch.setattr(client_module, "READY_POLL_S", 0.01)
+    monkeypatch.setattr(f"{__name__}.before_start", refusals)
+    told: list[str] = []
+    with Client(path) as client:
+        answer = client.ask_when_ready("start", lambda: told.append("waits"), axis="x")
+        assert answer == {"did": "start"}
+        assert told == ["waits"]
+        assert client.ask_when_ready("start", lambda: told.append("again"), axis="x") == answer
+        assert (told, refusals) == (["waits"], [])
+        with pytest.raises(DaemonRefusedError, match="not now"):
+            client.ask_when_ready("estop", lambda: told.append("never"))
+        monkeypatch.setattr(client_module, "PATIENCE_S", {})
+        refusals += [RefusedError(Code.NOT_READY, "still compiling")] * 100
+        with pytest.raises(DaemonRefusedError, match="still compiling"):
+            client.ask_when_ready("start", lambda: None, axis="x")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from motorctl.cli.socket_option import SocketOption
+
+if TYPE_CHECKING:
+    from motorctl.daemon.client import Client
 
 AxisArgument = Annotated[str, typer.Argument(metavar="AXIS", help="Name of the axis.")]
 WaitOption = Annotated[bool, typer.Option("--wait", help="Return when the motion is at its end.")]
@@ -27,7 +31,7 @@ def start(axis: AxisArgument, socket: SocketOption = None, wait: WaitOption = Fa
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        answer = client.ask("start", axis=axis)
+        answer = _ask(client, "start", axis=axis)
         if missing := answer.get("waits_for"):
             others = " and ".join(missing)
             _say(axis, f"enabled, holds; program {answer['program']} waits for {others}")
@@ -47,7 +51,7 @@ def stop(axis: AxisArgument, socket: SocketOption = None) -> None:
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        client.ask("stop", axis=axis)
+        _ask(client, "stop", axis=axis)
         client.wait_for(axis, _in("off"), STOP_TIMEOUT_S)
     _say(axis, "off")
 
@@ -62,7 +66,7 @@ def home(axis: AxisArgument, socket: SocketOption = None) -> None:
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        client.ask("home", axis=axis)
+        _ask(client, "home", axis=axis)
         status = client.wait_for(axis, _in("idle", "off", "stopping"), None)
     if status["homed"] and status["state"] == "idle":
         _say(axis, f"homed, at {_millimetres(status['position_m'])}")
@@ -93,7 +97,8 @@ def move(
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        answer = client.ask(
+        answer = _ask(
+            client,
             "move",
             axis=axis,
             position_m=position_m,
@@ -132,7 +137,7 @@ def program(
             from motorctl.daemon.program_transfer import packed
 
             request = packed(path, list(client.ask("status")["axes"]))
-        answer = client.ask("program", axis=axis, **request)
+        answer = _ask(client, "program", axis=axis, **request)
         _tell_program(axis, answer)
         _wait_for_end(client, axis, wait)
 
@@ -145,7 +150,7 @@ def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        client.ask("reset", axis=axis)
+        _ask(client, "reset", axis=axis)
     _say(axis, "off")
 
 
@@ -175,11 +180,23 @@ def register(app: typer.Typer) -> None:
     app.command()(estop)
 
 
+def _ask(client: Client, do: str, **arguments: Any) -> dict[str, Any]:
+    """Send a command; a daemon that gets ready, and an axis that still moves, are waited for."""
+    return client.ask_when_ready(do, _tell_wait, **arguments)
+
+
+def _tell_wait() -> None:
+    if sys.stderr.isatty():
+        typer.echo(
+            "motorctl: waiting for the control loop to be ready and the axis to stand", err=True
+        )
+
+
 def _in(*states: str) -> Any:
     return lambda status: status["state"] in states
 
 
-def _wait_for_end(client: Any, axis: str, wait: bool) -> None:
+def _wait_for_end(client: Client, axis: str, wait: bool) -> None:
     if wait:
         client.wait_for(axis, _in("idle", "off"), None)
 

@@ -12,10 +12,13 @@ from types import TracebackType
 from typing import Any, Self
 
 from motorctl.daemon.places import client_socket
-from motorctl.daemon.protocol import FAILURES
+from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 
 ANSWER_TIMEOUT_S = 30.0
+PATIENCE_S: dict[str, float] = {Code.NOT_READY: 120.0, Code.STILL_MOVING: 5.0}
+"""How long a loop may compile, and an unpowered axis come to rest, until a client gives up."""
+READY_POLL_S = 0.1
 POLL_S = 0.02
 
 
@@ -81,6 +84,28 @@ class Client:
         if not reply:
             raise RunError(f"the daemon on {self.path} hung up without an answer")
         return _content(json.loads(reply))
+
+    def ask_when_ready(
+        self, do: str, on_wait: Callable[[], None], **arguments: Any
+    ) -> dict[str, Any]:
+        """Send one request, again and again while it is too early for it; give its answer.
+
+        Too early: the loop is not ready yet, or the axis still moves. `on_wait` is called once
+        where that takes time. When the patience for the reason is over (PATIENCE_S) the refusal is
+        raised as it came.
+        """
+        began = time.monotonic()
+        waits = False
+        while True:
+            try:
+                return self.ask(do, **arguments)
+            except DaemonRefusedError as no:
+                if time.monotonic() - began > PATIENCE_S.get(no.code, 0.0):
+                    raise
+            if not waits:
+                waits = True
+                on_wait()
+            time.sleep(READY_POLL_S)
 
     def axis(self, axis: str) -> dict[str, Any]:
         """Give the status of one axis."""

@@ -84,19 +84,17 @@ class Commander:
         """Carry out a request and give what its answer says; raises RefusedError."""
         if isinstance(request, StatusCommand):
             return self._status(request.axis)
-        if self._report.stopping:
-            raise RefusedError(Code.STOPPING, "the daemon is stopping")
-        phase = Phase(int(self._memory.status["phase"][0]))
-        if phase is not Phase.RUNNING:
-            raise RefusedError(
-                Code.NOT_READY, f"the loop process is {phase.name.lower()}; try again"
-            )
         if isinstance(request, EmergencyStopCommand):
+            # As long as anything may move: also on the way down, when all else is refused.
+            self._must_tick()
             self._waiting.clear()
             await self._order(Verb.ESTOP, self._names[0])
             return {"axes": self._names}
         if request.axis not in self._names:
             raise self._unknown(request.axis)
+        if self._report.stopping:
+            raise RefusedError(Code.STOPPING, "the daemon is stopping")
+        self._must_tick()
         self._waiting.pop(request.axis, None)
         match request:
             case MoveCommand():
@@ -264,6 +262,15 @@ class Commander:
             await asyncio.sleep(POLL_S)
         return reply
 
+    def _must_tick(self) -> None:
+        phase = Phase(int(self._memory.status["phase"][0]))
+        if phase in (Phase.STOPPED, Phase.FAILED):
+            message = "the loop process has ended: the daemon is stopping"
+            raise RefusedError(Code.STOPPING, message)
+        if phase is not Phase.RUNNING:
+            message = f"the loop process is {phase.name.lower()}; try again"
+            raise RefusedError(Code.NOT_READY, message)
+
     def _must_stand(self, command: str, name: str) -> None:
         state = self._state(name)
         if state is not AxisState.IDLE:
@@ -281,6 +288,9 @@ class Commander:
             case Reply.STILL_FAULTY:
                 message = f"axis {name}: {command}: the device still reports a fault"
                 return RefusedError(Code.STILL_FAULTY, message)
+            case Reply.STILL_MOVING:
+                message = f"axis {name} still moves: {command} is not possible until it stands"
+                return RefusedError(Code.STILL_MOVING, message)
             case Reply.NO_HOMING:
                 message = f"axis {name} has an absolute encoder: there is nothing to home"
                 return RefusedError(Code.NO_HOMING, message)

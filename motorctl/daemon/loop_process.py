@@ -9,8 +9,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from motorctl.config.machine import Machine
+from motorctl.daemon.mistakes import in_words
 from motorctl.errors import RunError
 from motorctl.loop import LoopMemory, Phase, spawn
 from motorctl.loop.tick import make_drivers
@@ -67,6 +69,13 @@ class LoopProcess:
         except OSError as error:
             raise RunError(f"the loop process did not start: {error.strerror}") from error
 
+    @property
+    def ticks(self) -> bool:
+        """Whether it runs and does not stand still."""
+        moved = int(self.memory.status["tick"][0]) != self._tick
+        recent = time.monotonic() - self._progress_at <= STALL_S
+        return self.alive and self.phase is Phase.RUNNING and (moved or recent)
+
     def insist(self) -> bool:
         """Tell whether it has ticked since the last call.
 
@@ -92,7 +101,8 @@ class LoopProcess:
     def end(self) -> None:
         """Make sure that the process is gone and the outputs are safe.
 
-        A loop that ended in order has seen to its outputs. For any other it is done from here.
+        A loop that ended in order has seen to its outputs. For any other it is done from here, and
+        what came of it is told driver by driver.
         """
         if not self.alive and self.phase is Phase.STOPPED:
             return
@@ -100,12 +110,31 @@ class LoopProcess:
             with contextlib.suppress(ProcessLookupError):
                 self._process.kill()
             self._process.wait()
-        for driver in make_drivers(self.machine).values():
-            # A device that hangs must not keep the others from being made safe.
-            thread = threading.Thread(target=driver.safe, daemon=True)
-            thread.start()
-            thread.join(SAFE_TIMEOUT_S)
-        _log.warning("the loop process is gone; every output was zeroed and disabled from here")
+        for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
+            problem = self._make_safe(name)
+            if problem is None:
+                _log.warning("driver %s: every output was zeroed and disabled from here", name)
+            else:
+                _log.error("driver %s: its outputs may NOT be safe: %s", name, problem)
+
+    def _make_safe(self, name: str) -> str | None:
+        """Zero and disable the outputs of one driver; gives why that is not certain, or None."""
+        outcome: list[str | None] = []
+        alone = replace(self.machine, drivers={name: self.machine.drivers[name]})
+
+        def work() -> None:
+            try:
+                make_drivers(alone)[name].safe()
+            except Exception as error:  # a driver may break its contract in any way
+                outcome.append(in_words(error))
+            else:
+                outcome.append(None)
+
+        # A device that hangs must not keep the others from being made safe.
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        thread.join(SAFE_TIMEOUT_S)
+        return outcome[0] if outcome else f"no answer within {SAFE_TIMEOUT_S:g} s"
 
     def close(self) -> None:
         """Release the memory."""

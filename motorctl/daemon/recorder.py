@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from motorctl.daemon.mistakes import in_words
 from motorctl.errors import MotorctlError
 from motorctl.log import LogWriter
 from motorctl.log.timing import TimingSummary
@@ -34,7 +36,7 @@ class Recorder:
         self._memory = memory
         self._writer = writer
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread = self._new_thread()
 
     @property
     def path(self) -> Path:
@@ -45,6 +47,15 @@ class Recorder:
         """Begin to record."""
         self._thread.start()
 
+    def insist(self) -> None:
+        """Begin anew where the thread has died; the rows are in the ring, and `failure` tells."""
+        if self._thread.is_alive():
+            return
+        self.failure = "the recorder's thread has died"
+        self._thread = self._new_thread()
+        with contextlib.suppress(RuntimeError):  # no more threads: until the next time
+            self._thread.start()
+
     def finish(self, extra: Callable[[], dict[str, Any]]) -> Path:
         """Record what is left in the ring and close the log; call when the loop has ended.
 
@@ -52,30 +63,43 @@ class Recorder:
         the log cannot be closed; what is on disk is then kept.
         """
         self._ending.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self._take()
         return self._writer.close(extra())
+
+    def _new_thread(self) -> threading.Thread:
+        return threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def _run(self) -> None:
         while not self._ending.wait(PERIOD_S):
             self._take()
 
     def _take(self) -> None:
+        try:
+            self._drain()
+        except Exception as error:  # whatever it was: the next rows are tried again
+            self.failure = in_words(error)
+
+    def _drain(self) -> None:
         ticks, samples, lost = self._memory.drain()
         self.rows_lost += lost
         if not len(ticks):
             return
-        self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])
         failure = None
         for first in range(0, len(ticks), ROWS_AT_ONCE):
             rows = slice(first, first + ROWS_AT_ONCE)
+            count, refused = len(ticks[rows]), 0
             refused_before = self._writer.rows_lost
             try:
                 self._writer.append(ticks[rows], samples[rows])
                 self._writer.flush()
             except MotorctlError as error:
-                failure = str(error)
-            refused = self._writer.rows_lost - refused_before
+                # What was written and only not synchronised is not lost: the writer knows.
+                failure, refused = in_words(error), self._writer.rows_lost - refused_before
+            except Exception as error:
+                failure, refused = in_words(error), count
             self.rows_lost += refused
-            self.rows_written += len(ticks[rows]) - refused
+            self.rows_written += count - refused
         self.failure = failure
+        self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])

@@ -7,6 +7,7 @@ import logging
 import os
 import signal
 import time
+from collections.abc import Awaitable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,6 +21,7 @@ from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.journal import Journal
 from motorctl.daemon.loop_process import LoopProcess
+from motorctl.daemon.mistakes import in_words
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.daemon.places import daemon_socket, state_file
 from motorctl.daemon.recorder import Recorder
@@ -93,15 +95,15 @@ class Supervisor:
         wrong: list[str] = []
         orderly = False
         try:
-            await self._begin()
-            await self._serve()
-            await self._stop()
-            orderly = True
-        except MotorctlError as error:
-            wrong.append(str(error))
+            wrong += await _problems(self._begin_and_serve())
+            # Whatever it was that failed: a loop that ticks can ramp its axes down.
+            if not wrong or self._loop.ticks:
+                not_stopped = await _problems(self._stop())
+                orderly = not not_stopped
+                wrong += not_stopped
         finally:
             self._report.stopping = True
-            await asyncio.to_thread(self._loop.end)
+            wrong += await _problems(asyncio.to_thread(self._loop.end))
             beating.cancel()
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
@@ -124,6 +126,10 @@ class Supervisor:
         while True:
             self._loop.memory.beat()
             await asyncio.sleep(BEAT_PERIOD_S)
+
+    async def _begin_and_serve(self) -> None:
+        await self._begin()
+        await self._serve()
 
     async def _begin(self) -> None:
         """Start the loop process and wait until it ticks."""
@@ -157,6 +163,7 @@ class Supervisor:
                 told_at = time.monotonic()
                 self._notifier.alive()
                 self._notifier.status(self._report.summary())
+            self._recorder.insist()
             journal.tell_changes(self._recorder)
             await asyncio.sleep(WATCH_PERIOD_S)
 
@@ -180,18 +187,15 @@ class Supervisor:
         """Make the log complete; gives what went wrong with that."""
         if self._recorder is None:
             return []
-        wrong = []
+        wrong: list[str] = []
         closing = asyncio.create_task(asyncio.to_thread(self._recorder.finish, self._closing_facts))
         # A long recording takes its time; systemd is told that it is not for nothing.
         while not (await asyncio.wait({closing}, timeout=MORE_TIME_S / 4))[0]:
             self._notifier.needs_time(MORE_TIME_S)
-        try:
-            path = closing.result()
-        except MotorctlError as error:
-            wrong.append(str(error))
-        else:
+        wrong += await _problems(closing)
+        if not wrong:
             rows, lost = self._recorder.rows_written, self._recorder.rows_lost
-            _log.info("log %s: %d ticks, %d lost", path, rows, lost)
+            _log.info("log %s: %d ticks, %d lost", self._recorder.path, rows, lost)
             if self._recorder.failure is not None:
                 wrong.append(f"recording: {self._recorder.failure}; {lost} rows were lost")
         return wrong
@@ -230,6 +234,18 @@ class Supervisor:
         degraded = reasons(int(self._loop.memory.status["degraded"][0]))
         if degraded:
             _log.warning("DEGRADED, not real time: %s", "; ".join(degraded))
+
+
+async def _problems(doing: Awaitable[object]) -> list[str]:
+    """Await it and give what went wrong; a mistake of ours must not keep axes from their ramp."""
+    try:
+        await doing
+    except MotorctlError as error:
+        return [in_words(error)]
+    except Exception as error:
+        _log.exception("the supervisor failed")
+        return [f"the supervisor failed: {in_words(error)}"]
+    return []
 
 
 def _must_be_writable(directory: Path) -> None:

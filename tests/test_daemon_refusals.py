@@ -1,0 +1,98 @@
+"""What the daemon says no to, whatever the loop is doing; against a loop of the test's own."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daemon_rig import bench_config
+
+from motorctl.config import load
+from motorctl.daemon.client import DaemonRefusedError
+from motorctl.daemon.commander import Commander
+from motorctl.daemon.protocol import RefusedError, parse_request
+from motorctl.daemon.report import Report
+from motorctl.loop import LoopMemory, Phase, Reply, Verb
+
+
+class Loop:
+    """Answers every command with the same reply, and remembers what it was asked."""
+
+    def __init__(self, folder: Path) -> None:
+        (folder / "bench.yaml").write_text(bench_config())
+        self.machine = load(str(folder / "bench.yaml"))
+        self.memory = LoopMemory.create(tuple(self.machine.axes), 6, 400.0)
+        self.report = Report(self.machine, self.memory, folder / "s")
+        self.commander = Commander(self.machine, self.memory, self.report)
+        self.asked: list[Verb] = []
+        self.phase(Phase.RUNNING)
+
+    def phase(self, phase: Phase) -> None:
+        self.memory.status["phase"][0] = phase
+
+    def ask(self, line: str, reply: Reply = Reply.OK) -> dict[str, Any]:
+        """Have the daemon handle a request while the loop answers."""
+
+        async def answer() -> None:
+            status = self.memory.status[0]
+            while True:
+                while status["mail_tail"] < status["mail_head"]:
+                    self.asked.append(Verb(int(self.memory.mailbox["verb"][status["mail_tail"]])))
+                    self.memory.replies[status["mail_tail"]] = reply
+                    status["mail_tail"] += 1
+                await asyncio.sleep(0)
+
+        async def both() -> dict[str, Any]:
+            answering = asyncio.create_task(answer())
+            try:
+                return await self.commander.handle(parse_request(line.encode()))
+            finally:
+                answering.cancel()
+
+        return asyncio.run(both())
+
+    def refusal(self, line: str, reply: Reply = Reply.OK) -> RefusedError:
+        with pytest.raises(RefusedError) as refused:
+            self.ask(line, reply)
+        return refused.value
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> Iterator[Loop]:
+    made = Loop(tmp_path)
+    yield made
+    made.memory.close()
+
+
+def test_an_emergency_stop_is_taken_as_long_as_the_loop_ticks(loop: Loop) -> None:
+    loop.report.stopping = True
+    assert loop.ask('{"do": "estop"}') == {"axes": ["x", "y"]}
+    assert loop.asked == [Verb.ESTOP]
+    assert loop.refusal('{"do": "start", "axis": "x"}').code == "stopping"
+    assert loop.asked == [Verb.ESTOP]
+    for phase in (Phase.STOPPED, Phase.FAILED):
+        loop.phase(phase)
+        assert loop.refusal('{"do": "estop"}').code == "stopping"
+
+
+@pytest.mark.parametrize("phase", [Phase.STARTING, Phase.COMPILING])
+def test_only_a_loop_that_is_about_to_tick_is_called_not_ready(loop: Loop, phase: Phase) -> None:
+    loop.phase(phase)
+    no = loop.refusal('{"do": "stop", "axis": "x"}')
+    assert (no.code, no.message) == (
+        "not_ready",
+        f"the loop process is {phase.name.lower()}; try again",
+    )
+    assert loop.refusal('{"do": "stop", "axis": "z"}').code == "unknown_axis"
+    assert loop.ask('{"do": "status"}')["loop"]["phase"] == phase.name.lower()
+
+
+@pytest.mark.parametrize("command", ["start", "reset"])
+def test_an_axis_that_still_moves_is_named(loop: Loop, command: str) -> None:
+    no = loop.refusal(f'{{"do": "{command}", "axis": "y"}}', Reply.STILL_MOVING)
+    assert no.code == "still_moving"
+    assert no.message == f"axis y still moves: {command} is not possible until it stands"
+    assert DaemonRefusedError(no.code, no.message).exit_status == 2

@@ -1,0 +1,71 @@
+"""A loop process that is gone: what is said of each driver's outputs is true."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from daemon_rig import bench_config
+
+from motorctl.config import load
+from motorctl.daemon.loop_process import LoopProcess
+from motorctl_sim import SimDriver
+
+released = threading.Event()
+
+
+class Raises(SimDriver):
+    """Cannot be made safe."""
+
+    def safe(self) -> None:
+        raise OSError("the cable is out")
+
+
+class Hangs(SimDriver):
+    """Does not come back until the test is over."""
+
+    def safe(self) -> None:
+        released.wait()
+
+
+class CannotBeMade(SimDriver):
+    """Is not even there."""
+
+    def __init__(self, *arguments: object) -> None:
+        raise RuntimeError("no such device")
+
+
+@pytest.mark.parametrize(
+    ("broken", "cause"),
+    [
+        (Raises, "OSError: the cable is out"),
+        (Hangs, "no answer within 2 s"),
+        (CannotBeMade, "RuntimeError: no such device"),
+    ],
+)
+def test_each_drivers_outputs_are_told_as_they_are(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    broken: type[SimDriver],
+    cause: str,
+) -> None:
+    released.clear()
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    machine = load(str(tmp_path / "bench.yaml"))
+    good = machine.drivers["gantry"]
+    axes = {**machine.axes, "x": replace(machine.axes["x"], driver="other")}
+    machine = replace(machine, drivers={"other": replace(good, cls=broken), "gantry": good})
+    loop = LoopProcess(replace(machine, axes=axes))
+    try:
+        with caplog.at_level(logging.INFO, logger="motorctl"):
+            loop.end()  # it never ran: all is done from here
+    finally:
+        released.set()
+        loop.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"driver other: its outputs may NOT be safe: {cause}",
+        "driver gantry: every output was zeroed and disabled from here",
+    ]
