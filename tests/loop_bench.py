@@ -180,7 +180,7 @@ class Hand:
 
     def __init__(self, machine: Machine) -> None:
         self.names = list(machine.axes)
-        parameters = max(len(axis.model) for axis in machine.axes.values())
+        parameters = machine.most_parameters
         self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
         self.tick = Tick(machine, self.memory)
         self.driver: Any = self.tick.drivers["gantry"]

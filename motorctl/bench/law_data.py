@@ -64,8 +64,7 @@ def record_law(machine: Machine, axis: str, steps: int) -> LawData:
     rows: list[tuple[NDArray[np.void], NDArray[np.void]]] = []
     with VirtualMachine(machine, lambda ticks, samples: rows.append((ticks, samples))) as virtual:
         virtual.start()
-        programs = dict.fromkeys(a.program for a in machine.axes.values() if a.program)
-        virtual.follow_programs(list(programs))
+        virtual.follow_programs(machine.followed_programs)
         for _ in range(round(LONGEST_WAIT_S * machine.rate_hz)):
             virtual.advance(1)
             if rows[-1][1]["flags"][0, index] & SampleFlag.ADAPTING:

@@ -38,8 +38,7 @@ class TickProbe:
         virtual = VirtualMachine(self._machine, lambda _ticks, _samples: None)
         self._virtual = self._open.enter_context(virtual)
         virtual.start()
-        programs = dict.fromkeys(a.program for a in self._machine.axes.values() if a.program)
-        virtual.follow_programs(list(programs))
+        virtual.follow_programs(self._machine.followed_programs)
         virtual.advance(SETTLING_TICKS)
         self._whole_ns: list[int] = []
         self._step = virtual.tick.step

@@ -31,8 +31,7 @@ def virtual_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
         writer = LogWriter(Path(folder) / "bench.parquet", log_metadata(machine), axes)
         with VirtualMachine(machine, writer.append) as virtual:
             virtual.start()
-            programs = dict.fromkeys(a.program for a in machine.axes.values() if a.program)
-            virtual.follow_programs(list(programs))
+            virtual.follow_programs(machine.followed_programs)
             virtual.advance(ticks)
             for k in range(SPANS):
                 wall, cpu = time.perf_counter(), time.process_time()

@@ -53,7 +53,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of the robust part (CONTROL: p = de/dt + k1 e, vs = -ks p)."""
+    """Gains of the robust part (p = de/dt + k1 e, vs = -ks p)."""
 
     k1_1_s: float
     ks_v_s_m: float
@@ -171,3 +171,14 @@ class Machine:
     def period_s(self) -> float:
         """Ts."""
         return 1.0 / self.rate_hz
+
+    @property
+    def most_parameters(self) -> int:
+        """Length of the longest theta: records in shared memory are made for it."""
+        return max(len(axis.model) for axis in self.axes.values())
+
+    @property
+    def followed_programs(self) -> list[str]:
+        """Names of the programs that axes follow after `start`, each once."""
+        names = [axis.program for axis in self.axes.values() if axis.program]
+        return list(dict.fromkeys(names))

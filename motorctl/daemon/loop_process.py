@@ -30,7 +30,7 @@ class LoopProcess:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        parameters = max(len(axis.model) for axis in machine.axes.values())
+        parameters = machine.most_parameters
         self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
         self._process: subprocess.Popen[bytes] | None = None
         self._tick = -1

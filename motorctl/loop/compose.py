@@ -10,7 +10,11 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from motorctl.kernels import load_generated, source_digest
+from motorctl.log.sample import AxisState
 from motorctl.model import EffectList
+
+OFF = int(AxisState.OFF)
+FAULT = int(AxisState.FAULT)
 
 HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""
 
@@ -40,7 +44,7 @@ STEP = """    volts[{c}] = axis_step(
         settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}],
         index_counts[{c}], elapsed, number, t, samples[row, {i}],
     )
-    enable[{c}] = axes[{i}].state != 0 and axes[{i}].state != 5
+    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
     moving += enable[{c}]
     report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[{i}])
 """
@@ -60,6 +64,7 @@ def compose_tick(models: Sequence[EffectList], channels: Sequence[int]) -> Modul
         axes=len(models), imports=imports, channels=", ".join(str(c) for c in channels)
     )
     for i, (model, channel) in enumerate(zip(models, channels, strict=True)):
-        source += STEP.format(i=i, c=channel, m=model.kernels.__name__)
+        name = model.kernels.__name__
+        source += STEP.format(i=i, c=channel, m=name, off=OFF, fault=FAULT)
     source += TAIL
     return load_generated(f"tick_{source_digest(source)}", source)

@@ -143,6 +143,8 @@ def _check(machine: Machine, program: Program, from_m: float | None = None) -> N
             axis.limits.max_jerk_m_s3,
             axis.limits.max_voltage_v,
         )
+        if name not in program.axes:
+            continue
         theta = np.array([estimate.initial for estimate in axis.estimates])
         voltages[name] = required_command(axis.model, theta, axis.limits.max_voltage_v)
     violations = check_program(program, limits, voltages)

@@ -55,16 +55,16 @@ def with_seed(machine: Machine, seed: int) -> Machine:
 
     Raises UsageError where no driver has.
     """
+    seeded = False
     drivers = dict(machine.drivers)
     resolved: dict[str, Any] = copy.deepcopy(dict(machine.resolved))
     for name, setup in machine.drivers.items():
         if "seed" in type(setup.options).model_fields:
+            seeded = True
             options = setup.options.model_copy(update={"seed": seed})
             drivers[name] = dataclasses.replace(setup, options=options)
             resolved["drivers"][name]["seed"] = seed
-    if drivers == dict(machine.drivers) and not any(
-        getattr(setup.options, "seed", None) == seed for setup in drivers.values()
-    ):
+    if not seeded:
         raise UsageError("no driver of this machine has a seed")
     return dataclasses.replace(machine, drivers=drivers, resolved=resolved)
 
@@ -88,14 +88,13 @@ def simulate(
     require_virtual_time(machine)
     axes = [LogAxis(name, axis.model.parameter_names) for name, axis in machine.axes.items()]
     writer = LogWriter(log, log_metadata(machine), axes)
-    began = time.monotonic()
     extra: dict[str, Any] = {}
     try:
         with VirtualMachine(machine, writer.append) as virtual:
             began = time.monotonic()
             virtual.start()
-            programs = dict.fromkeys(a.program for a in machine.axes.values() if a.program)
-            needed_s = virtual.follow_programs(list(programs))
+            programs = machine.followed_programs
+            needed_s = virtual.follow_programs(programs)
             if duration_s is None:
                 total = virtual.ticks + round((needed_s + MORE_S) * machine.rate_hz)
                 if not programs:

@@ -47,7 +47,7 @@ class VirtualMachine:
         require_virtual_time(machine)
         self.machine = machine
         self.names = list(machine.axes)
-        parameters = max(len(axis.model) for axis in machine.axes.values())
+        parameters = machine.most_parameters
         self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
         self.tick = Tick(machine, self.memory, virtual=True, learned=learned)
         self._run = VirtualRun(self.tick)

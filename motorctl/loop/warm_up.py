@@ -45,7 +45,7 @@ class Unconnected(Driver):
 
 def warm_up(machine: Machine) -> None:
     """Compile, or load from the cache, and exercise the tick of this machine."""
-    parameters = max(len(axis.model) for axis in machine.axes.values())
+    parameters = machine.most_parameters
     memory = LoopMemory.create(list(machine.axes), parameters, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True, driver_class=Unconnected)
     run = VirtualRun(tick)
