@@ -59,7 +59,10 @@ def _insist_on_its_parts(found: type[Effect], who: str) -> None:
     if found.kind not in get_args(Kind):
         raise UsageError(f"{who}: its kind is '{found.kind}'; must be one of {get_args(Kind)}")
     module = sys.modules[found.__module__]
-    for kernel in ("column", "slope") if found.kind == "input" else ("column",):
+    kernels = {"state": ["column"], "input": ["column", "slope"], "measurement": ["correct"]}
+    # An effect may remember in some of its forms only: then it says so by `memory_size`.
+    remembers = found.memory > 0 or found.memory_size is not Effect.memory_size
+    for kernel in [*kernels.get(found.kind, []), *(["advance"] if remembers else [])]:
         # Only compiled functions can be called from the compiled tick.
         if not isinstance(getattr(module, kernel, None), Dispatcher):
             raise UsageError(

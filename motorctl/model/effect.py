@@ -7,13 +7,15 @@ The model of an axis is a list of effects. Each contributes columns psi to
 (Chen, Yao, Wang 2013, eq. 4, solved for the command u; psi = -phi of their eq. 25).
 A *state* effect's column is a function of motion and time; an *input* effect's column is
 -h(u), so that the input map v(u) = u + sum theta_i h_i(u) equals the sum of the state columns.
+A *command* effect is what happens to the command before it acts (lag, delay); a *measurement*
+effect is an error of the measured position. These two have no linear parameters.
 """
 
 from __future__ import annotations
 
 import sys
 from abc import ABC
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -21,7 +23,7 @@ from pydantic import BaseModel, ConfigDict
 
 from motorctl.errors import UsageError
 
-Kind = Literal["state", "input"]
+Kind = Literal["state", "input", "command", "measurement"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,40 @@ class Parameter:
     """Default initial diagonal of Gamma: how far from `initial` the truth may lie, squared."""
 
 
+@dataclass(frozen=True)
+class Spans:
+    """What a recording spans: from it an effect tells which of its forms are worth trying."""
+
+    position_m: tuple[float, float]
+    """Lowest and highest position."""
+    speed_m_s: float
+    """Top speed."""
+    acceleration_m_s2: float
+    """Top acceleration."""
+    command_v: float
+    """Largest command."""
+    time_s: tuple[float, float]
+    """First and last time."""
+    period_s: float
+    """Between two samples."""
+    band_hz: float
+    """Highest frequency that is looked at."""
+    resolution_m: float
+    """One count of the encoder; 0 where it is not known."""
+    other_axes: tuple[str, ...] = ()
+    """Axes whose motion was recorded too."""
+
+    @property
+    def travel_m(self) -> float:
+        """Length of the travel that was used."""
+        return self.position_m[1] - self.position_m[0]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample."""
+        return self.time_s[1] - self.time_s[0]
+
+
 class EffectOptions(BaseModel):
     """Base of an effect's own options: its nonlinear parameters, fixed while running."""
 
@@ -53,11 +89,20 @@ class Effect(ABC):
 
         column(j, x, v, a, vs, t, c) -> float     for a state effect
         column(j, u, c) -> float and slope(j, u, c) -> float     for an input effect
+        correct(y, c) -> float     for a measurement effect: the position without its error
 
     Here j is the parameter's index within the effect, x [m], v [m/s], a [m/s^2] the motion,
     vs [m/s] a velocity free of quantisation (the desired one in the loop), t [s] the time,
-    u [V] the command and c the tuple that `constants` gives. An input effect's `column` is h(u)
+    u [V] the command and c the numbers that `constants` gives: a tuple in the loop, an array
+    where many forms are tried, so kernels only index it. An input effect's `column` is h(u)
     and `slope` dh/du.
+
+    A state effect with a memory says how many numbers it holds (`memory`, or by instance
+    `memory_size`); its kernels are ``column(j, x, v, a, vs, t, w, c)``, with w the memory after
+    this tick, and ``advance(w, x, v, a, dt, others, c)``, which brings it up to the motion x, v, a
+    that is reached dt [s] after the last. others[i] is (x, v, a) of the i-th of `other_axes`.
+    An input effect that `varies` with place or time has ``column(j, u, x, t, c)`` and
+    ``slope(j, u, x, t, c)``.
 
     Kernels run in the real-time tick and must not raise: one that divides is decorated with
     ``njit(error_model="numpy")``, or 1/0 ends the loop. What is not finite trips the axis.
@@ -69,6 +114,10 @@ class Effect(ABC):
     """Part of what C2 compensates and C1 does not."""
     odd: ClassVar[bool] = False
     """An input effect whose h(-u) = -h(u)."""
+    memory: ClassVar[int] = 0
+    """Numbers that a state effect remembers from tick to tick."""
+    varies: ClassVar[bool] = False
+    """An input effect that depends on place or time as well."""
     title: ClassVar[str]
     formula: ClassVar[str]
     compensated: ClassVar[str]
@@ -91,6 +140,42 @@ class Effect(ABC):
         return (0.0,)
 
     @property
+    def memory_size(self) -> int:
+        """Numbers that this form of the effect remembers."""
+        return self.memory
+
+    @property
+    def other_axes(self) -> tuple[str, ...]:
+        """Axes whose motion the effect depends on."""
+        return ()
+
+    @property
+    def lag_s(self) -> float:
+        """First-order lag that a command effect gives the command."""
+        return 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """Pure delay that a command effect gives the command."""
+        return 0.0
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give the forms that diagnosis tries first, in the order of their nonlinear option.
+
+        Without options there is one form. None where the recording cannot show the effect.
+        """
+        return (cls(),)
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Give the options that diagnosis refines, each with a first step in its own unit."""
+        return {}
+
+    def richer(self, spans: Spans) -> Sequence[Effect]:
+        """Give forms one step richer than this one, which diagnosis takes where they pay."""
+        return ()
+
+    @property
     def column(self) -> Callable[..., float]:
         """The compiled column, taken from the effect's module."""
         return self._kernel("column")
@@ -99,6 +184,10 @@ class Effect(ABC):
     def slope(self) -> Callable[..., float]:
         """The compiled derivative of an input effect's column."""
         return self._kernel("slope")
+
+    def with_options(self, **changes: object) -> Effect:
+        """Give this effect with other options; raises pydantic.ValidationError where wrong."""
+        return type(self)(self.Options.model_validate(self.options.model_dump() | changes))
 
     def _kernel(self, name: str) -> Callable[..., float]:
         kernel: Callable[..., float] = getattr(sys.modules[type(self).__module__], name)

@@ -21,10 +21,16 @@ class EffectList:
 
     `kernels` is a generated module with compiled functions; n is the number of parameters:
 
-    - ``state_columns(x, v, a, vs, t, out)``: fills out[:n] with the state columns, 0 elsewhere
-    - ``input_columns(u, out)``: fills out[:n] with -h(u) of the input effects, 0 elsewhere
-    - ``feedforward(x, v, a, vs, t, theta)``: the sum of theta_i psi_i over the state columns
-    - ``input_map(u, theta)``: v(u); ``input_slope(u, theta)``: dv/du
+    - ``state_columns(x, v, a, vs, t, context, out)``: fills out[:n] with the state columns, 0
+      elsewhere
+    - ``input_columns(u, x, t, out)``: fills out[:n] with -h(u) of the input effects, 0 elsewhere
+    - ``feedforward(x, v, a, vs, t, context, theta)``: the sum of theta_i psi_i over the state
+      columns
+    - ``input_map(u, x, t, theta)``: v(u); ``input_slope(u, x, t, theta)``: dv/du
+    - ``advance_context(x, v, a, dt, others, context)``: brings the effects' memories, context of
+      shape (context_size,), up to the motion that is reached dt [s] after the last; others of
+      shape (axes, 3) is x, v, a of each of `other_axes`
+    - ``correct(y)``: the measured position without the declared errors of the measurement
     """
 
     def __init__(self, effects: Sequence[Effect]) -> None:
@@ -60,6 +66,26 @@ class EffectList:
         """Give the list that C1 runs on: all but the electromagnetic effects."""
         return EffectList([e for e in self.effects if not e.electromagnetic])
 
+    @property
+    def context_size(self) -> int:
+        """Numbers that the effects remember together."""
+        return sum(effect.memory_size for effect in self.effects)
+
+    @property
+    def other_axes(self) -> tuple[str, ...]:
+        """Axes whose motion the effects depend on; an axis stands once for each that names it."""
+        return tuple(axis for effect in self.effects for axis in effect.other_axes)
+
+    @property
+    def lag_s(self) -> float:
+        """First-order lag between a command and what acts."""
+        return sum(effect.lag_s for effect in self.effects)
+
+    @property
+    def delay_s(self) -> float:
+        """Pure delay between a command and what acts."""
+        return sum(effect.delay_s for effect in self.effects)
+
     @cached_property
     def module_name(self) -> str:
         """Name of the generated module: changes with any formula or constant in it."""
@@ -70,67 +96,138 @@ class EffectList:
         """The generated module."""
         return load_generated(self.module_name, self._source)
 
-    def regressor(self, x: Array, v: Array, a: Array, vs: Array, t: Array, u: Array) -> Array:
+    def regressor(
+        self,
+        x: Array,
+        v: Array,
+        a: Array,
+        vs: Array,
+        t: Array,
+        u: Array,
+        others: Array | None = None,
+    ) -> Array:
         """Give psi over a recording: arrays of shape (N,) in, shape (N, n) out.
 
-        Raises ValueError where their shapes differ.
+        others of shape (N, axes, 3) is x, v, a of each of `other_axes`. Raises ValueError where
+        their shapes differ.
         """
         signals = [np.ascontiguousarray(signal, np.float64) for signal in (x, v, a, vs, t, u)]
         shapes = {signal.shape for signal in signals}
         if len(shapes) > 1 or signals[0].ndim != 1:
             raise ValueError(f"the signals of a recording differ in shape: {sorted(shapes)}")
+        expected = (len(x), len(self.other_axes), 3)
+        beside = np.zeros(expected) if others is None else np.ascontiguousarray(others, np.float64)
+        if beside.shape != expected:
+            raise ValueError(f"the other axes' motion has shape {beside.shape}, not {expected}")
         out = np.empty((len(x), len(self)))
-        self.kernels.regressor_over(*signals, out)
+        self.kernels.regressor_over(*signals, beside, np.zeros(self.context_size), out)
         return out
 
     @cached_property
     def _source(self) -> str:
-        lines = [
-            f'"""Model of an axis: {", ".join(self.names)}. Generated; do not edit."""',
-            "",
-            "from numba import njit",
-            "",
-        ]
-        lines += [
-            f"from {type(effect).__module__} import column as {effect.name}_column"
-            + (f", slope as {effect.name}_slope" if effect.kind == "input" else "")
-            for effect in self.effects
-        ]
-        state = [*self._calls("state", "column", "x, v, a, vs, t")]
-        inputs = [*self._calls("input", "column", "u")]
-        slopes = [*self._calls("input", "slope", "u")]
-        lines += ["", "", "@njit", "def state_columns(x, v, a, vs, t, out):"]
-        lines += [f"    out[{i}] = {call}" for i, call in state]
-        lines += [f"    out[{i}] = 0.0" for i, _ in inputs] or ["    pass"]
-        lines += ["", "", "@njit", "def input_columns(u, out):"]
-        lines += [f"    out[{i}] = -({call})" for i, call in inputs]
-        lines += [f"    out[{i}] = 0.0" for i, _ in state] or ["    pass"]
-        lines += ["", "", "@njit", "def feedforward(x, v, a, vs, t, theta):", "    total = 0.0"]
+        lines = [f'"""Model of an axis: {", ".join(self.names)}. Generated; do not edit."""', ""]
+        lines += ["from numba import njit", "", *map(_import, self.effects)]
+        lines += ["", "", "@njit", "def state_columns(x, v, a, vs, t, context, out):"]
+        zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "state"]
+        lines += [f"    out[{i}] = {call}" for i, call in self._state_calls("x, v, a, vs, t")]
+        lines += zeros or ["    pass"]
+        lines += ["", "", "@njit", "def input_columns(u, x, t, out):"]
+        zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "input"]
+        lines += [f"    out[{i}] = -({call})" for i, call in self._input_calls("column")]
+        lines += zeros or ["    pass"]
+        lines += ["", "", "@njit", "def feedforward(x, v, a, vs, t, context, theta):"]
+        lines += ["    total = 0.0"]
+        state = self._state_calls("x, v, a, vs, t")
         lines += [f"    total += theta[{i}] * {call}" for i, call in state] + ["    return total"]
-        lines += ["", "", "@njit", "def input_map(u, theta):", "    total = u"]
-        lines += [f"    total += theta[{i}] * {call}" for i, call in inputs] + ["    return total"]
-        lines += ["", "", "@njit", "def input_slope(u, theta):", "    total = 1.0"]
-        lines += [f"    total += theta[{i}] * {call}" for i, call in slopes] + ["    return total"]
-        lines += ["", "", "@njit(cache=True)", "def regressor_over(x, v, a, vs, t, u, out):"]
+        for name, kernel, start in (("map", "column", "u"), ("slope", "slope", "1.0")):
+            lines += ["", "", "@njit", f"def input_{name}(u, x, t, theta):", f"    total = {start}"]
+            calls = self._input_calls(kernel)
+            lines += [f"    total += theta[{i}] * {call}" for i, call in calls]
+            lines += ["    return total"]
+        lines += ["", "", "@njit", "def advance_context(x, v, a, dt, others, context):"]
+        lines += self._advances() or ["    pass"]
+        lines += ["", "", "@njit", "def correct(y):", "    corrected = y"]
+        lines += [
+            f"    corrected = {effect.name}_correct(corrected, {_tuple(effect.constants)})"
+            for effect in self.effects
+            if effect.kind == "measurement"
+        ]
+        lines += ["    return corrected"]
+        lines += ["", "", "@njit(cache=True)"]
+        lines += ["def regressor_over(x, v, a, vs, t, u, others, context, out):"]
         lines += ["    for k in range(x.size):", "        row = out[k]"]
         lines += ["        xk, vk, ak, vsk, tk, uk = x[k], v[k], a[k], vs[k], t[k], u[k]"]
-        over_state = self._calls("state", "column", "xk, vk, ak, vsk, tk")
-        over_input = self._calls("input", "column", "uk")
-        lines += [f"        row[{i}] = {call}" for i, call in over_state]
-        lines += [f"        row[{i}] = -({call})" for i, call in over_input]
+        lines += ["        dt = tk - t[k - 1] if k else 0.0"]
+        lines += ["        advance_context(xk, vk, ak, dt, others[k], context)"]
+        lines += [f"        row[{i}] = {c}" for i, c in self._state_calls("xk, vk, ak, vsk, tk")]
+        inputs = self._input_calls("column", "uk", "xk, tk")
+        lines += [f"        row[{i}] = -({c})" for i, c in inputs]
         return "\n".join(lines) + "\n"
 
-    def _calls(self, kind: str, kernel: str, arguments: str) -> list[tuple[int, str]]:
-        calls = []
-        index = 0
+    def _places(self) -> list[tuple[int, Effect, int]]:
+        """Give index in theta, effect and index within the effect of every parameter."""
+        pairs = [(e, j) for e in self.effects for j in range(len(e.parameters))]
+        return [(i, effect, j) for i, (effect, j) in enumerate(pairs)]
+
+    def _memories(self) -> dict[str, slice]:
+        """Give where in the context each effect's memory stands."""
+        places, start = {}, 0
         for effect in self.effects:
-            for j in range(len(effect.parameters)):
-                if effect.kind == kind:
-                    constants = "".join(f"{_literal(c)}, " for c in effect.constants)
-                    call = f"{effect.name}_{kernel}({j}, {arguments}, ({constants}))"
-                    calls.append((index, call))
-                index += 1
+            places[effect.name] = slice(start, start + effect.memory_size)
+            start += effect.memory_size
+        return places
+
+    def _state_calls(self, arguments: str) -> list[tuple[int, str]]:
+        memories, calls = self._memories(), []
+        for i, effect, j in self._places():
+            if effect.kind != "state":
+                continue
+            place = memories[effect.name]
+            memory = f"context[{place.start}:{place.stop}], " if effect.memory_size else ""
+            constants = _tuple(effect.constants)
+            calls.append((i, f"{effect.name}_column({j}, {arguments}, {memory}{constants})"))
         return calls
+
+    def _input_calls(
+        self, kernel: str, command: str = "u", place: str = "x, t"
+    ) -> list[tuple[int, str]]:
+        calls = []
+        for i, effect, j in self._places():
+            if effect.kind != "input":
+                continue
+            where = f"{command}, {place}" if effect.varies else command
+            constants = _tuple(effect.constants)
+            calls.append((i, f"{effect.name}_{kernel}({j}, {where}, {constants})"))
+        return calls
+
+    def _advances(self) -> list[str]:
+        memories, lines, other = self._memories(), [], 0
+        for effect in self.effects:
+            others = slice(other, other + len(effect.other_axes))
+            other = others.stop
+            if not effect.memory_size:
+                continue
+            place = memories[effect.name]
+            memory = f"context[{place.start}:{place.stop}]"
+            beside = f"others[{others.start}:{others.stop}]"
+            constants = _tuple(effect.constants)
+            lines.append(f"    {effect.name}_advance({memory}, x, v, a, dt, {beside}, {constants})")
+        return lines
+
+
+def _import(effect: Effect) -> str:
+    names = {"state": ["column"], "input": ["column", "slope"], "measurement": ["correct"]}
+    kernels = list(names.get(effect.kind, []))
+    if effect.memory_size:
+        kernels.append("advance")
+    if not kernels:
+        return ""
+    parts = ", ".join(f"{kernel} as {effect.name}_{kernel}" for kernel in kernels)
+    return f"from {type(effect).__module__} import {parts}"
+
+
+def _tuple(constants: tuple[float, ...]) -> str:
+    return f"({''.join(f'{_literal(c)}, ' for c in constants)})"
 
 
 def _literal(value: float) -> str:

@@ -1,19 +1,9 @@
 """Friction that depends on the direction of travel alone."""
 
-import math
-
 from numba import njit
-from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
-
-
-class CoulombOptions(EffectOptions):
-    """How steeply the friction turns over at zero speed."""
-
-    slope_s_m: float = Field(
-        default=900.0, gt=0, description="slope of Sf at rest; .inf is sign(v)"
-    )
+from motorctl.model.effect import Effect, Parameter
+from motorctl.model.sign_function import SlopeOptions, sf
 
 
 class CoulombFriction(Effect):
@@ -26,7 +16,8 @@ class CoulombFriction(Effect):
     compensated = "feedforward with the sign function of the desired velocity"
     identified = "linear in Sf(v)"
     visible_in = "travel in both directions"
-    Options = CoulombOptions
+    Options = SlopeOptions
+    options: SlopeOptions
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -36,7 +27,6 @@ class CoulombFriction(Effect):
     @property
     def constants(self) -> tuple[float, ...]:
         """Slope of Sf [s/m]."""
-        assert isinstance(self.options, CoulombOptions)
         return (self.options.slope_s_m,)
 
 
@@ -45,6 +35,4 @@ def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
     """Give Sf of the velocity that is free of quantisation."""
-    if vs == 0.0:
-        return 0.0
-    return 2.0 / math.pi * math.atan(c[0] * vs)
+    return sf(vs, c[0])

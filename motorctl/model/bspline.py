@@ -1,0 +1,62 @@
+"""Uniform cubic B-splines along the travel: a smooth function of position of any shape."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from numba import njit
+from pydantic import AfterValidator, Field
+
+from motorctl.model.effect import Spans
+
+FEWEST, MOST = 4, 48
+"""Basis functions: four are any cubic polynomial."""
+SHORTEST_M = 1e-9
+"""Length that can be divided."""
+COUNTS = (8, 16, 30)
+"""How finely diagnosis divides the travel, one after the other."""
+
+
+def _in_order(knots: tuple[float, float, int]) -> tuple[float, float, int]:
+    low, high, count = knots
+    if high - low < SHORTEST_M:
+        raise ValueError(f"from {low:g} to {high:g} m; the first must lie below the second")
+    if not FEWEST <= count <= MOST:
+        raise ValueError(f"{count} functions; must be {FEWEST} to {MOST}")
+    return knots
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Knots = Annotated[tuple[Finite, Finite, int], AfterValidator(_in_order)]
+"""Lowest position [m], highest position [m], number of basis functions between them."""
+
+
+def spline_constants(knots: Knots | None) -> tuple[float, float, float]:
+    """Give lowest position [m], cells per metre and number of functions; 0 functions for None."""
+    if knots is None:
+        return 0.0, 0.0, 0.0
+    low, high, count = knots
+    return low, (count - 3) / (high - low), float(count)
+
+
+def finer_knots(knots: Knots | None, spans: Spans) -> list[Knots]:
+    """Give the divisions of the used travel that have more functions than `knots`."""
+    if spans.travel_m < SHORTEST_M:
+        return []
+    now = 0 if knots is None else knots[2]
+    return [(*spans.position_m, count) for count in COUNTS if count > now]
+
+
+@njit(error_model="numpy")
+def basis(j: int, x: float, low: float, cells_per_m: float, count: float) -> float:
+    """Give the j-th of `count` cubic B-splines at x [m]; constant beyond the ends.
+
+    Together they are 1 everywhere (de Boor, A Practical Guide to Splines, 1978).
+    """
+    place = min(max((x - low) * cells_per_m, 0.0), count - 3.0)
+    d = abs(place + 1.0 - j)
+    if d < 1.0:
+        return (4.0 - 6.0 * d * d + 3.0 * d * d * d) / 6.0
+    if d < 2.0:
+        return (2.0 - d) ** 3 / 6.0
+    return 0.0

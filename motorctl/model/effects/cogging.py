@@ -1,0 +1,70 @@
+"""Force between the iron core and the magnets, or once a turn of a screw: periodic in position."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from numba import njit
+
+from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.pitch import (
+    PitchOptions,
+    pitch_constants,
+    pitch_steps,
+    richer_pitches,
+    trial_pitches,
+)
+
+
+class Cogging(Effect):
+    """A force on the carriage, sum of S_k sin(2 pi k x/P) + C_k cos(2 pi k x/P)."""
+
+    name = "cogging"
+    kind = "state"
+    title = "Cogging"
+    formula = "-sum of S_k sin(2 pi k x/P) + C_k cos(2 pi k x/P)"
+    compensated = "feedforward of its negative at the desired position"
+    identified = "linear in sine and cosine of each order; the pitch P by a scan of 1/P"
+    visible_in = (
+        "travel over at least one pitch, better several, at two different accelerations: "
+        "a force that grows with the command is force ripple instead"
+    )
+    Options = PitchOptions
+    options: PitchOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """S_k and C_k of every order."""
+        return tuple(
+            Parameter(f"{wave}_{k}", f"{wave[0].upper()}{k}", "V", -1e3, 1e3, 0.0, 1.0)
+            for k in self.options.orders
+            for wave in ("sin", "cos")
+        )
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Wave number of every order [rad/m]."""
+        return pitch_constants(self.options)
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give one order at every pitch that the travel can tell from the next."""
+        return [cls(PitchOptions(pitch_m=pitch)) for pitch in trial_pitches(spans)]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine the pitch."""
+        return pitch_steps(self.options, spans)
+
+    def richer(self, spans: Spans) -> Sequence[Effect]:
+        """Give one order more."""
+        return [type(self)(options) for options in richer_pitches(self.options, spans)]
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Give minus the sine or the cosine: the command makes up for what pushes the carriage."""
+    angle = c[j >> 1] * x
+    return -math.sin(angle) if j & 1 == 0 else -math.cos(angle)

@@ -1,0 +1,113 @@
+"""A part of the moving mass that hangs on a spring: load on a beam, cable chain, tool."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import Field
+
+from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.grids import log_grid, log_step
+
+Array = NDArray[np.float64]
+
+GRID = ((0.1, 12), (0.03, 30), (0.01, 80))
+"""Damping ratios, and frequencies a decade: a sharper resonance needs a finer search."""
+SLOWEST_HZ = 8.0
+HIGHEST_HZ = 1e6
+
+
+class FlexibleOptions(EffectOptions):
+    """The resonance of the part with the carriage held still."""
+
+    frequency_hz: float = Field(
+        ge=1e-6, le=HIGHEST_HZ, description="of the part on its spring, carriage held still"
+    )
+    damping_ratio: float = Field(default=0.01, ge=0.0, le=0.99, description="of this oscillation")
+
+
+class FlexibleMode(Effect):
+    """-m s^2/(s^2 + 2 zeta omega s + omega^2) a, with m the part on the spring.
+
+    Inertia counts the part as if it were fixed; this column is what the spring adds. With the
+    part's offset r: r'' + 2 zeta omega r' + omega^2 r = a, so that the column is -r''.
+    """
+
+    name = "flexible_mode"
+    kind = "state"
+    memory = 3
+    title = "Flexible mode"
+    formula = "-m * [s^2/(s^2 + 2 zeta omega s + omega^2)] a"
+    compensated = "feedforward with the oscillation advanced along the desired acceleration"
+    identified = "linear in the filtered acceleration; frequency and damping by a scan"
+    visible_in = (
+        "high jerk: starts and stops shorter than a period of the oscillation, rests after them, "
+        "sampled several times as fast as the oscillation"
+    )
+    Options = FlexibleOptions
+    options: FlexibleOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """m: the inertia of the part, contained in theta1."""
+        return (Parameter("inertia", "m", "V*s^2/m", 0.0, 1e3, 0.0, 0.1),)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Omega, decay rate zeta omega, damped frequency [rad/s], and the latter's reciprocal."""
+        omega, zeta = 2.0 * math.pi * self.options.frequency_hz, self.options.damping_ratio
+        damped = omega * math.sqrt(1.0 - zeta * zeta)
+        return omega, zeta * omega, damped, 1.0 / damped
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give frequencies up to the band's, broad resonances first."""
+        if not (spans.period_s > 0.0 and spans.duration_s > 0.0):
+            return ()
+        low = max(min(SLOWEST_HZ, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
+        high = min(1.2 * spans.band_hz, 0.45 / spans.period_s, HIGHEST_HZ)
+        return [
+            cls(FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta))
+            for zeta, per_decade in GRID
+            for frequency in log_grid(low, high, per_decade)
+        ]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine frequency and damping."""
+        zeta = self.options.damping_ratio
+        per_decade = next((n for width, n in GRID if zeta >= width), GRID[-1][1])
+        frequency = log_step(self.options.frequency_hz, per_decade)
+        return {"frequency_hz": frequency, "damping_ratio": max(0.5 * zeta, 1e-3)}
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
+) -> float:
+    """Give -r'' [m/s^2]; w is (r, r', last acceleration)."""
+    return float(2.0 * c[1] * w[1] + c[0] * c[0] * w[0] - a)
+
+
+@njit(error_model="numpy")
+def advance(
+    w: Array, x: float, v: float, a: float, dt: float, others: Array, c: tuple[float, ...]
+) -> None:
+    """Advance the oscillation exactly, with the acceleration going straight from last to this.
+
+    Exact for any step, so stable at any sample rate (first-order hold).
+    """
+    omega, decay, damped = c[0], c[1], c[2]
+    if dt > 0.0:
+        # what a ramp of acceleration settles to: r = start + rate t
+        rate = (a - w[2]) / (dt * omega * omega)
+        start = (w[2] - 2.0 * decay * rate) / (omega * omega)
+        r, dr = w[0] - start, w[1] - rate
+        shrunk = math.exp(-decay * dt)
+        cosine, sine = shrunk * math.cos(damped * dt), shrunk * math.sin(damped * dt) * c[3]
+        w[0] = r * cosine + (dr + decay * r) * sine + start + rate * dt
+        w[1] = dr * cosine - (omega * omega * r + decay * dr) * sine + rate
+    w[2] = a

@@ -1,0 +1,68 @@
+"""A load put on the carriage, or taken off, at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from numba import njit
+from pydantic import Field
+
+from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.grids import even_grid
+
+FORMS = 60
+OUTER = 0.05
+"""Part of the recording, at each end, that is too short to tell an inertia from."""
+
+
+class PayloadOptions(EffectOptions):
+    """When the load changes."""
+
+    time_s: float = Field(allow_inf_nan=False, description="time of the change")
+
+
+class PayloadChange(Effect):
+    """m a from the time of the change on."""
+
+    name = "payload_change"
+    kind = "state"
+    title = "Change of payload"
+    formula = "m * a,  t >= t_0"
+    compensated = "feedforward of the desired acceleration, from the time of the change on"
+    identified = "linear in acceleration from t_0 on; the time t_0 by a scan"
+    visible_in = "accelerations well above the noise both before and after the change"
+    Options = PayloadOptions
+    options: PayloadOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """m: what is added to theta1; negative where a load is taken off."""
+        return (Parameter("", "m", "V*s^2/m", -1e3, 1e3, 0.0, 0.1),)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """t_0 [s]."""
+        return (self.options.time_s,)
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give times all over the recording but its ends."""
+        outer = OUTER * spans.duration_s
+        times = even_grid(spans.time_s[0] + outer, spans.time_s[1] - outer, _step(spans))
+        return [cls(PayloadOptions(time_s=time)) for time in times]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine the time."""
+        return {"time_s": _step(spans)} if spans.duration_s > 0.0 else {}
+
+
+def _step(spans: Spans) -> float:
+    return (1.0 - 2.0 * OUTER) * spans.duration_s / (FORMS - 0.5)
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Give the acceleration, once the load has changed."""
+    return a if t >= c[0] else 0.0

@@ -1,0 +1,104 @@
+"""Friction as a hysteretic spring, before the contact slides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import Field
+
+from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.grids import log_grid, log_step
+from motorctl.model.sign_function import SlopeOptions, sf
+
+Array = NDArray[np.float64]
+
+PER_DECADE = 6
+COUNTS = 3.0
+"""Less motion than this many counts is not seen to turn the friction over."""
+
+
+class PreslidingOptions(SlopeOptions):
+    """How far the contact yields before it slides."""
+
+    displacement_m: float = Field(
+        ge=1e-12,
+        allow_inf_nan=False,
+        description="x_s: motion over which a reversal of the friction takes place",
+    )
+
+
+class Presliding(Effect):
+    """Dahl's bristle state h instead of Sf(v), and the damping of the bristles.
+
+    dh/dx = (sign(dx) - h)/x_s (Dahl 1968), integrated exactly over every motion; the second
+    column is x_s dh/dt = v - |v| h, LuGre's bristle rate (Canudas de Wit et al. 1995).
+    """
+
+    name = "presliding"
+    kind = "state"
+    memory = 3
+    title = "Presliding friction"
+    formula = "F_h * (h - Sf(v)) + sigma * (v - |v| h),  dh/dx = (sign(dx) - h)/x_s"
+    compensated = "feedforward with h advanced along the desired position"
+    identified = "linear in its force F_h and damping sigma; displacement x_s by a scan"
+    visible_in = (
+        "many slow reversals and short strokes, from x_s itself (micrometres) to a hundred "
+        "times as much, with an encoder that resolves x_s"
+    )
+    Options = PreslidingOptions
+    options: PreslidingOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """F_h takes the place of as much Coulomb friction; sigma is LuGre's sigma_1."""
+        return (
+            Parameter("force", "F_h", "V", 0.0, 1e3, 0.0, 1.0),
+            Parameter("micro_damping", "sigma", "V*s/m", -1e4, 1e4, 0.0, 10.0),
+        )
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """1/x_s [1/m], slope of Sf [s/m]."""
+        return 1.0 / self.options.displacement_m, self.options.slope_s_m
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give displacements from a few counts, or millionths of the travel, to a thousandth."""
+        low = max(COUNTS * spans.resolution_m, 2e-6 * spans.travel_m, 1e-12)
+        high = max(1e-3 * spans.travel_m, 30.0 * low)
+        if not spans.travel_m > high:
+            return ()
+        return [
+            cls(PreslidingOptions(displacement_m=displacement))
+            for displacement in log_grid(low, high, PER_DECADE)
+        ]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine the displacement."""
+        return {"displacement_m": log_step(self.options.displacement_m, PER_DECADE)}
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
+) -> float:
+    """Give what h adds to Sf, or the rate of the bristles [m/s]; w is (h, last x, started)."""
+    h = float(w[0])
+    return h - sf(vs, c[1]) if j == 0 else v - abs(v) * h
+
+
+@njit
+def advance(
+    w: Array, x: float, v: float, a: float, dt: float, others: Array, c: tuple[float, ...]
+) -> None:
+    """Take h along the motion since the last position; the first position only starts it."""
+    moved = x - w[1] if w[2] != 0.0 else 0.0
+    if moved != 0.0:
+        target = math.copysign(1.0, moved)
+        w[0] = target + (w[0] - target) * math.exp(-abs(moved) * c[0])
+    w[1] = x
+    w[2] = 1.0

@@ -1,0 +1,32 @@
+"""Drag that grows with the square of the speed."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from motorctl.model.effect import Effect, Parameter
+
+
+class QuadraticDrag(Effect):
+    """C_d v|v|."""
+
+    name = "quadratic_drag"
+    kind = "state"
+    title = "Quadratic drag"
+    formula = "C_d * v|v|"
+    compensated = "feedforward at the desired velocity"
+    identified = "linear in v|v|"
+    visible_in = "travel at three or more different speeds up to the highest, in both directions"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """C_d: negative where viscous friction weakens with speed, as eddy currents do."""
+        return (Parameter("", "C_d", "V*s^2/m^2", -1e4, 1e4, 0.0, 1.0),)
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Give v|v|."""
+    return v * abs(v)

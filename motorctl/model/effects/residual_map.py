@@ -1,0 +1,76 @@
+"""Friction of unknown shape: a smooth function of velocity, or of position and velocity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from numba import njit
+from pydantic import Field
+
+from motorctl.model.bspline import Knots, basis
+from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+
+
+class ResidualMapOptions(EffectOptions):
+    """Where the splines' functions stand."""
+
+    fine_velocity_m_s: float = Field(
+        ge=1e-9, allow_inf_nan=False, description="speed below which velocities are told apart best"
+    )
+    top_velocity_m_s: float = Field(ge=1e-9, allow_inf_nan=False, description="highest speed")
+    velocity_functions: int = Field(default=12, ge=5, le=32, description="functions over velocity")
+    knots: Knots | None = Field(default=None, description="functions over position; none: constant")
+
+
+class ResidualMap(Effect):
+    """Cubic splines over asinh(v / v_fine), times splines over position."""
+
+    name = "residual_map"
+    kind = "state"
+    title = "Map of what no known effect explains"
+    formula = "sum of c_ij B_i(x) B_j(asinh(v / v_fine))"
+    compensated = "feedforward at the desired motion"
+    identified = "linear in the height of every function"
+    visible_in = "motion through every speed, at every position, that is to be compensated"
+    Options = ResidualMapOptions
+    options: ResidualMapOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Heights, the places over velocity running fastest; the last of them is the offset."""
+        places = 1 if self.options.knots is None else self.options.knots[2]
+        count = places * self.options.velocity_functions - 1
+        return tuple(
+            Parameter(f"height_{i + 1}", f"c{i + 1}", "V", -1e3, 1e3, 0.0, 1.0)
+            for i in range(count)
+        )
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """1/v_fine, first place and cells over asinh, functions; the same over position."""
+        options = self.options
+        reach = math.asinh(options.top_velocity_m_s / options.fine_velocity_m_s)
+        count = float(options.velocity_functions)
+        over_velocity = (1.0 / options.fine_velocity_m_s, -reach, (count - 3.0) / (2.0 * reach))
+        if options.knots is None:
+            return (*over_velocity, count, 0.0, 0.0, 0.0)
+        low, high, places = options.knots
+        return (*over_velocity, count, low, (places - 3.0) / (high - low), float(places))
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give none: it explains everything and names nothing."""
+        return ()
+
+
+@njit(error_model="numpy")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Give the product of one function over velocity and one over position."""
+    functions = int(c[3])
+    height = basis(j % functions, math.asinh(vs * c[0]), c[1], c[2], c[3])
+    if c[6] > 0.0 and height != 0.0:
+        height *= basis(j // functions, x, c[4], c[5], c[6])
+    return height

@@ -1,0 +1,81 @@
+"""Friction that changes at low speed, while the lubricating film builds up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from numba import njit
+from pydantic import Field
+
+from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.grids import log_grid, log_step
+from motorctl.model.sign_function import SlopeOptions, sf
+
+PER_DECADE = 12
+
+
+class StribeckOptions(SlopeOptions):
+    """Speed and sharpness of the change."""
+
+    velocity_m_s: float = Field(
+        ge=1e-9, allow_inf_nan=False, description="speed at which the extra friction has decayed"
+    )
+    exponent: float = Field(default=2.0, ge=0.1, le=10.0, description="sharpness of the decay")
+
+
+class Stribeck(Effect):
+    """F_s exp(-(|v|/v_s)^d) Sf(v), on top of Coulomb friction."""
+
+    name = "stribeck"
+    kind = "state"
+    title = "Stribeck friction"
+    formula = "F_s * exp(-(|v|/v_s)^d) * Sf(v)"
+    compensated = "feedforward at the desired velocity"
+    identified = "linear in its force F_s; speed v_s and exponent d by a scan"
+    visible_in = (
+        "slow travel in both directions, at several constant speeds below and around v_s "
+        "(a thousandth to a tenth of the top speed), not only reversals"
+    )
+    Options = StribeckOptions
+    options: StribeckOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """F_s: negative where friction is lower at low speed."""
+        return (Parameter("", "F_s", "V", -1e3, 1e3, 0.0, 1.0),)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """1/v_s [s/m], exponent, slope of Sf [s/m]."""
+        return 1.0 / self.options.velocity_m_s, self.options.exponent, self.options.slope_s_m
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Give speeds up to a third of the top speed, decaying as exp and as a bell."""
+        # slower than where Sf turns over, the two cannot be told apart
+        turnover = 1.0 / StribeckOptions.model_fields["slope_s_m"].default
+        slowest = max(spans.speed_m_s / 5e3, turnover)
+        if slowest > spans.speed_m_s / 6.0:
+            slowest = max(spans.speed_m_s / 5e3, 1e-9)
+        speeds = log_grid(slowest, spans.speed_m_s / 3.0, PER_DECADE)
+        return [
+            cls(StribeckOptions(velocity_m_s=speed, exponent=exponent))
+            for exponent in (1.0, 2.0)
+            for speed in speeds
+        ]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine speed and exponent."""
+        return {
+            "velocity_m_s": log_step(self.options.velocity_m_s, PER_DECADE),
+            "exponent": 0.25 * self.options.exponent,
+        }
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Give the decay times Sf, both of the velocity that is free of quantisation."""
+    return math.exp(-((abs(vs) * c[0]) ** c[1])) * sf(vs, c[2])

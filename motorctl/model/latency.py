@@ -1,0 +1,18 @@
+"""Times that a command may need until it acts."""
+
+from __future__ import annotations
+
+from motorctl.model.effect import Spans
+from motorctl.model.grids import log_grid
+
+PER_DECADE = 8
+
+
+def trial_times(spans: Spans) -> list[float]:
+    """Give the times [s] that are worth trying, for a lag or a delay.
+
+    Amplifiers and buses take 0.05 to 5 ms. Less than a twentieth of a sample cannot be seen, and
+    slowly sampled machines may be slow themselves.
+    """
+    low, high = max(5e-5, 0.05 * spans.period_s), max(5e-3, 20.0 * spans.period_s)
+    return log_grid(low, min(high, spans.duration_s / 10.0, 10.0), PER_DECADE)

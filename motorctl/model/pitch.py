@@ -1,0 +1,89 @@
+"""Waves along the travel: what effects that repeat with a pitch have in common."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field, field_validator
+
+from motorctl.model.effect import EffectOptions, Spans
+from motorctl.model.grids import even_grid
+
+HIGHEST_ORDER = 24
+ORDERS = (1, 2, 3, 4, 5, 6, 8, 12)
+"""Orders of the pitch that motors and screws are known to show."""
+MULTIPLES = (2, 3, 4, 6)
+"""The strongest wave may be one of these orders of the true pitch."""
+MOST_FORMS = 2000
+SHORTEST_TRAVEL_M = 1e-6
+
+
+class PitchOptions(EffectOptions):
+    """The pitch, and which waves of it there are."""
+
+    pitch_m: float = Field(ge=1e-9, allow_inf_nan=False, description="length of one period")
+    orders: tuple[int, ...] = Field(
+        default=(1,), min_length=1, description="waves per period, ascending"
+    )
+
+    @field_validator("orders")
+    @classmethod
+    def _ascend(cls, orders: tuple[int, ...]) -> tuple[int, ...]:
+        if list(orders) != sorted(set(orders)) or orders[0] < 1 or orders[-1] > HIGHEST_ORDER:
+            raise ValueError(f"must be different, ascending, each 1 to {HIGHEST_ORDER}")
+        return orders
+
+
+def pitch_constants(options: PitchOptions) -> tuple[float, ...]:
+    """Give the wave number [rad/m] of each order."""
+    return tuple(2.0 * math.pi * order / options.pitch_m for order in options.orders)
+
+
+def wave_number_step(spans: Spans) -> float:
+    """Give the distance of two wave numbers 1/P [1/m] that a search must look at.
+
+    Over a travel L a wave is told from one that is 1/L away; at half of that between neighbours
+    nine tenths of an amplitude are still seen, at 1/1.5 L eight tenths.
+    """
+    highest = _highest(spans)
+    step = max(1.0 / (4.0 * spans.travel_m), highest / MOST_FORMS)
+    return min(step, 1.0 / (1.5 * spans.travel_m))
+
+
+def trial_pitches(spans: Spans) -> list[float]:
+    """Give the pitches [m] that are worth trying, from the longest to the shortest."""
+    if not SHORTEST_TRAVEL_M < spans.travel_m < math.inf:
+        return []
+    lowest, step = 0.75 / spans.travel_m, wave_number_step(spans)
+    # where these are not enough for a long travel, the longest pitches are the likely ones
+    highest = min(_highest(spans), lowest + (MOST_FORMS - 1) * step)
+    return [1.0 / number for number in even_grid(lowest, highest, step)]
+
+
+def pitch_steps(options: PitchOptions, spans: Spans) -> dict[str, float]:
+    """Give the step of the pitch that is one step of its wave number."""
+    if not SHORTEST_TRAVEL_M < spans.travel_m < math.inf:
+        return {}
+    return {"pitch_m": options.pitch_m**2 / options.orders[-1] * wave_number_step(spans)}
+
+
+def richer_pitches(options: PitchOptions, spans: Spans) -> list[PitchOptions]:
+    """Give the forms with one order more, of this pitch or of one that this is a part of."""
+    pitch, orders = options.pitch_m, options.orders
+    richer = [(pitch, (*orders, n)) for n in ORDERS if n not in orders]
+    for multiple in MULTIPLES:
+        raised = tuple(multiple * order for order in orders)
+        if raised[-1] > HIGHEST_ORDER or multiple * pitch * 0.75 > spans.travel_m:
+            continue
+        # an order that shares a factor with the multiple belongs to a smaller multiple
+        added = (n for n in ORDERS if math.gcd(n, multiple) == 1)
+        richer += [(multiple * pitch, (*raised, n)) for n in added if n < raised[-1]]
+    return [PitchOptions(pitch_m=p, orders=tuple(sorted(o))) for p, o in richer]
+
+
+def _highest(spans: Spans) -> float:
+    """Give the highest wave number [1/m]: a millimetre, or a hundredth of a short travel."""
+    highest = max(1000.0, 100.0 / spans.travel_m)
+    if spans.resolution_m > 0.0:
+        highest = min(highest, 1.0 / (8.0 * spans.resolution_m))
+    return highest

@@ -1,0 +1,179 @@
+"""Every effect's columns are its formula, in the tick as in the analysis."""
+
+import numpy as np
+import pytest
+from effect_forms import EVERY, INPUT, MEMORY, STATE, form, named
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from motorctl.model import EffectList
+from motorctl.model.bspline import basis
+from motorctl.model.columns import input_columns, state_columns
+
+COLUMNED = [effect for effect in EVERY if effect.kind in ("state", "input")]
+INPUTS = [effect for effect, _ in INPUT]
+
+
+def motion(seed: int, n: int = 60) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    scales = {"x": 0.3, "v": 0.4, "a": 20.0, "vs": 0.02, "u": 3.0}
+    signals = {name: rng.normal(size=n) * scale for name, scale in scales.items()}
+    signals["vs"][:3], signals["u"][:3] = 0.0, 0.0
+    signals["t"] = np.sort(rng.uniform(0.0, 2.0, n))
+    return signals
+
+
+def columns(effect, s, others=None):
+    if effect.kind == "input":
+        return input_columns(effect, s["u"], s["x"], s["t"])
+    return state_columns(effect, s["x"], s["v"], s["a"], s["vs"], s["t"], others)
+
+
+def psi(effects, s, others=None):
+    return EffectList(effects).regressor(
+        s["x"], s["v"], s["a"], s["vs"], s["t"], s["u"], others
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("effect", "formula"), STATE, ids=named([e for e, _ in STATE]))
+def test_a_state_effect_has_the_columns_of_its_formula(effect, formula):
+    s = motion(1)
+    expected = np.array(formula(s["x"], s["v"], s["a"], s["vs"], s["t"]))
+    assert columns(effect, s).shape == (len(effect.parameters), len(s["x"]))
+    assert np.allclose(columns(effect, s), expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize(("effect", "formula"), INPUT, ids=named(INPUTS))
+def test_an_input_effect_has_the_columns_of_its_formula(effect, formula):
+    s = motion(2)
+    expected = -np.array(formula(s["u"], s["x"], s["t"]))
+    assert np.allclose(columns(effect, s), expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("effect", COLUMNED, ids=named(COLUMNED))
+def test_the_analysis_tries_the_columns_that_the_loop_runs(effect):
+    s = motion(3)
+    others = np.random.default_rng(4).normal(size=(len(s["x"]), len(effect.other_axes), 3))
+    tried, run = columns(effect, s, others), psi([effect], s, others)
+    # the same kernels; only constants folded by the compiler may round differently
+    assert np.allclose(tried.T, run, rtol=1e-12, atol=1e-14)
+
+
+def test_effects_in_one_list_keep_their_own_memories_and_other_axes():
+    s = motion(5)
+    effects = [*MEMORY, form("inertia"), form("force_ripple", pitch_m=0.05)]
+    others = np.random.default_rng(6).normal(size=(len(s["x"]), 2, 3))
+    alone = [columns(e, s, others if e.other_axes else None) for e in effects]
+    assert np.allclose(psi(effects, s, others), np.vstack(alone).T, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("effect", INPUTS, ids=named(INPUTS))
+@settings(deadline=None, max_examples=50)
+@given(
+    u=st.floats(-10.0, 10.0),
+    x=st.floats(-0.5, 0.5),
+    t=st.floats(0.0, 3.0),
+    seed=st.integers(0, 1000),
+)
+def test_the_slope_of_an_input_effect_is_the_derivative_of_its_map(effect, u, x, t, seed):
+    kernels = EffectList([effect]).kernels
+    theta = np.random.default_rng(seed).uniform(-1.0, 1.0, len(effect.parameters))
+    h = 1e-6
+    if effect.name == "dead_zone" and abs(abs(u) - effect.options.half_width_v) <= 2 * h:
+        u += 4 * h  # its map has corners
+    rise = kernels.input_map(u + h, x, t, theta) - kernels.input_map(u - h, x, t, theta)
+    assert kernels.input_slope(u, x, t, theta) == pytest.approx(rise / (2 * h), abs=1e-5)
+
+
+@pytest.mark.parametrize("effect", INPUTS, ids=named(INPUTS))
+@settings(deadline=None)
+@given(u=st.floats(-10.0, 10.0))
+def test_an_input_effect_that_says_it_is_odd_is_odd(effect, u):
+    kernels = EffectList([effect]).kernels
+    theta = np.full(len(effect.parameters), 0.1)
+    assert effect.odd
+    there, back = (kernels.input_map(value, 0.11, 0.7, theta) for value in (u, -u))
+    assert back == -there
+
+
+@pytest.mark.parametrize("effect", INPUTS, ids=named(INPUTS))
+def test_an_input_effect_that_does_not_vary_is_the_same_everywhere(effect):
+    kernels = EffectList([effect]).kernels
+    theta = np.full(len(effect.parameters), 0.1)
+    places = [(0.0, 0.0), (0.013, 0.9), (-0.2, 40.0)]
+    values = {kernels.input_map(1.7, x, t, theta) for x, t in places}
+    assert (len(values) > 1) == effect.varies
+
+
+@pytest.mark.parametrize("name", ["force_ripple", "dead_zone", "gain_drift"])
+@pytest.mark.parametrize("orders", [(1,), (1, 2, 3, 4, 6)])
+def test_the_widest_bounds_leave_the_input_map_an_inverse(name, orders):
+    options = {
+        "force_ripple": {"pitch_m": 0.03, "orders": orders},
+        "dead_zone": {"half_width_v": 0.15},
+        "gain_drift": {"time_constant_s": 2.0},
+    }
+    effect = form(name, **options[name])
+    kernels = EffectList([effect]).kernels
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        theta = np.array([rng.choice([p.lower, p.upper]) for p in effect.parameters])
+        u, x, t = rng.uniform(-0.3, 0.3), rng.uniform(-1.0, 1.0), rng.uniform(0.0, 100.0)
+        assert kernels.input_slope(u, x, t, theta) > 0.04
+
+
+def test_friction_is_nothing_at_rest_however_steep_it_is():
+    steep = {"slope_s_m": float("inf")}
+    effects = [
+        form("stribeck", velocity_m_s=0.01, **steep),
+        form("asymmetric_friction", **steep),
+        form("position_dependent_friction", **steep),
+    ]
+    zero = np.zeros(3)
+    psi = EffectList(effects).regressor(zero + 0.1, zero, zero, zero, zero, zero)
+    assert (psi == 0.0).all()
+    slow = EffectList(effects).regressor(zero + 0.1, zero, zero, zero - 1e-9, zero, zero)
+    assert np.allclose(slow[0], [-1.0, 1.0, 0.0, -0.1])
+
+
+@settings(deadline=None)
+@given(x=st.floats(-2.0, 2.0), count=st.integers(4, 48))
+def test_all_splines_together_are_one_wherever_the_carriage_is(x, count):
+    low, high = -0.3, 0.4
+    cells_per_m = (count - 3) / (high - low)
+    values = [basis(j, x, low, cells_per_m, float(count)) for j in range(count)]
+    assert sum(values) == pytest.approx(1.0, abs=1e-12)
+    assert min(values) >= 0.0
+
+
+def test_splines_are_told_from_a_constant():
+    x = np.linspace(-0.2, 0.2, 500)
+    zero = np.zeros_like(x)
+    spline = state_columns(form("position_force", knots=(-0.2, 0.2, 30)), x, zero, zero, zero, zero)
+    psi = np.vstack([spline, np.ones_like(x)]).T
+    assert np.linalg.matrix_rank(psi) == 30
+
+
+def test_four_splines_are_any_cubic_polynomial():
+    x = np.linspace(-0.2, 0.2, 200)
+    zero = np.zeros_like(x)
+    spline = state_columns(form("position_force", knots=(-0.2, 0.2, 4)), x, zero, zero, zero, zero)
+    psi = np.vstack([spline, np.ones_like(x)]).T
+    wanted = 3.0 + x - 20.0 * x**2 + 70.0 * x**3
+    theta = np.linalg.lstsq(psi, wanted, rcond=None)[0]
+    assert np.allclose(psi @ theta, wanted, atol=1e-12)
+
+
+def test_columns_of_signals_that_do_not_fit_together_are_refused():
+    s = motion(8)
+    short = s | {"a": s["a"][:-1]}
+    with pytest.raises(ValueError, match="differ in shape"):
+        columns(form("inertia"), short)
+    with pytest.raises(ValueError, match="differ in shape"):
+        columns(form("em_cubic"), s | {"x": s["x"][:-1]})
+    with pytest.raises(ValueError, match="other axes' motion has shape"):
+        columns(form("cross_axis", axes=("y",)), s, np.zeros((len(s["x"]), 2, 3)))
+
+
+def test_other_axes_whose_motion_is_not_given_are_at_rest():
+    assert (columns(form("cross_axis", axes=("y", "z")), motion(9)) == 0.0).all()
