@@ -6,6 +6,7 @@ from motorctl.motion.circle import Circle
 from motorctl.motion.evaluate import advance, evaluate
 from motorctl.motion.files import AnyProgram, load_program_file, parse_program
 from motorctl.motion.move import PointToPoint, point_to_point
+from motorctl.motion.moves import Move, Moves
 from motorctl.motion.points import Points
 from motorctl.motion.program import Program
 from motorctl.motion.ramp import velocity_ramp_distance, velocity_ramp_step
@@ -19,6 +20,8 @@ __all__ = [
     "AxisLimits",
     "BackAndForth",
     "Circle",
+    "Move",
+    "Moves",
     "Peaks",
     "PointToPoint",
     "Points",

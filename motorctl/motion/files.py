@@ -14,16 +14,20 @@ from motorctl.errors import ConfigError, Problem
 from motorctl.motion.back_and_forth import BackAndForth
 from motorctl.motion.circle import Circle
 from motorctl.motion.move import PointToPoint
+from motorctl.motion.moves import Moves
 from motorctl.motion.points import Points
 from motorctl.motion.program import Program, ProgramModel
 from motorctl.motion.table import axes_of_header
 
-AnyProgram = Annotated[PointToPoint | BackAndForth | Circle | Points, Field(discriminator="kind")]
+AnyProgram = Annotated[
+    PointToPoint | BackAndForth | Circle | Points | Moves, Field(discriminator="kind")
+]
 KINDS: dict[str, type[ProgramModel]] = {
     "point_to_point": PointToPoint,
     "back_and_forth": BackAndForth,
     "circle": Circle,
     "points": Points,
+    "moves": Moves,
 }
 _ADAPTER: TypeAdapter[Program] = TypeAdapter(AnyProgram)
 
