@@ -47,7 +47,7 @@ from law_kernels.closed_loop import run_law
 def run(settings, state, plants, reference, push, rows, theta, gamma):
     run_law(
         {effects}.state_columns, {effects}.input_columns, {effects}.feedforward,
-        {effects}.input_map, {effects}.input_slope,
+        {effects}.input_map, {effects}.input_slope, {effects}.advance_context,
         settings, state, plants, reference, push, rows, theta, gamma,
     )
 """

@@ -91,12 +91,29 @@ def _wiring(name: str, axis: Part) -> Table:
             f"k1 {_number(gains['k1_1_s'])} 1/s, ks {_number(gains['ks_v_s_m'])} V*s/m, "
             f"gamma_d {_number(gains['gamma_d'])} V/m, |d0| <= {_number(gains['d_hat_max_v'])} V",
         ),
+        ("effects", _effects(axis["effect_options"])),
         ("adaptation", _adaptation(axis["adaptation"])),
         ("homing", _homing(homing)),
         ("program", axis["program"] or "none: holds"),
     ):
         table.add_row(label, text)
     return table
+
+
+def _effects(effects: Part) -> str:
+    """List the effects, in the order of theta, each with the options that it runs with."""
+    told = []
+    for name, options in effects.items():
+        given = (f"{key} {_option(value)}" for key, value in options.items() if value is not None)
+        text = ", ".join(given)
+        told.append(f"{name} ({text})" if text else name)
+    return escape("; ".join(told))
+
+
+def _option(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(_option(item) for item in value)
+    return _number(value) if isinstance(value, int | float) else str(value)
 
 
 def _adaptation(adaptation: Part) -> str:
@@ -135,6 +152,8 @@ def _parameters(name: str, axis: Part) -> Table:
 
 def _margins(name: str, axis: Part) -> Table:
     title = f"Axis {name}: margins of the sampled loop, fast adaptation included"
+    if lag_s := max(row["lag_s"] for row in axis["margins"]):
+        title += f", behind a lag of {_number(lag_s * 1e3)} ms"
     columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
     table = _table(title, *columns, "gain x", "gain /")
     for row in axis["margins"]:

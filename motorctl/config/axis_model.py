@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -93,11 +94,16 @@ def _effect(document: Document, path: KeyPath, name: str, shape: EffectShape) ->
         effect = cls(options)
         names = [parameter.name for parameter in effect.parameters]
         constants = [float(constant) for constant in effect.constants]
+        times_s = (float(effect.lag_s), float(effect.delay_s))
+        fits = effect.memory_size >= 0 and all(isinstance(o, str) for o in effect.other_axes)
     except Exception as error:  # an effect of a third party may fail in any way
         document.add(path, f"the effect refuses its options: {type(error).__name__}: {error}")
         return None
     if len(set(names)) < len(names) or not constants:
         document.add(path, "the effect names a parameter twice, or gives no constants")
+        return None
+    if not fits or not all(0.0 <= time_s < math.inf for time_s in times_s):
+        document.add(path, "the effect's memory, other axes, lag or delay are no such thing")
         return None
     return effect
 
@@ -112,8 +118,11 @@ def _estimates(
     if not single:
         for key in ParameterShape.model_fields:
             if getattr(own, key) is not None:
-                message = "belongs to one of this effect's parameters; write it under parameters:"
-                document.add((*path, key), f"{message} {', '.join(named) or 'it has none'}")
+                message = "this effect has no parameters that are estimated, only options"
+                if named:
+                    message = "belongs to one of this effect's parameters; write it under"
+                    message += f" parameters: {', '.join(named)}"
+                document.add((*path, key), message)
     for name in shape.parameters or {}:
         if name not in named:
             document.add((*path, "parameters", name), f"unknown parameter; {suggest(name, named)}")

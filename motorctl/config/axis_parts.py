@@ -19,7 +19,9 @@ from motorctl.config.rules import (
     check_gains,
     check_homing,
     check_limits,
+    check_other_axes,
     check_range,
+    check_timing,
 )
 from motorctl.config.shape import (
     AdaptationShape,
@@ -76,7 +78,7 @@ class AxisParts:
             return None
         theta = np.array([estimate.initial for estimate in self.estimates])
         u_max = self.limits.max_voltage_v
-        if not smallest_slope(self.model, theta, u_max)[0] > 0.0:
+        if not smallest_slope(self.model, theta, u_max, self.limits.travel_m)[0] > 0.0:
             return None
         return required_command(self.model, theta, u_max)
 
@@ -142,11 +144,23 @@ def check_axis(document: Document, parts: AxisParts, rate_hz: float | None) -> N
         if parts.model and adaptation:
             margin = adaptation.monotonicity_margin
             check_monotonicity(
-                document, path, parts.model, parts.estimates, limits.max_voltage_v, margin
+                document,
+                path,
+                parts.model,
+                parts.estimates,
+                limits.max_voltage_v,
+                margin,
+                limits.travel_m,
             )
+    if parts.declared:
+        axes = document.at(("axes",))
+        check_other_axes(document, parts.name, parts.declared.declared, axes)
     if rate_hz and adaptation:
         before = len(document.problems)
         check_adaptation(document, (*path, "adaptation"), adaptation, rate_hz)
+        if parts.model:
+            model_path = (*path, "model")
+            check_timing(document, model_path, parts.model, adaptation.input_delay_s, rate_hz)
         if parts.gains and parts.model:
             sound = check_gains(document, (*path, "gains"), parts.gains, rate_hz)
             if sound and len(document.problems) == before:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motorctl.config.analysis import corner_slopes, loop_margins, smallest_slope
+from motorctl.config.analysis import corner_slopes, loop_margins, lowest_slope, smallest_slope
 from motorctl.config.document import Document, KeyPath
 from motorctl.config.machine import Estimate, Gains
 from motorctl.control import monotonicity_half_planes
@@ -29,9 +29,13 @@ def check_stability(
     estimates: tuple[Estimate, ...],
     gains: Gains,
     period_s: float,
-    delay_s: float,
+    input_delay_s: float,
 ) -> None:
-    """Check that the sampled loop around theta_hat(0) is stable."""
+    """Check that the sampled loop around theta_hat(0) is stable.
+
+    The delay is that of the adaptation's alignment and of the list together; the lag is the
+    list's.
+    """
     theta1 = parameter_range(model, estimates, "inertia")[0]
     theta2 = parameter_range(model, estimates, "viscous_friction")[0]
     margins = loop_margins(
@@ -41,14 +45,16 @@ def check_stability(
         ks_v_s_m=gains.ks_v_s_m,
         gamma_d=gains.gamma_d,
         period_s=period_s,
-        delay_s=delay_s,
+        delay_s=input_delay_s + model.delay_s,
+        lag_s=model.lag_s,
     )
     if not margins.stable:
         document.add(
             path,
             f"the sampled closed loop is unstable: ks {gains.ks_v_s_m:g}, k1 {gains.k1_1_s:g}, "
             f"gamma_d {gains.gamma_d:g} around theta1(0) {theta1:g} V*s^2/m, theta2(0) "
-            f"{theta2:g} V*s/m at {1.0 / period_s:g} Hz with {delay_s:g} s of delay",
+            f"{theta2:g} V*s/m at {1.0 / period_s:g} Hz with {margins.delay_s:g} s of delay"
+            + (f" and {margins.lag_s:g} s of lag" if margins.lag_s else ""),
         )
 
 
@@ -59,6 +65,7 @@ def check_monotonicity(
     estimates: tuple[Estimate, ...],
     u_max: float,
     margin: float,
+    travel_m: tuple[float, float],
 ) -> None:
     """Check Assumption 2 at theta_hat(0), and that the law can keep it within the bounds."""
     where = (*axis, "model")
@@ -66,7 +73,7 @@ def check_monotonicity(
     if not inputs:
         return
     theta = np.array([estimate.initial for estimate in estimates])
-    slope, at_u = smallest_slope(model, theta, u_max)
+    slope, at_u = smallest_slope(model, theta, u_max, travel_m)
     if not slope >= margin:
         document.add(
             (*where, inputs[0]),
@@ -77,9 +84,23 @@ def check_monotonicity(
         return
     lower = np.array([estimate.lower for estimate in estimates])
     upper = np.array([estimate.upper for estimate in estimates])
-    if corner_slopes(model, list(lower), list(upper), u_max)[0].slope >= margin:
+    if corner_slopes(model, list(lower), list(upper), u_max, travel_m)[0].slope >= margin:
         return  # holds all over the box, so the law needs no half-plane
+    if varying := [e.name for e in model.effects if e.kind == "input" and e.varies]:
+        # Beside the others' theta(0) the law must have room for all that these may become.
+        wide = [e.varies for e in model.effects for _ in e.parameters]
+        least, at_u = lowest_slope(
+            model, np.where(wide, lower, theta), np.where(wide, upper, theta), u_max, travel_m
+        )
+        if not least >= margin:
+            document.add(
+                (*where, varying[0]),
+                f"Assumption 2 may fail within the bounds of {' and '.join(varying)}: somewhere on "
+                f"the travel dv/du can fall to {least:.4g} at u = {at_u:.4g} V, should be at least "
+                f"monotonicity_margin {margin:g}; give it narrower bounds",
+            )
+            return
     try:
-        monotonicity_half_planes(model, lower, upper, u_max, margin)
+        monotonicity_half_planes(model, lower, upper, u_max, margin, travel_m)
     except UsageError as error:
         document.add((*where, inputs[0]), str(error))

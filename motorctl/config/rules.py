@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from motorctl.config.document import Document, KeyPath
 from motorctl.config.machine import Gains
 from motorctl.config.shape import AdaptationShape, EncoderShape, HomingShape, LimitsShape
-from motorctl.config.validation import shown
+from motorctl.config.validation import shown, suggest
 from motorctl.control import max_input_delay_s
+from motorctl.model import EffectList
 
 COUNTS_AT_REST = 2
 """A following error of so many counts is quantisation."""
@@ -152,6 +154,54 @@ def check_adaptation(
     if adaptation.input_delay_s > longest:
         message = f"found {adaptation.input_delay_s:g}, should be at most {longest:.6g} s"
         document.add((*path, "input_delay_s"), f"{message} at {rate_hz:g} Hz")
+
+
+def check_timing(
+    document: Document, path: KeyPath, model: EffectList, input_delay_s: float, rate_hz: float
+) -> None:
+    """Check that past commands are kept for as long as the list's lag and delay last."""
+    declared = [effect for effect in model.effects if effect.lag_s or effect.delay_s]
+    longest = max_input_delay_s(1.0 / rate_hz)
+    whole = input_delay_s + model.lag_s + model.delay_s
+    if not declared or whole <= longest or input_delay_s > longest:
+        return
+    parts = [f"{effect.name} {effect.lag_s + effect.delay_s:g} s" for effect in declared]
+    if input_delay_s:
+        parts.append(f"adaptation.input_delay_s {input_delay_s:g} s")
+    slowest = max(declared, key=lambda effect: effect.lag_s + effect.delay_s)
+    document.add(
+        (*path, slowest.name),
+        f"found {' + '.join(parts)}, lag and delay should together be at most {longest:.6g} s at "
+        f"{rate_hz:g} Hz",
+    )
+
+
+def check_other_axes(
+    document: Document, axis: str, model: EffectList, known: Iterable[str]
+) -> None:
+    """Check that the axes that effects name exist and are others than their own."""
+    names = list(known)
+    for effect in model.effects:
+        for other in effect.other_axes:
+            if other == axis:
+                message = "is the axis itself; should be another axis"
+            elif other not in names:
+                others = [name for name in names if name != axis]
+                message = f"unknown axis '{other}'; {suggest(other, others)}"
+            else:
+                continue
+            path: KeyPath = ("axes", axis, "model", effect.name)
+            document.add((*path, *_place_of(document.at(path), other)), message)
+
+
+def _place_of(part: object, value: str) -> KeyPath:
+    """Give where in an effect's keys a word stands."""
+    for key, found in part.items() if isinstance(part, dict) else ():
+        if found == value:
+            return (key,)
+        if isinstance(found, list) and value in found:
+            return (key, found.index(value))
+    return ()
 
 
 def check_gains(document: Document, path: KeyPath, gains: Gains, rate_hz: float) -> bool:

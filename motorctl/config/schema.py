@@ -28,11 +28,13 @@ def config_schema() -> dict[str, Any]:
 def _programs(definitions: dict[str, Any]) -> dict[str, Any]:
     """Add every kind of program to the definitions; a program is named by its key."""
     union = TypeAdapter[Any](AnyProgram).json_schema()
-    for name, kind in union.pop("$defs").items():
-        kind["properties"].pop("name")
-        required = [key for key in kind.get("required", []) if key != "name"]
-        kind["required"] = ["kind", *required]
-        definitions[name] = kind
+    kinds = {branch["$ref"].rpartition("/")[2] for branch in union["oneOf"]}
+    for name, part in union.pop("$defs").items():
+        if name in kinds:
+            part["properties"].pop("name")
+            required = [key for key in part.get("required", []) if key != "name"]
+            part["required"] = ["kind", *required]
+        definitions[name] = part
     branches: dict[str, Any] = {"oneOf": union["oneOf"]}
     return branches
 

@@ -83,6 +83,7 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
         "channel": axis.channel,
         "controller": axis.controller,
         "effects": list(axis.model.names),
+        "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
         "encoder": asdict(axis.encoder),
         "limits": asdict(axis.limits),
         "gains": asdict(axis.gains),
@@ -124,7 +125,7 @@ def _robust_gain(axis: Axis) -> dict[str, Any]:
 def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
     """Margins at theta_hat(0) and at the ends of the inertia's bounds, without and with a sample.
 
-    The delay is the known input delay, then that and one sample more.
+    The delay is the known input delay and what the list declares, then that and one sample more.
     """
     inertia, viscous = _range(axis, "inertia"), _range(axis, "viscous_friction")
     rows = []
@@ -137,7 +138,8 @@ def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
                 ks_v_s_m=axis.gains.ks_v_s_m,
                 gamma_d=axis.gains.gamma_d,
                 period_s=period_s,
-                delay_s=axis.adaptation.input_delay_s + extra,
+                delay_s=axis.adaptation.input_delay_s + axis.model.delay_s + extra,
+                lag_s=axis.model.lag_s,
             )
             rows.append({"inertia_at": where, "inertia": theta1, **asdict(margins)})
     return rows
@@ -146,10 +148,11 @@ def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
 def _assumption_2(axis: Axis) -> dict[str, Any]:
     theta = np.array([estimate.initial for estimate in axis.estimates])
     u_max, margin = axis.limits.max_voltage_v, axis.adaptation.monotonicity_margin
-    slope, at_u = smallest_slope(axis.model, theta, u_max)
+    travel_m = axis.limits.travel_m
+    slope, at_u = smallest_slope(axis.model, theta, u_max, travel_m)
     lower = [estimate.lower for estimate in axis.estimates]
     upper = [estimate.upper for estimate in axis.estimates]
-    corners = corner_slopes(axis.model, lower, upper, u_max)
+    corners = corner_slopes(axis.model, lower, upper, u_max, travel_m)
     return {
         "margin": margin,
         "u_max_v": u_max,
@@ -207,7 +210,13 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
             "out of them"
         )
     covered = (*COVERED_FRICTION, "inertia", "offset")
-    beyond = [e.name for e in model.effects if not e.electromagnetic and e.name not in covered]
+    beyond = [
+        effect.name
+        for effect in model.effects
+        if effect.kind in ("state", "input")
+        and not effect.electromagnetic
+        and effect.name not in covered
+    ]
     if beyond:
         yield f"axis {name}: condition and margins leave out {', '.join(beyond)}"
 

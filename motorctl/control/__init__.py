@@ -2,8 +2,9 @@
 
 from motorctl.control.assumption2 import monotonicity_half_planes
 from motorctl.control.estimator import adapt
+from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
 from motorctl.control.inverse import invert
-from motorctl.control.law import law_step, start_law
+from motorctl.control.law import carry_over_gap, law_step, shift_law, start_law
 from motorctl.control.projection import project, violates
 from motorctl.control.records import LawFlag, law_settings, law_state
 from motorctl.control.setup import fill_settings, fill_state, max_input_delay_s
@@ -11,8 +12,11 @@ from motorctl.control.setup import fill_settings, fill_state, max_input_delay_s
 __all__ = [
     "LawFlag",
     "adapt",
+    "carry_over_gap",
     "fill_settings",
     "fill_state",
+    "fixed_slopes",
+    "input_indices",
     "invert",
     "law_settings",
     "law_state",
@@ -20,6 +24,8 @@ __all__ = [
     "max_input_delay_s",
     "monotonicity_half_planes",
     "project",
+    "shift_law",
     "start_law",
     "violates",
+    "worst_varying",
 ]

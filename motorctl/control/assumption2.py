@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
 from motorctl.control.records import MAX_HALF_PLANES
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
@@ -20,24 +21,43 @@ Array = NDArray[np.float64]
 
 
 def monotonicity_half_planes(
-    model: EffectList, lower: Array, upper: Array, u_max: float, margin: float
+    model: EffectList,
+    lower: Array,
+    upper: Array,
+    u_max: float,
+    margin: float,
+    travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, Array]:
     """Give normals (K, n) and offsets (K,) such that normal . theta >= offset keeps Assumption 2.
 
     dv/du = 1 + sum theta_i h_i'(u) >= margin for |u| <= u_max is one half-plane for each u
     (Chen, Yao, Wang 2013, Assumption 2). Those that follow from the box `lower`, `upper` [units
     of theta] and from the others are left out; with theta6 <= 0 one remains, at u_max.
+
+    An effect that varies with place or time would need a half-plane at every place. Instead the
+    others must leave room for the worst that it can do anywhere on the travel, at any time, for
+    any of its parameters within the box: that is added to the offsets. It is more than needed, so
+    narrow bounds of such effects leave the others more room.
+
     Raises UsageError where more than the law can hold remain, or bounds are not finite.
     """
-    n = len(model)
-    slopes = _slopes(model, u_max)
-    used = slopes.any(axis=0)
+    used = np.zeros(len(model), np.bool_)
+    used[input_indices(model)] = True
     if not (np.isfinite(lower[used]).all() and np.isfinite(upper[used]).all()):
         raise UsageError("the parameters of the input map need finite bounds")
+    points = voltage_points(model, u_max)
+    slopes = fixed_slopes(model, points)
+    worst = worst_varying(model, points, lower, upper, travel_m)
+    offsets = margin - 1.0 - worst
     # In the box's own coordinates, 0 to 1 along each side: rows . s >= limits.
     width = (upper - lower)[used]
     rows = slopes[:, used] * width
-    limits = margin - 1.0 - slopes[:, used] @ lower[used]
+    limits = offsets - slopes[:, used] @ lower[used]
+    if worst.any() and (np.maximum(rows, 0.0).sum(axis=1) < limits - ROUNDING).any():
+        raise UsageError(
+            "the input map cannot stay monotonic for every theta within its bounds: narrow the "
+            "bounds of the parameters that vary with place or time"
+        )
     lowest = np.minimum(rows, 0.0).sum(axis=1)
     kept = [k for k in range(len(rows)) if rows[k].any() and lowest[k] < limits[k] - ROUNDING]
     for k in list(kept):
@@ -49,23 +69,16 @@ def monotonicity_half_planes(
             f"the input map needs {len(kept)} half-planes to stay monotonic within its bounds; "
             f"at most {MAX_HALF_PLANES} are possible: narrow the bounds of its parameters"
         )
-    return slopes[kept].reshape(-1, n), np.full(len(kept), margin - 1.0)
+    return slopes[kept].reshape(-1, len(model)), offsets[kept]
 
 
-def _slopes(model: EffectList, u_max: float) -> Array:
-    """Give h_i'(u), a row for each voltage that is looked at."""
+def voltage_points(model: EffectList, u_max: float) -> list[float]:
+    """Give the voltages at which the slope of the model's input map is looked at."""
     sides = [u_max * k / GRID for k in range(GRID, 0, -1)]
     sides += [u_max / GRID / 2.0**k for k in range(1, HALVINGS + 1)]
     if not all(effect.odd for effect in model.effects if effect.kind == "input"):
         sides += [-u for u in sides]
-    points = [*sides, 0.0]
-    slopes = np.zeros((len(points), len(model)))
-    theta = np.zeros(len(model))
-    for i in range(len(model)):
-        theta[:] = 0.0
-        theta[i] = 1.0
-        slopes[:, i] = [model.kernels.input_slope(u, theta) - 1.0 for u in points]
-    return slopes
+    return [*sides, 0.0]
 
 
 def _can_fall_below(row: Array, limit: float, rows: Array, limits: Array) -> bool:

@@ -19,12 +19,20 @@ WARM_UP = 3
 
 @njit
 def remember_command(
-    input_columns: Callable[..., None], settings: Any, state: Any, u: float
+    input_columns: Callable[..., None], settings: Any, state: Any, u: float, x: float, t: float
 ) -> None:
-    """Keep the input columns of the command that is about to be applied, and the command."""
+    """Keep the input columns of the command that is about to be applied, and the command.
+
+    x [m] and t [s]: where and when it acts. Behind a declared lag it is what acts in the mean of
+    the period that is kept, exactly discretised: the columns see what the force is made of.
+    """
     n = settings.n
+    if settings.lag_s > 0.0:
+        behind = state.lagged - u
+        state.lagged = u + behind * settings.lag_decay
+        u += behind * settings.lag_mean
     entry = state.history[state.steps % HISTORY]
-    input_columns(u, entry)
+    input_columns(u, x, t, entry)
     entry[n] = u
 
 
@@ -33,7 +41,7 @@ def _align_inputs(settings: Any, state: Any) -> None:
     """Put the delayed mean of the last two commands' columns into state.row.
 
     The second difference of the position is centred one tick ago and sees the commands of the
-    last two ticks with equal weight; the input delay shifts both.
+    last two ticks with equal weight; the delay shifts both.
     """
     n = settings.n
     newest = state.steps - 1 - settings.delay_ticks
@@ -72,7 +80,7 @@ def adapt(
         return 0
     velocity = (y - state.y2) / (2.0 * ts)
     acceleration = (y - 2.0 * state.y1 + state.y2) / (ts * ts)
-    state_columns(state.y1, velocity, acceleration, state.vd1, state.t1, state.row)
+    state_columns(state.y1, velocity, acceleration, state.vd1, state.t1, state.context1, state.row)
     state.row[n] = 0.0
     _align_inputs(settings, state)
     pole = settings.filter_pole

@@ -16,17 +16,21 @@ def invert(
     input_map: Callable[..., float],
     input_slope: Callable[..., float],
     v: float,
+    x: float,
+    t: float,
     theta: Any,
     u_max: float,
 ) -> float:
-    """Solve v = input_map(u) for u on the monotonic branch [-u_max, u_max].
+    """Solve v = input_map(u; x, t) for u on the monotonic branch [-u_max, u_max].
+
+    x [m] and t [s] are the desired position and the time, for maps that vary with them.
 
     Newton from u0 = v, kept inside a bracket by bisection (Cardano's formula loses digits as
     theta6 goes to zero). Beyond the branch the nearer end is given; nan where v or theta is.
     Chen, Yao, Wang 2013, eq. 9; Assumption 2 makes the root unique.
     """
     low, high = -u_max, u_max
-    v_low, v_high = input_map(low, theta), input_map(high, theta)
+    v_low, v_high = input_map(low, x, t, theta), input_map(high, x, t, theta)
     if v >= v_high:
         return high
     if v <= v_low:
@@ -35,14 +39,14 @@ def invert(
         return math.nan
     u = min(max(v, low), high)
     for _ in range(MAX_ITERATIONS):
-        excess = input_map(u, theta) - v
+        excess = input_map(u, x, t, theta) - v
         if excess == 0.0:
             return u
         if excess > 0.0:
             high = u
         else:
             low = u
-        slope = input_slope(u, theta)
+        slope = input_slope(u, x, t, theta)
         step = excess / slope if slope > 0.0 else u_max
         next_u = u - step
         if not low < next_u < high:

@@ -2,6 +2,9 @@
 
 One law serves C1 and C2: they differ in the list that the model's kernels were composed from.
 Source: Z. Chen, B. Yao, Q. Wang, IEEE/ASME Trans. Mechatronics 18(3), 2013, pp. 1122-1129.
+
+Where the list declares a lag or a delay of the command, the model is evaluated when the command
+will act, and led by the lag; the rest of the law is the same. Without, it is as published.
 """
 
 from __future__ import annotations
@@ -20,29 +23,91 @@ SATURATED = int(LawFlag.SATURATED)
 
 @njit
 def start_law(
-    feedforward: Callable[..., float], settings: Any, state: Any, t: float, y: float
+    feedforward: Callable[..., float],
+    advance_context: Callable[..., None],
+    settings: Any,
+    state: Any,
+    t: float,
+    y: float,
 ) -> None:
     """Begin at rest at position y without a bump; the estimate is kept as it is.
 
     The fast adaptation starts where it cancels what the model compensates at rest, so that the
-    first virtual command is zero.
+    first virtual command is zero. `state.others` and `state.others_far` are filled before.
     """
-    state.y1, state.y2, state.vd1, state.t1 = y, y, 0.0, t
-    at_rest = feedforward(y, 0.0, 0.0, 0.0, t, state.theta)
+    state.y1, state.y2, state.xd1, state.vd1, state.t1 = y, y, y, 0.0, t
+    _settle_contexts(advance_context, state, y)
+    at_rest = _at_rest(feedforward, settings, state, t, y)
     state.d0 = min(max(at_rest, -settings.d_max), settings.d_max)
     state.u, state.v, state.flags, state.steps = 0.0, 0.0, 0, 0
+    state.lagged = 0.0
     for i in range(settings.n + 1):
         state.stage1[i], state.stage2[i] = 0.0, 0.0
     state.stage1_v, state.stage2_v, state.stage1_a, state.stage2_a = 0.0, 0.0, 0.0, 0.0
 
 
+@njit
+def _settle_contexts(advance_context: Callable[..., None], state: Any, y: float) -> None:
+    """Let the effects' memories begin at rest at position y: a first motion has dt = 0."""
+    for i in range(state.context.size):
+        state.context[i], state.context1[i] = 0.0, 0.0
+    advance_context(y, 0.0, 0.0, 0.0, state.others_far, state.context)
+    advance_context(y, 0.0, 0.0, 0.0, state.others, state.context1)
+
+
+@njit
+def _at_rest(
+    feedforward: Callable[..., float], settings: Any, state: Any, t: float, y: float
+) -> float:
+    """Give what the model compensates at rest at y."""
+    acts = t + settings.preview_s - 0.5 * settings.period_s if settings.previews else t
+    return feedforward(y, 0.0, 0.0, 0.0, acts, state.context, state.theta)
+
+
+@njit
+def shift_law(
+    feedforward: Callable[..., float],
+    advance_context: Callable[..., None],
+    settings: Any,
+    state: Any,
+    t: float,
+    y: float,
+    shift: float,
+) -> None:
+    """Move a law that holds at rest at position y to new coordinates, y + shift, without a bump.
+
+    The fast adaptation takes up what the model compensates differently there.
+    """
+    before = _at_rest(feedforward, settings, state, t, y)
+    state.y1 += shift
+    state.y2 += shift
+    state.xd1 += shift
+    _settle_contexts(advance_context, state, y + shift)
+    after = _at_rest(feedforward, settings, state, t, y + shift)
+    state.d0 = min(max(state.d0 + (after - before), -settings.d_max), settings.d_max)
+
+
 @njit(error_model="numpy")
-def carry_over_gap(state: Any, elapsed: int, y: float) -> None:
+def carry_over_gap(
+    advance_context: Callable[..., None],
+    settings: Any,
+    state: Any,
+    elapsed: int,
+    y: float,
+    xd: float,
+) -> None:
     """Spread the motion of `elapsed` periods evenly, and let the estimator warm up again.
 
     After skipped periods one period's differences would read as several times the speed.
     """
     state.y1 = y - (y - state.y1) / elapsed
+    state.xd1 = xd - (xd - state.xd1) / elapsed
+    skipped = elapsed - 1
+    # The last command was held meanwhile.
+    state.lagged = state.u + (state.lagged - state.u) * settings.lag_decay**skipped
+    if settings.previews:
+        near, passed_s = state.near, skipped * settings.period_s
+        advance_context(near[0], near[1], near[2], passed_s, state.others_far, state.context)
     state.steps = 0
 
 
@@ -53,6 +118,7 @@ def law_step(
     feedforward: Callable[..., float],
     input_map: Callable[..., float],
     input_slope: Callable[..., float],
+    advance_context: Callable[..., None],
     settings: Any,
     state: Any,
     t: float,
@@ -66,13 +132,32 @@ def law_step(
     y is the measured position [m]; xd, vd, ad the desired motion at time t. eqs 9-19:
     v = va1 + va2 + vs with va1 the model at the desired motion, va2 = -d0_hat the fast
     adaptation and vs = -ks p, p = de/dt + k1 e; then u = the root of v(u) = v.
+
+    `state.others` is filled before; where the list declares a lag or a delay, so are
+    `state.near` and `state.far`, the desired motion while the command acts. Then va1 is the mean of
+    the model over that time, led by the lag, and de/dt the difference of two errors: the desired
+    velocity at time t is half a period ahead of the measured one.
     """
-    ts = settings.period_s
-    # Velocity by difference of two positions, against the desired one: as published.
-    p = (y - state.y1) / ts - vd + settings.k1 * (y - xd)
-    va1 = feedforward(xd, vd, ad, vd, t, state.theta)
+    ts, theta = settings.period_s, state.theta
+    if settings.previews:
+        near, far, lead = state.near, state.far, settings.lag_s / ts
+        begins = t + settings.act_delay_s
+        before = feedforward(near[0], near[1], near[2], near[1], begins, state.context, theta)
+        advance_context(far[0], far[1], far[2], ts, state.others_far, state.context)
+        after = feedforward(far[0], far[1], far[2], far[1], begins + ts, state.context, theta)
+        va1 = 0.5 * (before + after) + lead * (after - before)
+        acts_x, acts_t = 0.5 * (near[0] + far[0]), begins + 0.5 * ts
+        map_x, map_t = acts_x + lead * (far[0] - near[0]), acts_t + settings.lag_s
+        rate = ((y - state.y1) - (xd - state.xd1)) / ts
+    else:
+        advance_context(xd, vd, ad, t - state.t1, state.others, state.context)
+        va1 = feedforward(xd, vd, ad, vd, t, state.context, theta)
+        acts_x, acts_t, map_x, map_t = xd, t, xd, t
+        # Velocity by difference of two positions, against the desired one: as published.
+        rate = (y - state.y1) / ts - vd
+    p = rate + settings.k1 * (y - xd)
     v = va1 - state.d0 - settings.ks * p
-    u = invert(input_map, input_slope, v, state.theta, settings.u_max)
+    u = invert(input_map, input_slope, v, map_x, map_t, theta, settings.u_max)
     flags = SATURATED if abs(u) >= settings.u_max else 0
 
     # d0_hat' = Proj(gamma_d p), eqs 18-19; frozen while it would push further into saturation.
@@ -83,8 +168,10 @@ def law_step(
     if settings.adapt:
         if not state.blind:
             flags |= adapt(state_columns, settings, state, y)
-        remember_command(input_columns, settings, state, u)
-    state.y2, state.y1, state.vd1, state.t1 = state.y1, y, vd, t
+        remember_command(input_columns, settings, state, u, acts_x, acts_t)
+    # The estimator looks at the motion of one tick ago: this one's memories are for the next.
+    advance_context(xd, vd, ad, t - state.t1, state.others, state.context1)
+    state.y2, state.y1, state.xd1, state.vd1, state.t1 = state.y1, y, xd, vd, t
     state.steps += 1
     state.u, state.v, state.flags = u, v, flags
     return u  # type: ignore[no-any-return]

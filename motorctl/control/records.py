@@ -38,8 +38,14 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
             ("gate_velocity", "f8"),
             ("gate_acceleration", "f8"),
             ("rate_limit", "f8"),
-            ("delay_ticks", "i8"),  # whole part of the input delay
+            ("delay_ticks", "i8"),  # whole part of the delay from the command to what acts
             ("delay_fraction", "f8"),
+            ("previews", "i8"),  # the list declares a lag or a delay
+            ("preview_s", "f8"),  # how far ahead `far` is: a period and the declared delay
+            ("act_delay_s", "f8"),  # the declared delay alone
+            ("lag_s", "f8"),
+            ("lag_decay", "f8"),  # exp(-Ts / lag)
+            ("lag_mean", "f8"),  # mean of exp(-t / lag) over a period
             ("lower", "f8", (p,)),
             ("upper", "f8", (p,)),
             ("covariance", "f8", (p,)),  # Gamma(0)
@@ -52,9 +58,13 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
     )
 
 
-def law_state(parameters: int) -> np.dtype[np.void]:
-    """Give the state record for a theta of at most `parameters` entries."""
-    p = parameters
+def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np.dtype[np.void]:
+    """Give the state record for a theta of at most `parameters` entries.
+
+    The effects of the list remember at most `context_size` numbers, and depend on the motion of at
+    most `other_axes` axes.
+    """
+    p, c, m = parameters, max(1, context_size), max(1, other_axes)
     return np.dtype(
         [
             ("theta", "f8", (p,)),
@@ -68,8 +78,16 @@ def law_state(parameters: int) -> np.dtype[np.void]:
             ("blind", "i8"),  # the position is not known yet: nothing is learned
             ("y1", "f8"),  # position one tick ago
             ("y2", "f8"),
+            ("xd1", "f8"),  # desired position and velocity one tick ago, and its time
             ("vd1", "f8"),
             ("t1", "f8"),
+            ("near", "f8", (3,)),  # desired x, v, a when this tick's command begins to act
+            ("far", "f8", (3,)),  # and a period later
+            ("others", "f8", (m, 3)),  # desired x, v, a of the axes that effects depend on
+            ("others_far", "f8", (m, 3)),
+            ("context", "f8", (c,)),  # the effects' memories at the desired motion, for va1
+            ("context1", "f8", (c,)),  # and at that of one tick ago, for the adaptation
+            ("lagged", "f8"),  # what acts at the end of the last command's period
             ("history", "f8", (HISTORY, p + 1)),  # input columns and u, a ring
             ("stage1", "f8", (p + 1,)),  # the filter on every column and u
             ("stage2", "f8", (p + 1,)),

@@ -44,16 +44,19 @@ def fill_settings(
     gate_acceleration_m_s2: float = 1.0,
     input_delay_s: float = 0.0,
     monotonicity_margin: float = 0.05,
+    travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> None:
     """Write one axis' settings into `record` (a `law_settings` record).
 
-    Raises UsageError where the input delay is longer than the history of commands, where a
-    covariance is not positive, or where Assumption 2 cannot be kept.
+    travel_m matters to input maps that vary with place. Raises UsageError where the delays of
+    adaptation and list together are longer than the history of commands, where a covariance is
+    not positive, or where Assumption 2 cannot be kept.
     """
     n = len(model)
-    if not 0.0 <= input_delay_s <= max_input_delay_s(period_s):
+    delay_s = input_delay_s + model.delay_s
+    if not (input_delay_s >= 0.0 and delay_s <= max_input_delay_s(period_s)):
         raise UsageError(
-            f"input delay {input_delay_s} s; must lie in 0 to {max_input_delay_s(period_s)} s"
+            f"input delay {delay_s} s; must lie in 0 to {max_input_delay_s(period_s)} s"
         )
     if not all(0.0 < value < math.inf for value in covariance):
         raise UsageError(f"initial covariances {list(covariance)}; each must lie above 0")
@@ -67,13 +70,19 @@ def fill_settings(
     record["gate_velocity"] = gate_velocity_m_s
     record["gate_acceleration"] = gate_acceleration_m_s2
     record["rate_limit"] = rate_limit_1_s
-    ticks = input_delay_s / period_s
+    ticks = delay_s / period_s
     record["delay_ticks"], record["delay_fraction"] = int(ticks), ticks - int(ticks)
+    lag_s = model.lag_s
+    record["previews"] = lag_s > 0.0 or model.delay_s > 0.0
+    record["act_delay_s"], record["preview_s"] = model.delay_s, period_s + model.delay_s
+    record["lag_s"] = lag_s
+    record["lag_decay"] = math.exp(-period_s / lag_s) if lag_s else 0.0
+    record["lag_mean"] = -lag_s / period_s * math.expm1(-period_s / lag_s) if lag_s else 0.0
     record["lower"][:n], record["upper"][:n] = lower, upper
     record["covariance"][:n] = covariance
     record["covariance_limit"][:n] = covariance_limit * np.asarray(covariance)
     normals, offsets = monotonicity_half_planes(
-        model, np.asarray(lower), np.asarray(upper), max_voltage_v, monotonicity_margin
+        model, np.asarray(lower), np.asarray(upper), max_voltage_v, monotonicity_margin, travel_m
     )
     record["planes"] = len(offsets)
     record["plane_normal"][: len(offsets), :n] = normals

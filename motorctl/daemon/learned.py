@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
 
+from motorctl.config.analysis import smallest_slope
 from motorctl.config.machine import Axis, Machine
 
 _FORMAT = "motorctl-learned-1"
-_SLOPE_POINTS = 65
 
 
 class _LearnedAxis(BaseModel):
@@ -111,11 +111,9 @@ def _problem(axis: Axis, kept: _LearnedAxis) -> str | None:
             return f"{name} = {value:g} lies outside {estimate.lower:g} to {estimate.upper:g}"
     theta = np.array([kept.parameters[name] for name in names])
     reach = axis.limits.max_voltage_v
-    slopes = [
-        axis.model.kernels.input_slope(u, theta) for u in np.linspace(-reach, reach, _SLOPE_POINTS)
-    ]
+    slope, _ = smallest_slope(axis.model, theta, reach, axis.limits.travel_m)
     # Rounding may leave a projected estimate the last digits below the margin.
-    if min(slopes) < 0.99 * axis.adaptation.monotonicity_margin:
+    if slope < 0.99 * axis.adaptation.monotonicity_margin:
         return f"the input map is not monotonic up to {reach:g} V (Assumption 2)"
     return None
 

@@ -7,9 +7,7 @@ from typing import Any
 
 from numba import njit
 
-from motorctl.control import law_step, start_law
-from motorctl.control.law import carry_over_gap
-from motorctl.control.records import LawFlag
+from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.homing import home
@@ -22,6 +20,7 @@ from motorctl.loop.safety import (
     check_motion,
     checked_voltage,
     count_is_ambiguous,
+    set_soft_limits,
     trip,
 )
 
@@ -50,8 +49,20 @@ DEVICE_HOME_SWITCH = int(Status.HOME_SWITCH)
 DEVICE_INDEX = int(Status.INDEX_LATCHED)
 
 
+@njit
+def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
+    """Set the position from the count, without the declared errors of the measurement.
+
+    These are known by their place in the machine, so only where the axis knows its own.
+    """
+    y = settings.metres_per_count * axis.counts + settings.offset_m + axis.shift_m
+    axis.position_m = correct(y) if axis.homed else y
+
+
 @njit(error_model="numpy")
-def read_position(settings: Any, axis: Any, raw: int, elapsed: int, t: float) -> None:
+def read_position(
+    correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int, t: float
+) -> None:
     """Unwrap the counter into a position and a velocity; a step too large is a fault."""
     elapsed += axis.blind_ticks
     if not axis.have_counts:
@@ -63,7 +74,7 @@ def read_position(settings: Any, axis: Any, raw: int, elapsed: int, t: float) ->
             # Signed or not, the counter means a place in or near the travel.
             middle = 0.5 * (settings.travel_low_m + settings.travel_high_m) - settings.offset_m
             axis.counts += span * round((middle / settings.metres_per_count - raw) / span)
-        axis.position_m = settings.metres_per_count * axis.counts + settings.offset_m + axis.shift_m
+        locate(correct, settings, axis)
         return
     step = raw - axis.raw_counts
     span = settings.counter_span
@@ -77,7 +88,7 @@ def read_position(settings: Any, axis: Any, raw: int, elapsed: int, t: float) ->
     axis.raw_counts = raw
     axis.counts += step
     axis.velocity_m_s = settings.metres_per_count * step / (settings.period_s * elapsed)
-    axis.position_m = settings.metres_per_count * axis.counts + settings.offset_m + axis.shift_m
+    locate(correct, settings, axis)
 
 
 @njit
@@ -92,7 +103,15 @@ def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
 
 
 @njit
-def axis_inputs(settings: Any, axis: Any, raw: int, status: int, elapsed: int, t: float) -> None:
+def axis_inputs(
+    correct: Callable[..., float],
+    settings: Any,
+    axis: Any,
+    raw: int,
+    status: int,
+    elapsed: int,
+    t: float,
+) -> None:
     """Take what the driver read, before any command is looked at."""
     axis.status = status
     if axis.state != OFF:
@@ -100,16 +119,14 @@ def axis_inputs(settings: Any, axis: Any, raw: int, status: int, elapsed: int, t
     if status & UNTRUSTED:
         lose_sight(settings, axis, elapsed)
     else:
-        read_position(settings, axis, raw, elapsed, t)
+        read_position(correct, settings, axis, raw, elapsed, t)
 
 
 @njit
-def axis_step(
-    state_columns: Callable[..., None],
-    input_columns: Callable[..., None],
+def axis_reference(
+    correct: Callable[..., float],
     feedforward: Callable[..., float],
-    input_map: Callable[..., float],
-    input_slope: Callable[..., float],
+    advance_context: Callable[..., None],
     settings: Any,
     axis: Any,
     law_settings: Any,
@@ -120,9 +137,8 @@ def axis_step(
     elapsed: int,
     tick: int,
     t: float,
-    sample: Any,
-) -> float:
-    """Give the voltage for this tick; the amplifier is enabled where the state is not OFF or FAULT.
+) -> None:
+    """Move the axis' state machine and its reference on by a tick, and check its motion.
 
     elapsed counts the periods since the last tick: 1, or more after an overrun.
     """
@@ -133,37 +149,65 @@ def axis_step(
         if span:
             back = (back + span // 2) % span - span // 2
         index_m = axis.position_m + settings.metres_per_count * back
-        shift = home(settings, axis, index_m, elapsed, t)
-        if shift != 0.0:
-            law.y1 += shift
-            law.y2 += shift
+        if home(settings, axis, index_m, elapsed, t):
+            before = axis.position_m
+            locate(correct, settings, axis)
+            shift = axis.position_m - before
+            shift_law(feedforward, advance_context, law_settings, law, t, before, shift)
+            axis.reference_m += shift
+            set_soft_limits(settings, axis)
     elif axis.state == RUNNING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
     elif axis.state == STOPPING and brake(settings, axis, elapsed):
         axis.state = FAULT if axis.fault else OFF
     if axis.state not in (OFF, FAULT):
         check_motion(settings, axis, elapsed, t)
+    if axis.state in (OFF, FAULT):
+        hold_where_it_is(axis)
 
+
+@njit
+def axis_step(
+    state_columns: Callable[..., None],
+    input_columns: Callable[..., None],
+    feedforward: Callable[..., float],
+    input_map: Callable[..., float],
+    input_slope: Callable[..., float],
+    advance_context: Callable[..., None],
+    settings: Any,
+    axis: Any,
+    law_settings: Any,
+    law: Any,
+    elapsed: int,
+    t: float,
+    sample: Any,
+) -> float:
+    """Give the voltage for this tick; the amplifier is enabled where the state is not OFF or FAULT.
+
+    The references of all axes, and what the law is told of them, stand before.
+    """
     flags = SKIPPED if elapsed > 1 else 0
     u, v = 0.0, 0.0
     if axis.state in (OFF, FAULT):
-        hold_where_it_is(axis)
         axis.fresh = 0
         law.d0 = 0.0
     else:
         # What depends on position is learned only where the position is known.
         law.blind = 0 if axis.homed else 1
         if axis.fresh:
-            start_law(feedforward, law_settings, law, t, axis.position_m)
+            start_law(feedforward, advance_context, law_settings, law, t, axis.position_m)
             axis.fresh = 0
         elif elapsed > 1:
-            carry_over_gap(law, elapsed, axis.position_m)
+            carry_over_gap(
+                advance_context, law_settings, law, elapsed, axis.position_m, axis.reference_m
+            )
         u = law_step(
             state_columns,
             input_columns,
             feedforward,
             input_map,
             input_slope,
+            advance_context,
             law_settings,
             law,
             t,

@@ -20,29 +20,46 @@ HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""
 
 from numba import njit
 
-from motorctl.loop.axis import axis_inputs, axis_step, report_axis
+from motorctl.loop.axis import axis_inputs, axis_reference, axis_step, report_axis
 from motorctl.loop.commands import take_commands
+from motorctl.loop.preview import fill_motion
 from motorctl.loop.supervision import supervise
 {imports}
 
 @njit(cache=True)
 def tick(
     counts, index_counts, words, volts, enable, elapsed, overran, number, t, watch, status,
-    mailbox, replies, settings, axes, law_settings, laws, segments, segment_counts, samples,
-    row, axis_status,
+    mailbox, replies, settings, axes, law_settings, laws, beside, segments, segment_counts,
+    samples, row, axis_status,
 ):
-    for i in range({axes}):
-        channel = ({channels},)[i]
-        axis_inputs(settings[i], axes[i], counts[channel], words[channel], elapsed, t)
-    supervise(watch[0], status[0], axes, elapsed, overran, t)
-    take_commands(watch[0], status, mailbox, replies, settings, axes, segments, number, t)
-    moving = 0
 '''
+
+INPUTS = """    axis_inputs(
+        {m}.correct, settings[{i}], axes[{i}], counts[{c}], words[{c}], elapsed, t,
+    )
+"""
+
+COMMANDS = """    supervise(watch[0], status[0], axes, elapsed, overran, t)
+    take_commands(watch[0], status, mailbox, replies, settings, axes, segments, number, t)
+"""
+
+REFERENCE = """    axis_reference(
+        {m}.correct, {m}.feedforward, {m}.advance_context, settings[{i}], axes[{i}],
+        law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}], index_counts[{c}],
+        elapsed, number, t,
+    )
+"""
+
+MOTION = """    fill_motion(law_settings, laws, axes, segments, segment_counts, beside, number, {i})
+"""
+
+COUNT = """    moving = 0
+"""
 
 STEP = """    volts[{c}] = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
-        settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}],
-        index_counts[{c}], elapsed, number, t, samples[row, {i}],
+        {m}.advance_context, settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], elapsed, t,
+        samples[row, {i}],
     )
     enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
     moving += enable[{c}]
@@ -56,15 +73,21 @@ TAIL = """    return watch[0].shutdown != 0 and moving == 0
 def compose_tick(models: Sequence[EffectList], channels: Sequence[int]) -> ModuleType:
     """Give the generated module whose `tick` serves these axes.
 
-    channels[i] is the place of axis i in the drivers' arrays.
+    channels[i] is the place of axis i in the drivers' arrays. The references of all axes are moved
+    on before any law looks at one.
     """
     lists = dict.fromkeys(model.kernels.__name__ for model in models)
     imports = "".join(f"import {name}\n" for name in lists)
-    source = HEAD.format(
-        axes=len(models), imports=imports, channels=", ".join(str(c) for c in channels)
-    )
-    for i, (model, channel) in enumerate(zip(models, channels, strict=True)):
-        name = model.kernels.__name__
-        source += STEP.format(i=i, c=channel, m=name, off=OFF, fault=FAULT)
-    source += TAIL
+    places = [
+        {"i": i, "c": channel, "m": model.kernels.__name__, "off": OFF, "fault": FAULT}
+        for i, (model, channel) in enumerate(zip(models, channels, strict=True))
+    ]
+    parts = [HEAD.format(axes=len(models), imports=imports)]
+    parts += [INPUTS.format(**place) for place in places] + [COMMANDS]
+    parts += [REFERENCE.format(**place) for place in places]
+    for place, model in zip(places, models, strict=True):
+        if model.lag_s or model.delay_s or model.other_axes:
+            parts.append(MOTION.format(**place))
+    parts += [COUNT, *(STEP.format(**place) for place in places), TAIL]
+    source = "".join(parts)
     return load_generated(f"tick_{source_digest(source)}", source)

@@ -9,7 +9,7 @@ from numba import njit
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.reference import ramp
-from motorctl.loop.safety import LIMIT_NEGATIVE, LIMIT_POSITIVE, set_soft_limits, trip
+from motorctl.loop.safety import LIMIT_NEGATIVE, LIMIT_POSITIVE, trip
 
 IDLE = int(AxisState.IDLE)
 HOMING_FAILED = int(FaultCause.HOMING_FAILED)
@@ -34,8 +34,8 @@ def begin_homing(settings: Any, axis: Any) -> None:
 
 
 @njit
-def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float) -> float:
-    """Move the reference for one tick; gives the shift of coordinates at the end, else 0.
+def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float) -> bool:
+    """Move the reference for one tick; tells whether the zero was found, and sets it.
 
     index_count_m is the position of the index mark that the driver latched last.
     """
@@ -47,7 +47,7 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
     )
     if axis.phase_ticks > settings.homing_ticks or blocked:
         trip(axis, HOMING_FAILED, float(axis.phase), 0.0, t)
-        return 0.0
+        return False
     # A narrow switch may have been run over while stopping: it has to be met again first.
     if axis.phase in (RETREAT, LATCH_EDGE) and pressed:
         axis.seen = 1
@@ -82,12 +82,8 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
             axis.latched_m = index_count_m
             axis.phase = SETTLE
     elif ramp(settings, axis, 0.0, elapsed):
-        shift = settings.home_position_m - axis.latched_m
-        axis.shift_m += shift
-        axis.position_m += shift
-        axis.reference_m += shift
+        axis.shift_m += settings.home_position_m - axis.latched_m
         axis.homed = 1
         axis.state = IDLE
-        set_soft_limits(settings, axis)
-        return shift  # type: ignore[no-any-return]
-    return 0.0
+        return True
+    return False

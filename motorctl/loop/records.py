@@ -60,6 +60,9 @@ AXIS_STATE = np.dtype(
         ("slot", "i8"),  # program slot followed, or -1
         ("start_tick", "i8"),
         ("brake", "i8"),  # how the axis stops, once that is decided
+        ("ramp_velocity_m_s", "f8"),  # where the last ramp leads, and its limits
+        ("ramp_acceleration_m_s2", "f8"),
+        ("ramp_jerk_m_s3", "f8"),
         ("segment", "i8"),
         ("segment_time_s", "f8"),
         ("phase", "i8"),  # of homing

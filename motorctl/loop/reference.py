@@ -64,6 +64,8 @@ def _stops_gently(settings: Any, axis: Any) -> bool:
 def _ramp(
     settings: Any, axis: Any, velocity: float, acceleration: float, jerk: float, elapsed: int
 ) -> bool:
+    axis.ramp_velocity_m_s = velocity
+    axis.ramp_acceleration_m_s2, axis.ramp_jerk_m_s3 = acceleration, jerk
     for _ in range(elapsed):
         v, a, dx = velocity_ramp_step(
             axis.reference_velocity_m_s,

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
@@ -47,6 +48,16 @@ def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> 
     return drivers
 
 
+def axes_beside(machine: Machine) -> NDArray[np.int64]:
+    """Give the indices of the axes that each axis' effects name, (axes, most); -1 past the last."""
+    names = list(machine.axes)
+    named = [axis.model.other_axes for axis in machine.axes.values()]
+    beside = np.full((len(names), max(1, *map(len, named))), -1, np.int64)
+    for row, others in zip(beside, named, strict=True):
+        row[: len(others)] = [names.index(other) for other in others]
+    return beside
+
+
 class Tick:
     """Everything that one tick works on, made before the first."""
 
@@ -67,7 +78,10 @@ class Tick:
         self.settings = np.zeros(len(axes), AXIS_SETTINGS)
         self.axes = np.zeros(len(axes), AXIS_STATE)
         self.law_settings = np.zeros(len(axes), law_settings(parameters))
-        self.laws = np.zeros(len(axes), law_state(parameters))
+        lists = [axis.model for axis in axes]
+        remembered = max(model.context_size for model in lists)
+        self.beside = axes_beside(machine)
+        self.laws = np.zeros(len(axes), law_state(parameters, remembered, self.beside.shape[1]))
         for i, axis in enumerate(axes):
             fill_axis_settings(self.settings[i], axis, machine.period_s)
             self.axes[i]["slot"] = -1
@@ -96,6 +110,7 @@ class Tick:
                 gate_acceleration_m_s2=adaptation.gate_acceleration_m_s2,
                 input_delay_s=adaptation.input_delay_s,
                 monotonicity_margin=adaptation.monotonicity_margin,
+                travel_m=axis.limits.travel_m,
             )
             theta = (learned or {}).get(axis.name, [e.initial for e in estimates])
             fill_state(self.laws[i], theta, covariance)
@@ -137,14 +152,14 @@ class Tick:
         memory = self.memory
         inputs_outputs = (counts, index_counts, words, volts, enable)
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
-        records = (self.settings, self.axes, self.law_settings, self.laws)
+        records = (self.settings, self.axes, self.law_settings, self.laws, self.beside)
         programs = (memory.segments, memory.segment_counts)
         before = (*inputs_outputs, 1, False, 0, 0.0, *commands, *records, *programs, memory.samples)
         kernel = specialise(module.tick, *before, 0, memory.axis_status)
         rows_out = (memory.status, memory.ticks, self.measured_s)
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
         watch, status, mailbox, replies = commands
-        settings, axis_records, law_records, laws = records
+        settings, axis_records, law_records, laws, beside = records
         segments, segment_counts = programs
         samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status
         measured, rows = self.measured_s, memory.ring_rows
@@ -160,7 +175,7 @@ class Tick:
             may_end: bool = kernel(
                 counts, index_counts, words, volts, enable, elapsed, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
-                law_records, laws, segments, segment_counts, samples, row, axis_status,
+                law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
             )  # fmt: skip
             t2 = now()
             for write, outputs in writes:

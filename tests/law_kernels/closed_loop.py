@@ -23,6 +23,7 @@ def run_law(
     feedforward,
     input_map,
     input_slope,
+    advance_context,
     settings,
     state,
     plants,
@@ -44,11 +45,12 @@ def run_law(
         if plant.resolution_m > 0.0:
             y = plant.resolution_m * math.floor(x / plant.resolution_m + 0.5)
         if k == 0:
-            start_law(feedforward, law, state[0], 0.0, y - plant.start_m_s * law.period_s)
+            before = y - plant.start_m_s * law.period_s
+            start_law(feedforward, advance_context, law, state[0], 0.0, before)
         xd, vd, ad = reference[k, 0], reference[k, 1], reference[k, 2]
         u = law_step(
-            state_columns, input_columns, feedforward, input_map, input_slope, law, state[0],
-            k * law.period_s, y, xd, vd, ad,
+            state_columns, input_columns, feedforward, input_map, input_slope, advance_context,
+            law, state[0], k * law.period_s, y, xd, vd, ad,
         )  # fmt: skip
         row = rows[k]
         row.x, row.v, row.y, row.u = x, v, y, u

@@ -1,7 +1,12 @@
 """What can be said of a machine before it moves: pure functions of numbers and of the model."""
 
 from motorctl.config.analysis.feedforward import CommandPeak, command_peak, required_command
-from motorctl.config.analysis.input_map import CornerSlope, corner_slopes, smallest_slope
+from motorctl.config.analysis.input_map import (
+    CornerSlope,
+    corner_slopes,
+    lowest_slope,
+    smallest_slope,
+)
 from motorctl.config.analysis.loop_margins import LoopMargins, loop_margins
 from motorctl.config.analysis.robust_gain import GainCondition, gain_condition, required_ks1
 
@@ -14,6 +19,7 @@ __all__ = [
     "corner_slopes",
     "gain_condition",
     "loop_margins",
+    "lowest_slope",
     "required_command",
     "required_ks1",
     "smallest_slope",

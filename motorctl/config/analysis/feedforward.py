@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.analysis.input_map import input_indices
+from motorctl.control import input_indices
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 
+LEAST_SLOPE = 1e-3
+NEWTON_STEPS = 8
+NUDGE_V = 1e-4
 MAP_POINTS = 2001
 """Points of the tabulated input map; between them it is straight to about 1e-7 V."""
 
@@ -33,19 +36,36 @@ def required_command(
 
     theta (n,). The sum of theta_i psi_i over the state effects at the desired motion (va1, our
     reconstruction of Chen, Yao, Wang 2013, eq. 13), through the inverse of the input map (eq. 9).
+    Time counts as 0; what effects remember, and other axes' motion, counts as nothing.
     """
-    state = theta.copy()
-    state[input_indices(model)] = 0.0
+    kept = [e.kind == "state" and not e.memory_size for e in model.effects for _ in e.parameters]
+    state = np.where(kept, theta, 0.0)
+    varying = np.zeros_like(theta)
+    indices = input_indices(model, varying=True)
+    varying[indices] = theta[indices]
     u = np.linspace(-u_max, u_max, MAP_POINTS)
-    mapped = np.array([model.kernels.input_map(float(value), theta) for value in u])
+    fixed = theta - varying
+    mapped = np.array([model.kernels.input_map(float(value), 0.0, 0.0, fixed) for value in u])
+    low, high = (float(model.kernels.input_slope(end, 0.0, 0.0, fixed)) for end in (u[0], u[-1]))
+    slopes = low, high
+    inverse_slopes = 1.0 / max(low, LEAST_SLOPE), 1.0 / max(high, LEAST_SLOPE)
 
     def command(x: Array, v: Array, a: Array) -> Array:
         still = np.zeros_like(x)
         virtual = model.regressor(x, v, a, v, still, still) @ state
-        needed = np.interp(virtual, mapped, u)
-        for end, beyond in ((0, virtual < mapped[0]), (-1, virtual > mapped[-1])):
-            slope = float(model.kernels.input_slope(u[end], theta))
-            needed[beyond] += (virtual[beyond] - mapped[end]) / max(slope, 1e-3)
+        needed = _extended(virtual, mapped, u, inverse_slopes)
+        if not varying.any():
+            return needed
+
+        def mapped_at(command_v: Array) -> Array:
+            psi: Array = model.regressor(x, still, still, still, still, command_v)
+            return _extended(command_v, u, mapped, slopes) - psi @ varying
+
+        # Newton's method, from the command that the map without its varying part would need.
+        for _ in range(NEWTON_STEPS):
+            change = mapped_at(needed + NUDGE_V) - mapped_at(needed - NUDGE_V)
+            slope = np.maximum(change / (2.0 * NUDGE_V), LEAST_SLOPE)
+            needed = needed - (mapped_at(needed) - virtual) / slope
         return needed
 
     return command
@@ -55,3 +75,11 @@ def command_peak(t: Array, u: Array) -> CommandPeak:
     """Find the largest |u| [V] of samples over times t [s], with its sign."""
     k = int(np.abs(u).argmax())
     return CommandPeak(float(u[k]), float(t[k]))
+
+
+def _extended(value: Array, at: Array, onto: Array, steepness: tuple[float, float]) -> Array:
+    """Interpolate the function with values `onto` at `at`; straight lines beyond both ends."""
+    found = np.interp(value, at, onto)
+    for end, beyond in ((0, value < at[0]), (-1, value > at[-1])):
+        found[beyond] += (value[beyond] - at[end]) * steepness[end]
+    return found

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.control import fixed_slopes, input_indices, worst_varying
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -28,33 +29,49 @@ class CornerSlope:
     at_u_v: float
 
 
-def smallest_slope(model: EffectList, theta: Array, u_max: float) -> tuple[float, float]:
+def smallest_slope(
+    model: EffectList, theta: Array, u_max: float, travel_m: tuple[float, float] = (0.0, 0.0)
+) -> tuple[float, float]:
     """Give the smallest dv/du over |u| <= u_max [V], and the u [V] at which it stands.
 
-    theta (n,) as in the list. Chen, Yao, Wang 2013, Assumption 2.
+    theta (n,) as in the list. A map that varies counts at its worst over travel and time. Chen,
+    Yao, Wang 2013, Assumption 2.
     """
-    slopes = [(float(model.kernels.input_slope(u, theta)), u) for u in _grid(u_max)]
-    return min(slopes, key=lambda pair: pair[0])
+    return lowest_slope(model, theta, theta, u_max, travel_m)
+
+
+def lowest_slope(
+    model: EffectList, lower: Array, upper: Array, u_max: float, travel_m: tuple[float, float]
+) -> tuple[float, float]:
+    """Give the smallest dv/du that any theta between lower and upper (n,) has, and its u [V]."""
+    grid = _grid(u_max)
+    slopes = fixed_slopes(model, grid)
+    least = 1.0 + np.minimum(slopes * lower, slopes * upper).sum(axis=1)
+    slopes = least + worst_varying(model, grid, lower, upper, travel_m)
+    k = int(slopes.argmin())
+    return float(slopes[k]), grid[k]
 
 
 def corner_slopes(
-    model: EffectList, lower: Sequence[float], upper: Sequence[float], u_max: float
+    model: EffectList,
+    lower: Sequence[float],
+    upper: Sequence[float],
+    u_max: float,
+    travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> list[CornerSlope]:
     """Give the smallest dv/du at every corner of the input map's parameters, worst first.
 
-    lower, upper (n,): bounds of theta. Empty where the model has no input effect; beyond
-    `MAX_CORNERS` corners only the worst is given.
+    lower, upper (n,): bounds of theta. Corners are those of the parameters whose effects stand
+    still; effects that vary count at their worst over travel, time and their own bounds, and are
+    not named. Empty where the model has no input effect; beyond `MAX_CORNERS` corners only the
+    worst is given.
     """
-    indices = input_indices(model)
-    if not indices:
+    if not input_indices(model):
         return []
+    indices = input_indices(model, varying=False)
     grid = _grid(u_max)
-    slopes = np.empty((len(grid), len(indices)))
-    theta = np.zeros(len(model))
-    for column, i in enumerate(indices):
-        theta[:] = 0.0
-        theta[i] = 1.0
-        slopes[:, column] = [model.kernels.input_slope(u, theta) - 1.0 for u in grid]
+    slopes = fixed_slopes(model, grid)[:, indices]
+    least = 1.0 + worst_varying(model, grid, np.asarray(lower), np.asarray(upper), travel_m)
     low = np.array([lower[i] for i in indices])
     high = np.array([upper[i] for i in indices])
     if 2 ** len(indices) <= MAX_CORNERS:
@@ -62,7 +79,7 @@ def corner_slopes(
     else:
         worst = np.minimum(slopes * low, slopes * high).sum(axis=1).argmin()
         corners = np.where(slopes[worst] * low < slopes[worst] * high, low, high)[None]
-    at_corners = 1.0 + slopes @ corners.T
+    at_corners = least[:, None] + slopes @ corners.T
     names = [model.parameter_names[i] for i in indices]
     found = [
         CornerSlope(dict(zip(names, map(float, corner), strict=True)), float(line[k]), grid[k])
@@ -70,12 +87,6 @@ def corner_slopes(
         for k in [int(line.argmin())]
     ]
     return sorted(found, key=lambda corner: corner.slope)
-
-
-def input_indices(model: EffectList) -> list[int]:
-    """Give the places in theta of the input map's parameters."""
-    kinds = [effect.kind for effect in model.effects for _ in effect.parameters]
-    return [i for i, kind in enumerate(kinds) if kind == "input"]
 
 
 def _grid(u_max: float) -> list[float]:

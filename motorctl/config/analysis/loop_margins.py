@@ -23,6 +23,7 @@ class LoopMargins:
     """How far the loop is from instability; None where the loop has no such crossing."""
 
     delay_s: float
+    lag_s: float
     stable: bool
     crossover_rad_s: float | None
     phase_margin_deg: float | None
@@ -42,15 +43,16 @@ def loop_margins(
     gamma_d: float,
     period_s: float,
     delay_s: float = 0.0,
+    lag_s: float = 0.0,
 ) -> LoopMargins:
     """Give the margins of the loop around theta1 [V s^2/m], theta2 [V s/m].
 
-    Plant 1/(theta1 s^2 + theta2 s) behind a zero-order hold and `delay_s` of any length;
-    controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the law runs: p with
-    the velocity error by backward difference, -ks p, and the fast adaptation of d0
-    (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command not saturated.
+    Plant 1/(theta1 s^2 + theta2 s) behind a zero-order hold, `delay_s` of any length and a
+    first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the
+    law runs: p with the velocity error by backward difference, -ks p, and the fast adaptation of
+    d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command not saturated.
     """
-    plant = _DelayedPlant(theta1, theta2, period_s, delay_s)
+    plant = _DelayedPlant(theta1, theta2, period_s, delay_s, lag_s)
     stable = bool(
         np.abs(np.linalg.eigvals(_closed_loop(plant, k1_1_s, ks_v_s_m, gamma_d, period_s))).max()
         < 1.0
@@ -83,6 +85,7 @@ def loop_margins(
     outside = [-1.0 / r for r in real if r < -1.0]
     return LoopMargins(
         delay_s=delay_s,
+        lag_s=lag_s,
         stable=stable,
         crossover_rad_s=None if worst is None else crossovers[worst],
         phase_margin_deg=None if worst is None else signed[worst],
@@ -92,14 +95,19 @@ def loop_margins(
 
 
 class _DelayedPlant:
-    """x+ = phi x + late u[k - whole - 1] + prompt u[k - whole], position first in x."""
+    """x+ = phi x + late u[k - whole - 1] + prompt u[k - whole]; x is position, velocity, current.
 
-    def __init__(self, theta1: float, theta2: float, period_s: float, delay_s: float) -> None:
+    The current is there only behind a lag.
+    """
+
+    def __init__(
+        self, theta1: float, theta2: float, period_s: float, delay_s: float, lag_s: float
+    ) -> None:
         self.whole = int(delay_s / period_s)
         part = delay_s - self.whole * period_s
-        self._theta, self._period_s, self._delay_s = (theta1, theta2), period_s, delay_s
-        self.phi, prompt = _held(theta1, theta2, period_s - part)
-        before, late = _held(theta1, theta2, part)
+        self._period_s = period_s
+        self.phi, prompt = _held(theta1, theta2, lag_s, period_s - part)
+        before, late = _held(theta1, theta2, lag_s, part)
         self.late = self.phi @ late
         self.prompt = prompt
         self.phi = self.phi @ before
@@ -107,48 +115,54 @@ class _DelayedPlant:
     def response(self, w: Array) -> NDArray[np.complex128]:
         """Give the transfer from command to position at frequencies w [rad/s]."""
         z = np.exp(1j * w * self._period_s)
-        a, b = self.phi[0, 1], self.phi[1, 1]
         drive = (self.late[:, None] / z + self.prompt[:, None]) / z**self.whole
-        speed = drive[1] / (z - b)
-        result: NDArray[np.complex128] = (a * speed + drive[0]) / (z - 1.0)
+        # phi is upper triangular: solved from its last row up.
+        x = np.zeros_like(drive)
+        for i in reversed(range(len(drive))):
+            x[i] = (drive[i] + self.phi[i, i + 1 :] @ x[i + 1 :]) / (z - self.phi[i, i])
+        result: NDArray[np.complex128] = x[0]
         return result
 
 
-def _held(theta1: float, theta2: float, duration_s: float) -> tuple[Array, Array]:
-    """Give transition and input vector of [position, velocity] over a held command."""
-    system = np.zeros((3, 3))
+def _held(theta1: float, theta2: float, lag_s: float, duration_s: float) -> tuple[Array, Array]:
+    """Give transition and input vector of the plant over a held command."""
+    states = 3 if lag_s else 2
+    system = np.zeros((states + 1, states + 1))
     system[0, 1] = 1.0
     system[1, 1], system[1, 2] = -theta2 / theta1, 1.0 / theta1
+    if lag_s:
+        system[2, 2], system[2, 3] = -1.0 / lag_s, 1.0 / lag_s
     full = expm(system * duration_s)
-    return full[:2, :2], full[:2, 2]
+    return full[:states, :states], full[:states, states]
 
 
 def _closed_loop(
     plant: _DelayedPlant, k1_1_s: float, ks_v_s_m: float, gamma_d: float, period_s: float
 ) -> Array:
-    """Give the transition matrix of [position, velocity, last position, d0, past commands]."""
-    past = plant.whole + 1
-    size = 4 + past
+    """Give the transition matrix of [the plant's states, last position, d0, past commands]."""
+    states, past = len(plant.phi), plant.whole + 1
+    last, d0, first = states, states + 1, states + 2
+    size = first + past
     law = np.zeros(size)  # u = law . state
     p = np.zeros(size)
-    p[0], p[2] = 1.0 / period_s + k1_1_s, -1.0 / period_s
+    p[0], p[last] = 1.0 / period_s + k1_1_s, -1.0 / period_s
     law -= ks_v_s_m * p
-    law[3] = -1.0
+    law[d0] = -1.0
     matrix = np.zeros((size, size))
-    matrix[:2, :2] = plant.phi
-    matrix[2, 0] = 1.0
-    matrix[3] = gamma_d * period_s * p
-    matrix[3, 3] += 1.0
-    matrix[:2, 4 + plant.whole] += plant.late  # the oldest command that is still at work
+    matrix[:states, :states] = plant.phi
+    matrix[last, 0] = 1.0
+    matrix[d0] = gamma_d * period_s * p
+    matrix[d0, d0] += 1.0
+    matrix[:states, first + plant.whole] += plant.late  # the oldest command still at work
     if plant.whole:
-        matrix[:2, 3 + plant.whole] += plant.prompt
+        matrix[:states, first + plant.whole - 1] += plant.prompt
     else:
-        matrix[:2] += np.outer(plant.prompt, law)
-    matrix[4] = law
+        matrix[:states] += np.outer(plant.prompt, law)
+    matrix[first] = law
     for i in range(1, past):
-        matrix[4 + i, 3 + i] = 1.0
+        matrix[first + i, first + i - 1] = 1.0
     if gamma_d == 0.0:  # d0 stands still: its eigenvalue of 1 is no part of the loop
-        matrix = np.delete(np.delete(matrix, 3, axis=0), 3, axis=1)
+        matrix = np.delete(np.delete(matrix, d0, axis=0), d0, axis=1)
     return matrix
 
 

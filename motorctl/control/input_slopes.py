@@ -1,0 +1,84 @@
+"""Slopes of the input map: of its parts that stand still, and the worst of those that vary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+PLACES = 256
+"""Places of the travel at which a map that varies is looked at, besides its ends."""
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+TIMES_S = (0.0, 1.0, 30.0, 1e3, 1e9)
+"""Times at which a map that varies is looked at: the start, and what is reached in the end."""
+
+
+def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int]:
+    """Give the places in theta of the input map's parameters; all, or those that do (not) vary."""
+    effects = [effect for effect in model.effects for _ in effect.parameters]
+    return [
+        i
+        for i, effect in enumerate(effects)
+        if effect.kind == "input" and varying in (None, effect.varies)
+    ]
+
+
+def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
+    """Give h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
+    slopes = np.zeros((len(u), len(model)))
+    indices = input_indices(model, varying=False)
+    slopes[:, indices] = _slopes(model, indices, u, 0.0, 0.0)
+    return slopes
+
+
+def worst_varying(
+    model: EffectList, u: Sequence[float], lower: Array, upper: Array, travel_m: tuple[float, float]
+) -> Array:
+    """Give the lowest that the varying effects can add to dv/du, shape (len(u),).
+
+    Over all of the travel and of time, for any theta (n,) between lower and upper (n,).
+    """
+    indices = input_indices(model, varying=True)
+    if not indices:
+        return np.zeros(len(u))
+    slopes = _varying_slopes(model, tuple(u), travel_m)
+    lowest: Array = np.minimum(slopes * lower[indices], slopes * upper[indices]).sum(axis=2)
+    worst: Array = lowest.min(axis=0)
+    return worst
+
+
+@lru_cache(maxsize=4)
+def _varying_slopes(
+    model: EffectList, u: tuple[float, ...], travel_m: tuple[float, float]
+) -> Array:
+    """Give h_i'(u; x, t) of the varying effects, shape (places, len(u), their parameters).
+
+    The places follow the golden ratio, so that no pitch falls in step with them; every time comes
+    together with places from all over the travel.
+    """
+    indices = input_indices(model, varying=True)
+    low, high = travel_m
+    share = np.concatenate([[0.0, 1.0], np.arange(1, PLACES + 1) * GOLDEN % 1.0])
+    return np.array(
+        [
+            _slopes(model, indices, u, low + float(at) * (high - low), TIMES_S[k % len(TIMES_S)])
+            for k, at in enumerate(share)
+        ]
+    )
+
+
+def _slopes(model: EffectList, indices: list[int], u: Sequence[float], x: float, t: float) -> Array:
+    """Give h_i'(u; x, t), shape (len(u), len(indices))."""
+    slope, unit = model.kernels.input_slope, np.eye(len(model))
+    found = np.zeros((len(u), len(indices)))
+    for column, i in enumerate(indices):
+        theta = unit[i]
+        found[:, column] = [slope(value, x, t, theta) - 1.0 for value in u]
+    return found

@@ -1,0 +1,62 @@
+"""The desired motion of the near future, and of other axes: what the law's model looks at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from motorctl.log.sample import AxisState
+from motorctl.motion import advance, evaluate, velocity_ramp_step
+
+HOMING = int(AxisState.HOMING)
+RUNNING = int(AxisState.RUNNING)
+STOPPING = int(AxisState.STOPPING)
+
+
+@njit
+def fill_motion(
+    settings: Any, laws: Any, axes: Any, segments: Any, counts: Any, beside: Any, tick: int, i: int
+) -> None:
+    """Tell the law of axis i the desired motion that its effects depend on besides its own now.
+
+    settings are the laws'. beside[i] (axes) are the axes that its list names, -1 where no more.
+    """
+    law, period_s = laws[i], settings[i].period_s
+    ahead_s = 0.0
+    if settings[i].previews:
+        ahead_s = settings[i].preview_s
+        _look_ahead(period_s, axes[i], segments[i], counts[i], tick, ahead_s - period_s, law.near)
+        _look_ahead(period_s, axes[i], segments[i], counts[i], tick, ahead_s, law.far)
+    for k in range(beside.shape[1]):
+        j = beside[i, k]
+        if j < 0:
+            break
+        _look_ahead(period_s, axes[j], segments[j], counts[j], tick, 0.0, law.others[k])
+        _look_ahead(period_s, axes[j], segments[j], counts[j], tick, ahead_s, law.others_far[k])
+
+
+@njit
+def _look_ahead(
+    period_s: float, axis: Any, segments: Any, counts: Any, tick: int, ahead_s: float, motion: Any
+) -> None:
+    """Give desired x, v, a `ahead_s` from now, so far as it is decided now.
+
+    A program is looked up, a ramp is continued, and an axis that holds goes on holding. A change
+    that comes from outside, such as a stop, is not known before it comes.
+    """
+    x, v, a = axis.reference_m, axis.reference_velocity_m_s, axis.reference_acceleration_m_s2
+    if ahead_s > 0.0 and axis.state == RUNNING:
+        table, count = segments[axis.slot], counts[axis.slot]
+        passed_s = ahead_s - max(axis.start_tick - tick, 0) * period_s
+        if passed_s > 0.0:
+            index, time_s, done = advance(table, count, axis.segment, axis.segment_time_s, passed_s)
+            x, v, a = evaluate(table, count, index, time_s)
+            if done:
+                v, a = 0.0, 0.0
+    elif ahead_s > 0.0 and axis.state in (HOMING, STOPPING):
+        v, a, dx = velocity_ramp_step(
+            v, a, axis.ramp_velocity_m_s, axis.ramp_acceleration_m_s2, axis.ramp_jerk_m_s3, ahead_s
+        )
+        x += dx
+    motion[0], motion[1], motion[2] = x, v, a
