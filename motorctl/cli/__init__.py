@@ -19,7 +19,10 @@ GROUPS = (
     "simulate",
     "log",
     "fit",
+    "diagnose",
+    "refine",
     "compare",
+    "close_loop",
     "latency",
     "bench",
 )

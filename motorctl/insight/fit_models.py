@@ -28,10 +28,22 @@ def declared_models(
         raise UsageError(f"{recording.source}: no axis '{axis}'; it has: {known}")
     names = list(recording.axes) if axis is None else [axis]
     if model is None or model in ("C1", "C2"):
-        own = _own(recording)
-        return {name: controller_list(own.get(name), model) for name in names}
+        machine = _own(recording)
+        own = {} if machine is None else machine.axes
+        return {
+            name: controller_list(own[name].declared if name in own else None, model)
+            for name in names
+        }
     machine = load(model)
     return {name: _of_axis(machine, name) for name in names}
+
+
+def machine_of(recording: Recording, model: str | None = None) -> Machine | None:
+    """Give the machine that the recording should be of: that of `model`, else of its own log.
+
+    None where nothing is known of it. Raises DataError and ConfigError.
+    """
+    return _own(recording) if model is None or model in ("C1", "C2") else load(model)
 
 
 def controller_list(declared: EffectList | None, controller: str | None) -> EffectList:
@@ -56,17 +68,16 @@ def _effects(names: tuple[str, ...] | list[str]) -> list[Effect]:
     return [make_effect(effect_class(name)) for name in names]
 
 
-def _own(recording: Recording) -> dict[str, EffectList]:
+def _own(recording: Recording) -> Machine | None:
     config: Mapping[str, Any] | None = recording.metadata.get("config")
     if not config:
-        return {}
+        return None
     try:
-        machine = load_resolved(config, recording.source)
+        return load_resolved(config, recording.source)
     except ConfigError as error:
         raise DataError(
             f"{recording.source}: its configuration cannot be read:\n{error}"
         ) from error
-    return {name: axis.declared for name, axis in machine.axes.items()}
 
 
 def _of_axis(machine: Machine, name: str) -> EffectList:

@@ -1,0 +1,79 @@
+"""`motorctl diagnose`: find what the declared model lacks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+EXAMPLE = (
+    "Example: motorctl diagnose run.parquet --out report    or: "
+    "motorctl diagnose emps.yaml --evaluate pulses.yaml --out report"
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("diagnose", epilog=EXAMPLE)(_diagnose)
+
+
+def _diagnose(
+    recording: Annotated[
+        Path,
+        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
+    ],
+    model: Annotated[
+        str | None,
+        typer.Option(help="C1, C2 or a configuration; else what the log declares, or C1."),
+    ] = None,
+    axis: Annotated[str | None, typer.Option(help="This axis only.")] = None,
+    evaluate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RECORDING", help="A second recording, on which the errors are measured."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where report, pictures and programs go; else none."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
+    from motorctl.cli.stages import showing_stages
+    from motorctl.insight.belongs import check_belongs
+    from motorctl.insight.diagnosis.document import diagnosis_document
+    from motorctl.insight.diagnosis.next_steps import next_steps, write_programs
+    from motorctl.insight.diagnosis.pipeline import diagnose_recording
+    from motorctl.insight.diagnosis.report import write_report
+    from motorctl.insight.diagnosis.terminal import print_diagnosis
+    from motorctl.insight.fit_models import declared_models, machine_of
+    from motorctl.log import read_recording
+
+    config = None if model in (None, "C1", "C2") else model
+    with showing_stages() as progress:
+        progress("reading", 0.0)
+        read = read_recording(recording, gaps="keep")
+        test = None if evaluate is None else read_recording(evaluate, gaps="keep")
+        models = declared_models(read, model, axis)
+        if (machine := machine_of(read, model)) is not None:
+            check_belongs(read, machine, models)
+        found = diagnose_recording(read, models, progress, test)
+        programs, files = {}, []
+        if out is not None:
+            progress("drawing", 1.0)
+            programs = write_programs(found, out)
+        steps = next_steps(found, config, programs)
+        if out is not None:
+            files = write_report(out, found, steps=steps)
+            files += [path for paths in programs.values() for path in paths if path is not None]
+    if as_json:
+        print(json.dumps(diagnosis_document(found) | {"files": [str(path) for path in files]}))
+        return
+    console = Console()
+    print_diagnosis(console, found, steps)
+    for path in files:
+        console.print(str(path), markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,120 @@
+"""`motorctl refine`: diagnose a recording and write what was found into a configuration."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
+    from motorctl.insight.diagnosis.result import RecordingDiagnosis
+    from motorctl.insight.refine.refinement import Refinement
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command(
+        "refine",
+        epilog="Example: motorctl refine run.parquet --config published_gantry --out refined.yaml",
+    )(_refine)
+
+
+def _refine(
+    recording: Annotated[
+        Path,
+        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
+    ],
+    config: Annotated[
+        str, typer.Option(help="The configuration to refine: a file, or a shipped one's name.")
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="NEW.yaml", help="The refined configuration to write.")
+    ],
+    axis: Annotated[str | None, typer.Option(help="This axis only.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the diagnosis' report goes.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Diagnose a recording; write a configuration with the effects that its model lacks.
+
+    The text of CONFIG is kept but for the models of the axes concerned: effects are added,
+    parameters, bounds and covariances come from the data. NEW.yaml is loaded before it is put in
+    place. Where nothing is missing, parameters change only if that is an improvement.
+    """
+    from motorctl.cli.stages import showing_stages
+    from motorctl.errors import UsageError
+    from motorctl.insight.diagnosis.pipeline import diagnose_recording
+    from motorctl.insight.diagnosis.report import write_report
+    from motorctl.insight.refine.belongs import require_same_machine
+    from motorctl.insight.refine.document import refinement_document
+    from motorctl.insight.refine.refinement import load_machine, refine_config
+    from motorctl.log import read_recording
+
+    if not out.parent.is_dir():
+        raise UsageError(f"{out}: there is no folder {out.parent}")
+    if out.suffix.lower() not in (".yaml", ".yml"):
+        raise UsageError(f"{out}: a configuration is a .yaml file")
+    machine, _ = load_machine(config)
+    with showing_stages() as progress:
+        progress("reading", 0.0)
+        read = read_recording(recording, gaps="keep")
+        names = list(read.axes) if axis is None else [axis]
+        require_same_machine(read, machine, names)
+        models = {name: machine.axes[name].declared for name in names}
+        diagnosis = diagnose_recording(read, models, progress)
+        progress("refining", 1.0)
+        refinement = refine_config(diagnosis, machine.source, out)
+    refinement.write()
+    commands = _commands(recording, refinement)
+    written = []
+    if report is not None:
+        written = write_report(report, diagnosis, config_change=refinement.diff, commands=commands)
+    if as_json:
+        print(json.dumps(refinement_document(diagnosis, refinement, machine, written)))
+        return
+    _print(diagnosis, refinement)
+    for path in written[:1]:
+        print(path)
+    print("next")
+    for command in commands:
+        print(f"  {command}")
+
+
+def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.syntax import Syntax
+
+    from motorctl.insight.refine.header import error_words
+
+    console = Console(highlight=False)
+    for name, axis in refinement.axes.items():
+        console.print(f"[bold]axis {escape(name)}[/bold]")
+        for words in (*axis.done, *(error_words(diagnosis.axes[name]) if axis.changed else ())):
+            console.print(f"  {escape(words)}", soft_wrap=True)
+    for name, why in diagnosis.refused.items():
+        console.print(f"axis {escape(name)} was not diagnosed: {escape(why)}", soft_wrap=True)
+    if console.is_terminal:
+        console.print(Syntax(refinement.diff, "diff", background_color="default"))
+    else:
+        print(refinement.diff)
+    print(refinement.out)
+
+
+def _commands(recording: Path, refinement: Refinement) -> list[str]:
+    """Give what to run next: simulate where that is possible."""
+    out = shlex.quote(str(refinement.out))
+    simulated = refinement.machine.drivers and all(
+        driver.cls.supports_virtual_time for driver in refinement.machine.drivers.values()
+    )
+    if not simulated:
+        return [f"motorctl check {out}", f"motorctl run {out}"]
+    return [
+        f"motorctl check {out}",
+        f"motorctl simulate {out} --log refined.parquet",
+        f"motorctl compare {shlex.quote(str(recording))} refined.parquet",
+    ]

@@ -1,0 +1,1 @@
+"""Find what the declared model does not explain, and trace it to the effect that it lacks."""

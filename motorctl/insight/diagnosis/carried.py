@@ -1,0 +1,46 @@
+"""Which declared effects a recording can carry: the others would fit nothing but noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motorctl.insight.diagnosis.frame import Frame
+from motorctl.insight.diagnosis.hypothesis import Hypothesis
+from motorctl.insight.diagnosis.search import whitened
+from motorctl.model import EffectList
+
+UNSURE = 0.02
+"""Standard error of the input map at the largest command, in parts of the command."""
+
+
+def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+    """Give the declared list without what the recording cannot carry, and why that was dropped.
+
+    The electromagnetic effects bend the input map: where the commands are too small to determine
+    the bend, its parameters take whatever noise and missing effects make of them.
+    """
+    curved = [effect.name for effect in declared.effects if effect.electromagnetic]
+    if not curved:
+        return declared, {}
+    largest = max(float(np.abs(s.command).max()) for s in frame.stretches)
+    if frame.data.command_unit != "V":
+        why = f"the command is in {frame.data.command_unit}, not the voltage that saturates"
+        return declared.without_electromagnetic(), dict.fromkeys(curved, why)
+    bench, noise = whitened(frame, declared, ())
+    hypothesis = Hypothesis(bench)
+    # what noise alone would make uncertain: missing effects are yet to be found
+    variance = hypothesis.solution.covariance * bench.frame.row_variance(noise)
+    bend = np.zeros(len(hypothesis.names))
+    for i, name in enumerate(hypothesis.names):
+        if name in curved:
+            unit = np.zeros(len(declared))
+            unit[[e.full_name(p) for e in declared.effects for p in e.parameters].index(name)] = 1.0
+            bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, unit) - largest
+    error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
+    if error > UNSURE * largest:
+        why = (
+            f"commands of up to {largest:.3g} V do not determine the bend of the input map "
+            f"(its standard error would be {error:.2g} V there)"
+        )
+        return declared.without_electromagnetic(), dict.fromkeys(curved, why)
+    return declared, {}

@@ -1,0 +1,44 @@
+"""How sure one can be of a name: calibrated so that of answers with 0.9, nine in ten are right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+HIGHEST = 0.99
+LOWEST = 0.05
+# Logistic regression on the campaign's cases (`motorctl bench diagnosis`): see `Evidence`.
+INTERCEPT = 1.0
+PER_LEAD = 1.2
+PER_GAIN = 0.45
+PER_UNEXPLAINED = -3.0
+SHARED = 0.5
+"""What is left of it for a name that cannot be told from another one."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a name rests on."""
+
+    gain: float
+    """In held-out log-likelihood."""
+    needed: float
+    """The gain below which nothing is named."""
+    rival_share: float
+    """The best other effect's gain over this one's."""
+    unexplained: float
+    """Part of the explainable error that the whole model leaves, 0 to 1."""
+    indistinguishable: int
+    """How many other effects would do as well."""
+
+
+def confidence(evidence: Evidence) -> float:
+    """Give the probability that the name is right, 0 to 1."""
+    lead = math.log(1.0 / max(evidence.rival_share, 1e-3))
+    strength = math.log(max(evidence.gain / evidence.needed, 1.0))
+    score = INTERCEPT + PER_LEAD * lead + PER_GAIN * strength
+    score += PER_UNEXPLAINED * max(evidence.unexplained, 0.0)
+    sure = 1.0 / (1.0 + math.exp(-score))
+    if evidence.indistinguishable:
+        sure *= SHARED ** min(evidence.indistinguishable, 3)
+    return float(min(max(sure, LOWEST), HIGHEST))

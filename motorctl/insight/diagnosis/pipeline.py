@@ -1,0 +1,107 @@
+"""Diagnose a recording: align, search, judge, and say what follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.insight.diagnosis.assemble import assemble
+from motorctl.insight.diagnosis.carried import carried
+from motorctl.insight.diagnosis.frame import make_frame
+from motorctl.insight.diagnosis.plausible import check_explains, check_motion
+from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.insight.diagnosis.search import both_ways
+from motorctl.insight.diagnosis.testable import coupled_motion
+from motorctl.insight.measured import Measured, check_usable, measured
+from motorctl.log import Recording
+from motorctl.log.recording import Part
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+
+def diagnose_recording(
+    recording: Recording,
+    models: Mapping[str, EffectList],
+    progress: Progress | None = None,
+    evaluate_on: Recording | None = None,
+) -> RecordingDiagnosis:
+    """Diagnose each axis that `models` names; all other axes count as possible causes.
+
+    `evaluate_on` is a second recording of the same machine, on which the errors before and after
+    are measured; without it, a part of this one is held out. progress(what, share) is told what
+    is being done. An axis that cannot be diagnosed is told in the result. Raises DataError where
+    no axis can be.
+    """
+    every = {name: measured(recording, name) for name in recording.axes}
+    axes: dict[str, AxisDiagnosis] = {}
+    refused: dict[str, str] = {}
+    for k, (name, model) in enumerate(models.items()):
+
+        def tell(what: str, name: str = name, k: int = k) -> None:
+            if progress is not None:
+                progress(f"axis {name}: {what}", k / len(models))
+
+        others = {other: data for other, data in every.items() if other != name}
+        test = None if evaluate_on is None else _counterpart(evaluate_on, name)
+        try:
+            axes[name] = diagnose_axis(every[name], model, others, tell, recording.segments, test)
+        except DataError as error:
+            refused[name] = str(error)
+    if not axes:
+        raise DataError("\n".join(refused.values()))
+    if progress is not None:
+        progress("done", 1.0)
+    return RecordingDiagnosis(
+        recording.source,
+        recording.sample_rate_hz,
+        recording.duration_s,
+        axes,
+        refused,
+        recording.notes,
+    )
+
+
+def diagnose_axis(
+    data: Measured,
+    declared: EffectList,
+    others: Mapping[str, Measured] | None = None,
+    tell: Callable[[str], None] | None = None,
+    segments: Mapping[Part, tuple[float, float]] | None = None,
+    test: Measured | None = None,
+) -> AxisDiagnosis:
+    """Diagnose one axis. Raises DataError where the data cannot tell anything."""
+    began = time.monotonic()
+    tell = tell or (lambda _: None)
+    check_usable(data)
+    tell("reading its motion")
+    beside = {n: o for n, o in (others or {}).items() if np.ptp(o.position) > 0.0}
+    slope = slope_of(declared)
+    frame = make_frame(data, beside, slope_s_m=slope)
+    check_motion(data, frame)
+    model, dropped = carried(frame, declared)
+    check_explains(data, frame, model)
+    found = both_ways(frame, model, slope, tell, frozenset(dropped) | coupled_motion(data, frame))
+    tell("judging what was found")
+    parts = {str(part): span for part, span in (segments or {}).items()}
+    return assemble(data, found, model, dropped, parts, test, began)
+
+
+def slope_of(model: EffectList) -> float | None:
+    """Give the slope at rest that the declared friction has; None without friction."""
+    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
+    return float(slopes[0]) if slopes else None
+
+
+def _counterpart(recording: Recording, name: str) -> Measured:
+    if name in recording.axes:
+        return measured(recording, name)
+    if len(recording.axes) == 1:
+        return measured(recording, next(iter(recording.axes)))
+    known = ", ".join(recording.axes)
+    raise DataError(f"{recording.source}: no axis '{name}' to evaluate on; it has: {known}")

@@ -1,0 +1,101 @@
+"""Recordings that cannot be what they are said to be: told plainly, before anything is named."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.insight.diagnosis.frame import Frame, low_pass_response
+from motorctl.insight.diagnosis.hypothesis import Bench, Hypothesis
+from motorctl.insight.diagnosis.score import make_blocks
+from motorctl.insight.fit import fit_axis
+from motorctl.insight.measured import Measured
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+FASTEST = {"m": 50.0, "rad": 20_000.0}
+"""Speeds [unit/s] beyond those of any machine of the kind."""
+HARDEST = {"m": 3_000.0, "rad": 1e7}
+"""Accelerations [unit/s^2] beyond those of any machine of the kind."""
+SMALLEST = {"m": 2e-6, "rad": 2e-6}
+"""Travel that no motion can be told from."""
+SHORTEST_S = 1.0
+FEWEST_CHANGES = 4
+"""Of speed, between rest and half of the usual speed: those of one move there and back."""
+SLOW, QUICK = 0.25, 0.5
+"""Parts of the usual speed between which a change of speed counts."""
+EXPLAINS_ENOUGH = 0.5
+EXPLAINS_NOTHING = 0.9
+"""Share of the squared acceleration that is left: at most the first is good, beyond the second
+the command has nothing to do with the motion."""
+
+
+def check_motion(data: Measured, frame: Frame) -> None:
+    """Raise DataError where travel, speed or acceleration is that of no machine."""
+    unit = data.position_unit
+    x = np.concatenate([s.x for s in frame.stretches])
+    v = np.concatenate([s.v for s in frame.stretches])
+    speed = float(np.percentile(np.abs(v), 99.0))
+    change = np.gradient(v, frame.period_s)
+    acceleration = float(np.percentile(np.abs(change), 99.0))
+    duration = sum(len(s.x) for s in frame.stretches) * frame.period_s
+    if duration < SHORTEST_S:
+        raise DataError(
+            f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
+            "hold a part of it out and test on it"
+        )
+    if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
+        raise DataError(
+            f"{data.place}: it moves at {speed:.3g} {unit}/s and {acceleration:.3g} {unit}/s^2, "
+            f"beyond {FASTEST[unit]:g} {unit}/s or {HARDEST[unit]:g} {unit}/s^2: is the position "
+            f"in {unit}, and the sample rate {data.sample_rate_hz:g} Hz?"
+        )
+    if float(np.ptp(x)) < SMALLEST[unit]:
+        raise DataError(
+            f"{data.place}: it moves over {float(np.ptp(x)):.3g} {unit} alone: is the position "
+            f"in {unit}?"
+        )
+    changes = _changes_of_speed([s.v[:: frame.decimation] for s in frame.stretches])
+    if changes < FEWEST_CHANGES:
+        raise DataError(
+            f"{data.place}: it speeds up or slows down {changes} times alone: that tells inertia, "
+            "friction and what the model lacks from each other no better than chance; record "
+            "moves there and back, at more than one speed and acceleration"
+        )
+
+
+def _changes_of_speed(velocities: list[Array]) -> int:
+    """Count the changes between rest and motion; a reversal is two."""
+    speeds = np.abs(np.concatenate(velocities))
+    usual = float(np.median(speeds[speeds > 0.05 * speeds.max()]))
+    changes = 0
+    for v in velocities:
+        place = np.where(v > QUICK * usual, 1, np.where(v < -QUICK * usual, -1, 0))
+        place = place[(place != 0) | (np.abs(v) < SLOW * usual)]
+        changes += int(np.sum(np.abs(np.diff(place))))
+    return changes
+
+
+def check_explains(data: Measured, frame: Frame, model: EffectList) -> None:
+    """Raise DataError where the command does not drive the position, or not in this direction."""
+    plain = frame.with_response(low_pass_response(frame.band_hz))
+    blocks = make_blocks(plain.rows, plain.row_period_s)
+    hypothesis = Hypothesis(Bench(plain, model, blocks))
+    total = float(hypothesis.bench.left @ hypothesis.bench.left)
+    noise = plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
+    if total < 3.0 * noise:
+        raise DataError(
+            f"{data.place}: only noise: the acceleration below {plain.band_hz:g} Hz does not rise "
+            "above what the position's own noise gives"
+        )
+    left = hypothesis.solution.sse - noise
+    if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
+        return
+    fit_axis(data, model)  # knows the usual mistakes: a reversed sign, exchanged columns
+    if left > EXPLAINS_NOTHING * (total - noise):
+        raise DataError(
+            f"{data.place}: the command explains none of the acceleration; are these the position "
+            "and the command of the same axis, in time with each other?"
+        )

@@ -1,0 +1,139 @@
+"""How much better a model explains rows that it was not fitted to: blocks left out in turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BLOCK_S = 2.0
+FEWEST_BLOCKS = 6
+FOLDS = 3
+"""Groups of blocks that are held out in turn."""
+RIDGE = 1e-13
+"""Once the columns have length one: keeps what is collinear solvable."""
+SMOOTHING = 1e-5
+"""The same for the columns of a spline, many of whose knots few rows may show."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Consecutive rows in blocks; b blocks of at most q rows."""
+
+    count: int
+    length: int
+
+    def split(self, columns: Array) -> Array:
+        """Give columns (p, m) as (b, p, q), zero where the last block is short."""
+        p, m = columns.shape
+        padded = np.zeros((p, self.count * self.length))
+        padded[:, :m] = columns
+        return np.ascontiguousarray(padded.reshape(p, self.count, self.length).swapaxes(0, 1))
+
+
+def make_blocks(rows: int, row_period_s: float, block_s: float = BLOCK_S) -> Blocks:
+    """Choose blocks of about two seconds, but not fewer than six."""
+    count = max(FEWEST_BLOCKS, round(rows * row_period_s / block_s))
+    length = -(-rows // count)
+    return Blocks(-(-rows // length), length)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Products of the columns [X, y] in each block: all that least squares needs."""
+
+    blocks: Blocks
+    columns: Array
+    """(b, p + 1, q), the left side last."""
+    gram: Array
+    """(b, p + 1, p + 1)"""
+    soft: NDArray[np.bool_]
+    """(p,) columns of splines, which are held near zero where rows say little of them."""
+
+    @property
+    def size(self) -> int:
+        """Number of columns on the right side."""
+        return int(self.gram.shape[1]) - 1
+
+
+def make_problem(
+    blocks: Blocks, X: Array, y: Array, soft: NDArray[np.bool_] | None = None
+) -> Problem:
+    """Form the products of X (p, m) and y (m,)."""
+    columns = blocks.split(np.vstack([X, y[None]]))
+    held = np.zeros(len(X), dtype=np.bool_) if soft is None else soft
+    return Problem(blocks, columns, columns @ columns.swapaxes(1, 2), held)
+
+
+def with_columns(problem: Problem, added: Array, soft: bool = False) -> Problem:
+    """Add columns (p2, m) to the right side, before the left one."""
+    extra = problem.blocks.split(added)
+    cross = problem.columns @ extra.swapaxes(1, 2)
+    own = extra @ extra.swapaxes(1, 2)
+    n, p2 = problem.size, len(added)
+    gram = np.empty((len(own), n + p2 + 1, n + p2 + 1))
+    order = [*range(n), n + p2]
+    gram[np.ix_(range(len(own)), order, order)] = problem.gram
+    new = list(range(n, n + p2))
+    gram[np.ix_(range(len(own)), order, new)] = cross
+    gram[np.ix_(range(len(own)), new, order)] = cross.swapaxes(1, 2)
+    gram[np.ix_(range(len(own)), new, new)] = own
+    columns = np.concatenate([problem.columns[:, :n], extra, problem.columns[:, n:]], axis=1)
+    held = np.append(problem.soft, np.full(p2, soft))
+    return Problem(problem.blocks, columns, gram, held)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Least squares over all rows."""
+
+    b: Array
+    """(p,)"""
+    covariance: Array
+    """(p, p) for rows of variance one."""
+    sse: float
+    """Sum of squared residuals."""
+
+
+def solve(problem: Problem) -> Solution:
+    """Fit all rows."""
+    total = problem.gram.sum(axis=0)
+    A, g, scale = _scaled(total)
+    inverse = np.linalg.inv(A + np.diag(np.where(problem.soft, SMOOTHING, RIDGE)))
+    b = inverse @ g
+    sse = float(total[-1, -1] - 2.0 * b @ g + b @ A @ b)
+    return Solution(b / scale, inverse / np.outer(scale, scale), max(sse, 0.0))
+
+
+def held_out_sse(problem: Problem) -> Array:
+    """Give each fold's squared residuals under the fit to all others, (folds,).
+
+    A fold is every third block, so that what only one block shows is not taken for knowledge.
+    """
+    total = problem.gram.sum(axis=0)
+    _, _, scale = _scaled(total)
+    unit = np.append(scale, 1.0)
+    folds = [problem.gram[k::FOLDS].sum(axis=0) for k in range(FOLDS)]
+    gram = np.stack(folds) / np.outer(unit, unit)
+    rest = gram.sum(axis=0) - gram
+    A = rest[:, :-1, :-1] + np.diag(np.where(problem.soft, SMOOTHING, RIDGE))
+    b = np.linalg.solve(A, rest[:, :-1, -1:])
+    own = gram[:, :-1, :-1]
+    fitted = (b.swapaxes(1, 2) @ own @ b)[:, 0, 0]
+    cross = (b.swapaxes(1, 2) @ gram[:, :-1, -1:])[:, 0, 0]
+    return np.asarray(gram[:, -1, -1] - 2.0 * cross + fitted)
+
+
+def _scaled(gram: Array) -> tuple[Array, Array, Array]:
+    diagonal = np.diag(gram)[:-1]
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
+
+
+def residual(problem: Problem, b: Array) -> Array:
+    """Give y - X b at every row, (m',), zeros after the last."""
+    left = problem.columns[:, -1]
+    return np.asarray((left - np.einsum("bpq,p->bq", problem.columns[:, :-1], b)).ravel())

@@ -1,0 +1,1 @@
+"""Refine a configuration from what a diagnosis found, keeping the user's file as it is written."""
