@@ -1,0 +1,94 @@
+"""`motorctl close-loop`: simulate, diagnose, refine and simulate again, until it is good."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class MotionChoice(StrEnum):
+    """What is recorded for diagnosis."""
+
+    OWN = "own"
+    RICH = "rich"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("close-loop", epilog="Example: motorctl close-loop published_gantry --out closed")(
+        _close_loop
+    )
+
+
+def _close_loop(
+    config: Annotated[str, typer.Argument(help="A YAML file, or a shipped configuration's name.")],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where every round is kept, and refined.yaml.")
+    ] = Path("close-loop-out"),
+    rounds: Annotated[int, typer.Option(min=1, max=20, help="At most so many rounds.")] = 4,
+    motion: Annotated[
+        MotionChoice | None,
+        typer.Option(
+            help="What is recorded for diagnosis: by default a rich motion, made within what the "
+            "machine's own programs use; or these programs themselves."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="Length of each simulated motion.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Go round: simulate, diagnose, refine, simulate again, compare, until nothing more is found.
+
+    For machines whose drivers support virtual time. A round counts only where no error becomes
+    larger: of the model, and of the closed loop on the machine's own motion and on one that was
+    not used.
+    """
+    from motorctl.cli.measure_tables import print_measures
+    from motorctl.cli.stages import showing_stages
+    from motorctl.close_loop.document import closed_loop_document, effects_added
+    from motorctl.close_loop.judge import judge
+    from motorctl.close_loop.report import write_reports
+    from motorctl.close_loop.rounds import close_loop
+    from motorctl.close_loop.tables import error_row, tracking_table
+    from motorctl.errors import UsageError
+
+    if duration is not None and not 2.0 <= duration < float("inf"):
+        raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
+    with showing_stages() as progress:
+        loop = close_loop(
+            config,
+            out,
+            rounds=rounds,
+            motion=None if motion is None else motion.value,
+            duration_s=duration,
+            progress=progress,
+        )
+        progress("writing reports", 0.0)
+        page = write_reports(loop)
+    if as_json:
+        print(json.dumps(closed_loop_document(loop) | {"report": str(page)}))
+        return
+    for part in loop.rounds:
+        print(f"round {part.number}")
+        for name, axis in part.diagnosis.axes.items():
+            print(f"  axis {name}: {axis.sentence}")
+            accepted = part.accepted
+            if accepted is not None and name in accepted.refinement.axes:
+                for words in accepted.refinement.axes[name].done[:1]:
+                    print(f"    {words}")
+            for words in part.dropped.get(name, ()):
+                print(f"    left out {words}")
+        for name, why in part.diagnosis.refused.items():
+            print(f"  axis {name} was not diagnosed: {why}")
+    print(f"then: {loop.ended}")
+    print()
+    for name, judgement in judge(loop.first, loop.last).items():
+        print_measures(name, tracking_table(judgement))
+        print(f"  {error_row(judgement)}")
+        print(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
+    print(f"{loop.refined}\n{page}")

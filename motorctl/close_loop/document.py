@@ -1,0 +1,93 @@
+"""The rounds as the JSON document of ``close-loop --json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import astuple
+from typing import Any
+
+from motorctl.close_loop.judge import AxisJudgement, judge
+from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
+from motorctl.insight.compare import ratios
+from motorctl.insight.diagnosis.document import axis_document
+from motorctl.insight.measures import SYMBOLS, Measures
+
+
+def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:
+    """Give the document: what came out, and every round."""
+    return {
+        "config": str(loop.config),
+        "out": str(loop.folder),
+        "refined": str(loop.refined),
+        "ended": loop.ended,
+        "axes": {
+            name: {"effects": list(effects_added(loop, name)), **_judgement(judgement)}
+            for name, judgement in judge(loop.first, loop.last).items()
+        },
+        "rounds": [_round(part) for part in loop.rounds],
+    }
+
+
+def effects_added(loop: ClosedLoop, axis: str) -> tuple[str, ...]:
+    """Name the effects that the axis has gained."""
+    before = loop.first.machine.axes[axis].declared.names
+    return tuple(n for n in loop.last.machine.axes[axis].declared.names if n not in before)
+
+
+def _round(part: Round) -> dict[str, Any]:
+    accepted = part.accepted
+    return {
+        "round": part.number,
+        "folder": str(part.folder),
+        "motion": part.motion,
+        "recording": part.diagnosis.source,
+        "axes": {name: axis_document(axis) for name, axis in part.diagnosis.axes.items()},
+        "refused": dict(part.diagnosis.refused),
+        "attempts": [_attempt(attempt) for attempt in part.attempts],
+        "accepted": None if accepted is None else str(accepted.refinement.out),
+        "left_out": {name: list(words) for name, words in part.dropped.items()},
+    }
+
+
+def _attempt(attempt: Attempt) -> dict[str, Any]:
+    return {
+        "config": str(attempt.refinement.out),
+        "accepted": attempt.accepted,
+        "axes": {
+            name: {
+                "added": list(attempt.refinement.axes[name].added)
+                if name in attempt.refinement.axes
+                else [],
+                "changed": name in attempt.refinement.axes
+                and attempt.refinement.axes[name].changed,
+                **_judgement(judgement),
+            }
+            for name, judgement in attempt.judgements.items()
+        },
+    }
+
+
+def _judgement(judgement: AxisJudgement) -> dict[str, Any]:
+    before, after = judgement.model_error_v
+    return {
+        "accepted": judgement.accepted,
+        "against": list(judgement.against),
+        "model_error": {"unit": "V", "before_rms": _finite(before), "after_rms": _finite(after)},
+        "tracking": {
+            motion: {
+                "before": _measures(first),
+                "after": _measures(second),
+                "ratio": {k: _finite(v) for k, v in ratios(first, second).items()},
+            }
+            for motion, (first, second) in judgement.tracking.items()
+        },
+    }
+
+
+def _measures(measures: Measures) -> Mapping[str, float]:
+    return dict(zip(SYMBOLS, astuple(measures), strict=True))
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

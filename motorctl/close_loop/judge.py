@@ -1,0 +1,92 @@
+"""Whether a changed configuration is better: no error may have become larger."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import astuple, dataclass, replace
+
+from motorctl.close_loop.motion import MotionName
+from motorctl.close_loop.trial import Trial, model_error_v
+from motorctl.insight.measures import SYMBOLS, Measures
+
+MOTION_WORDS: Mapping[MotionName, str] = {
+    "own": "its own motion",
+    "rich": "the rich motion",
+    "unused": "a motion that was not used",
+}
+JUDGED = ("eF", "L2[e]")
+"""Measures of which none may be worse; eM has its own allowance, uM is no error."""
+SPLINE_GAIN = 0.1
+EM_ALLOWANCE = 0.02
+"""The largest error of a run is that of one sample: noise alone changes it by so much,"""
+EM_COUNTS = 1.0
+"""or by so many counts of the encoder."""
+
+
+@dataclass(frozen=True)
+class AxisJudgement:
+    """How one axis did with a changed configuration."""
+
+    axis: str
+    accepted: bool
+    against: tuple[str, ...]
+    """What became worse, in words."""
+    tracking: Mapping[MotionName, tuple[Measures, Measures]]
+    """Before and after on each motion."""
+    model_error_v: tuple[float, float]
+    """Before and after: what the start values leave of the command on the motion that no
+    diagnosis has seen, recorded before the change; rms."""
+
+
+def judge(before: Trial, after: Trial) -> dict[str, AxisJudgement]:
+    """Compare two trials axis by axis."""
+    held_out = before.recordings["unused"]
+    old = model_error_v(before.machine, held_out, before.machine)
+    new = model_error_v(after.machine, held_out, before.machine)
+    return {
+        name: _judged(before, after, name, (old[name], new[name])) for name in before.machine.axes
+    }
+
+
+def without_gain(judgement: AxisJudgement, spline: str) -> AxisJudgement:
+    """Turn a spline without a name down where it gains little: it costs time in every tick."""
+    if not spline or not judgement.accepted or "unused" not in judgement.tracking:
+        return judgement
+    before, after = judgement.tracking["unused"]
+    gain = 1.0 - after.L2_m / before.L2_m if before.L2_m > 0.0 else 0.0
+    if gain >= SPLINE_GAIN:
+        return judgement
+    why = f"{spline} takes no more than {100.0 * max(gain, 0.0):.0f} % off L2[e]"
+    return replace(judgement, accepted=False, against=(why,))
+
+
+def _judged(
+    before: Trial, after: Trial, axis: str, model_errors: tuple[float, float]
+) -> AxisJudgement:
+    tracking = {
+        motion: (measures[axis], after.measures[motion][axis])
+        for motion, measures in before.measures.items()
+        if axis in measures and axis in after.measures.get(motion, {})
+    }
+    count_m = before.machine.axes[axis].encoder.resolution_m
+    against = [f"tripped on {after.tripped}"] if after.tripped else []
+    for motion, (first, second) in tracking.items():
+        against += [
+            f"{words} on {MOTION_WORDS[motion]}" for words in _worse(first, second, count_m)
+        ]
+    old, new = model_errors
+    if new > old or (math.isnan(new) and not math.isnan(old)):
+        against.append(f"model error {old:.4g} -> {new:.4g} V rms on {MOTION_WORDS['unused']}")
+    return AxisJudgement(axis, not against, tuple(against), tracking, model_errors)
+
+
+def _worse(before: Measures, after: Measures, count_m: float) -> Iterator[str]:
+    pairs = dict(zip(SYMBOLS, zip(astuple(before), astuple(after), strict=True), strict=True))
+    for name in JUDGED:
+        first, second = pairs[name]
+        if not second <= first:
+            yield f"{name} {1e6 * first:.4g} -> {1e6 * second:.4g} um"
+    first, second = pairs["eM"]
+    if not second <= first + max(EM_ALLOWANCE * first, EM_COUNTS * count_m):
+        yield f"eM {1e6 * first:.4g} -> {1e6 * second:.4g} um"

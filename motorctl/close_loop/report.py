@@ -1,0 +1,138 @@
+"""The rounds as a page with tables and pictures, and each round's own report."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from motorctl import __version__
+from motorctl.close_loop.document import effects_added
+from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement, judge
+from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
+from motorctl.close_loop.tables import error_row, tracking_table
+from motorctl.errors import UsageError
+from motorctl.insight.compare import Comparison, compare
+from motorctl.insight.diagnosis.report import TrackedAxis, TrackingComparison, write_report
+from motorctl.insight.measures import table_headings
+from motorctl.insight.plots import plot_tracking_error
+
+PAGE = "report.html"
+
+
+def write_reports(loop: ClosedLoop) -> Path:
+    """Write the page of all rounds and a report of each; gives the page.
+
+    Raises UsageError where they cannot be written.
+    """
+    reports = {part.number: _write_round(part) for part in loop.rounds}
+    try:
+        pictures = list(_pictures(loop))
+        environment = Environment(
+            loader=PackageLoader("motorctl.close_loop", "."),
+            autoescape=select_autoescape(),
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        html = environment.get_template(PAGE).render(
+            version=__version__,
+            name=loop.first.machine.name,
+            config=str(loop.config),
+            refined=loop.refined.name,
+            ended=loop.ended,
+            headings=table_headings(),
+            axes=[
+                _axis(loop, name, judged) for name, judged in judge(loop.first, loop.last).items()
+            ],
+            pictures=pictures,
+            rounds=[_round(part, reports[part.number], loop.folder) for part in loop.rounds],
+        )
+        page = loop.folder / PAGE
+        page.write_text(html, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{loop.folder}: cannot be written: {error.strerror}") from error
+    return page
+
+
+def _write_round(part: Round) -> Path:
+    attempt = part.attempts[-1] if part.attempts else None
+    return write_report(
+        part.folder,
+        part.diagnosis,
+        comparison=None if attempt is None else _comparison(attempt),
+        config_change=None if attempt is None else attempt.refinement.diff,
+    )[0]
+
+
+def _comparison(attempt: Attempt) -> TrackingComparison:
+    rows = [
+        TrackedAxis(MOTION_WORDS[motion], name, first, second)
+        for name, judgement in attempt.judgements.items()
+        for motion, (first, second) in judgement.tracking.items()
+    ]
+    return TrackingComparison(tuple(rows))
+
+
+def _pictures(loop: ClosedLoop) -> Iterator[dict[str, str]]:
+    """Draw the tracking error before and after on each motion."""
+    if loop.first is loop.last:
+        return
+    for motion, before in loop.first.recordings.items():
+        compared = compare([before, loop.last.recordings[motion]])
+        runs = [
+            replace(run, label=label)
+            for run, label in zip(compared.runs, ("before", "after"), strict=True)
+        ]
+        comparison = Comparison(tuple(runs), compared.axes)
+        for axis in comparison.axes:
+            if axis not in loop.first.measures[motion]:
+                continue
+            file = loop.folder / f"tracking_error_{axis}_{motion}.png"
+            plot_tracking_error(comparison, axis, file)
+            yield {
+                "title": f"Tracking error of axis {axis} on {MOTION_WORDS[motion]}",
+                "data": base64.b64encode(file.read_bytes()).decode(),
+            }
+
+
+def _axis(loop: ClosedLoop, name: str, judgement: AxisJudgement) -> dict[str, Any]:
+    return {
+        "name": name,
+        "effects": effects_added(loop, name),
+        "groups": tracking_table(judgement),
+        "error": error_row(judgement),
+    }
+
+
+def _round(part: Round, report: Path, folder: Path) -> dict[str, Any]:
+    attempt = part.accepted
+    return {
+        "number": part.number,
+        "motion": MOTION_WORDS[part.motion],
+        "report": report.relative_to(folder).as_posix(),
+        "config": "" if attempt is None else attempt.refinement.out.relative_to(folder).as_posix(),
+        "verdicts": [(name, axis.sentence) for name, axis in part.diagnosis.axes.items()],
+        "refused": list(part.diagnosis.refused.items()),
+        "left_out": [
+            (name, words) for name, all_words in part.dropped.items() for words in all_words
+        ],
+        "axes": []
+        if attempt is None
+        else [
+            {
+                "name": name,
+                "effects": attempt.refinement.axes[name].added
+                if name in attempt.refinement.axes
+                else (),
+                "groups": tracking_table(judgement),
+                "error": error_row(judgement),
+            }
+            for name, judgement in attempt.judgements.items()
+        ],
+        "diff": "" if attempt is None else attempt.refinement.diff,
+    }

@@ -1,0 +1,255 @@
+"""The rounds: diagnose, refine, try out, and go on only with what makes nothing worse."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
+from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
+from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
+from motorctl.config import Machine, load
+from motorctl.errors import UsageError
+from motorctl.insight.diagnosis.pipeline import diagnose_recording
+from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.insight.fit_models import declared_models
+from motorctl.insight.refine.refinement import Refinement, moved_text, refine_config
+from motorctl.log import Recording
+from motorctl.loop.virtual import require_virtual_time
+
+MOST_ATTEMPTS = 4
+"""Within a round: each leaves out more of what was found."""
+MOST_REASONS = 2
+CONFIG = "config.yaml"
+
+Motion = Literal["own", "rich"]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A changed configuration that was tried out."""
+
+    folder: Path
+    refinement: Refinement
+    trial: Trial
+    judgements: Mapping[str, AxisJudgement]
+
+    @property
+    def accepted(self) -> bool:
+        """Tell whether no axis became worse."""
+        return all(judgement.accepted for judgement in self.judgements.values())
+
+
+@dataclass(frozen=True)
+class Round:
+    """One time round the loop."""
+
+    number: int
+    folder: Path
+    motion: Motion
+    diagnosis: RecordingDiagnosis
+    before: Trial
+    attempts: tuple[Attempt, ...]
+    """The last one may be accepted; none where there was nothing to change."""
+    dropped: Mapping[str, tuple[str, ...]]
+    """What was found but left out, by axis, with the reason."""
+
+    @property
+    def accepted(self) -> Attempt | None:
+        """The attempt with which the next round begins."""
+        last = self.attempts[-1] if self.attempts else None
+        return last if last is not None and last.accepted else None
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """All rounds."""
+
+    config: Path
+    folder: Path
+    first: Trial
+    last: Trial
+    rounds: tuple[Round, ...]
+    ended: str
+    """Why there was no further round."""
+    motions: Motions
+
+    @property
+    def refined(self) -> Path:
+        """The configuration that came out."""
+        return self.folder / "refined.yaml"
+
+
+def close_loop(
+    config: str | Path,
+    out: Path,
+    *,
+    rounds: int = 3,
+    motion: Motion | None = None,
+    duration_s: float | None = None,
+    progress: Progress,
+) -> ClosedLoop:
+    """Go round until nothing more is found, nothing of it helps, or the rounds are used up.
+
+    Everything is kept in `out`: a folder for each round with its log, report and configurations,
+    and refined.yaml, the configuration that came out. `motion` is what is recorded for diagnosis:
+    the machine's own or a rich one made within its limits; by default rich, for one move back and
+    forth ties position, velocity, time and command together, and what looks alike is mistaken.
+    duration_s is the length of each run. Raises UsageError where a driver does not support virtual
+    time, RunError where the machine cannot follow its own motion as it is.
+    """
+    machine = load(config)
+    _require_simulation(machine, config)
+    own = bool(machine.followed_programs)
+    chosen: Motion = motion or "rich"
+    if chosen == "own" and not moves_by_itself(machine):
+        still = [name for name, axis in machine.axes.items() if axis.program is None]
+        raise UsageError(
+            f"{machine.source}: --motion own: no program for axis {', '.join(still)} to follow"
+        )
+    names: tuple[MotionName, ...] = ("own", "unused") if own else ("unused",)
+    motions = Motions() if duration_s is None else Motions(duration_s, duration_s)
+    folder = _prepared(out)
+    start = folder / CONFIG
+    start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
+    first, motions = first_trial(start, folder, names, motions, duration_s, progress)
+    current, done, ended = first, [], f"the {rounds} rounds are used up"
+    for number in range(1, rounds + 1):
+        folder = out / f"round_{number}"
+        folder.mkdir(exist_ok=True)
+        recording, motions = _recorded(current, folder, chosen, motions, progress)
+        models = declared_models(recording)
+        held_out = current.recordings["unused"]
+        diagnosis = diagnose_recording(recording, models, progress, held_out)
+        attempts, dropped = _attempts(
+            diagnosis, current, folder, names, motions, duration_s, progress
+        )
+        done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped))
+        accepted = done[-1].accepted
+        if accepted is None:
+            ended = (
+                "nothing of what was found helps without making an error worse"
+                if attempts
+                else "nothing more is found"
+            )
+            break
+        current = accepted.trial
+    refined = out / "refined.yaml"
+    refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
+    return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions)
+
+
+def _attempts(
+    diagnosis: RecordingDiagnosis,
+    before: Trial,
+    folder: Path,
+    names: tuple[MotionName, ...],
+    motions: Motions,
+    duration_s: float | None,
+    progress: Progress,
+) -> tuple[tuple[Attempt, ...], dict[str, tuple[str, ...]]]:
+    """Try what was found; then without what seems to be the reason where an error grew."""
+    attempts: list[Attempt] = []
+    without: dict[str, list[str]] = {}
+    kept: dict[str, str] = {}
+    dropped: dict[str, tuple[str, ...]] = {}
+    while len(attempts) < MOST_ATTEMPTS:
+        place = folder / f"attempt_{len(attempts) + 1}"
+        place.mkdir(exist_ok=True)
+        refinement = refine_config(
+            diagnosis, before.config, place / CONFIG, without=without, kept=kept
+        )
+        if not refinement.changed:
+            place.rmdir()
+            break
+        refinement.write()
+        trial = try_out(refinement.out, place, names, motions, duration_s, progress)
+        judgements = {
+            name: without_gain(judgement, _unnamed(diagnosis, refinement, name))
+            for name, judgement in judge(before, trial).items()
+        }
+        attempts.append(Attempt(place, refinement, trial, judgements))
+        if attempts[-1].accepted:
+            break
+        last = len(attempts) == MOST_ATTEMPTS - 1
+        for axis, why in _offenders(attempts[-1]).items():
+            added = refinement.axes[axis].added
+            weaker = [] if last else _weaker_half(diagnosis.axes[axis], added)
+            if weaker:
+                without.setdefault(axis, []).extend(weaker)
+            else:
+                kept[axis] = f"unchanged; a change was tried and left out: {why}"
+            left_out = ", ".join(weaker or added) or "new start values"
+            dropped[axis] = (*dropped.get(axis, ()), f"{left_out}: {why}")
+    return tuple(attempts), dropped
+
+
+def _unnamed(diagnosis: RecordingDiagnosis, refinement: Refinement, axis: str) -> str:
+    """Name the spline that the axis gains for what has no name; empty where it gains none."""
+    if axis not in refinement.axes:
+        return ""
+    unknown = diagnosis.axes[axis].unknown
+    spline = None if unknown is None or unknown.compensation is None else unknown.compensation.name
+    return spline if spline in refinement.axes[axis].added else ""
+
+
+def _offenders(attempt: Attempt) -> dict[str, str]:
+    """Give the changed axes that became worse; all changed ones where only others did."""
+    changed = [name for name, axis in attempt.refinement.axes.items() if axis.changed]
+    against = {
+        name: "; ".join(judgement.against[:MOST_REASONS])
+        for name, judgement in attempt.judgements.items()
+        if not judgement.accepted
+    }
+    own = {name: against[name] for name in changed if name in against}
+    return own or dict.fromkeys(changed, "; ".join(f"{n}: {why}" for n, why in against.items()))
+
+
+def _weaker_half(found: AxisDiagnosis, added: tuple[str, ...]) -> list[str]:
+    """Name those of the added effects that explain less; none where there is only one."""
+    scores = {effect.name: effect.score for effect in found.effects}
+    # A spline that compensates what has no name goes first.
+    strongest_first = sorted(added, key=lambda name: scores.get(name, -1.0), reverse=True)
+    return strongest_first[-(-len(added) // 2) :]
+
+
+def _recorded(
+    current: Trial, folder: Path, motion: Motion, motions: Motions, progress: Progress
+) -> tuple[Recording, Motions]:
+    """Give the recording that is diagnosed."""
+    if motion == "own":  # was simulated to try the configuration out
+        return current.recordings["own"], motions
+    return record_rich(current.config, folder / "rich.parquet", motions, progress)
+
+
+def _require_simulation(machine: Machine, config: str | Path) -> None:
+    try:
+        require_virtual_time(machine)
+    except UsageError as error:
+        name = shlex.quote(str(config))
+        raise UsageError(
+            f"{error}, so the loop cannot be closed by simulation. On the machine, each round by "
+            "hand:\n"
+            f"  motorctl run {name}                        (follow the programs, then stop)\n"
+            f"  motorctl refine LOG --config {name} --out refined.yaml\n"
+            "  motorctl run refined.yaml\n"
+            "  motorctl compare LOG NEW-LOG               (keep the refined one if it is better)"
+        ) from error
+
+
+def _prepared(out: Path) -> Path:
+    """Give the folder of the start; rounds of an earlier time are removed."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        folder = out / "round_0"
+        if (folder / CONFIG).is_file():
+            for old in out.glob("round_[0-9]*"):
+                shutil.rmtree(old)
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
+    return folder

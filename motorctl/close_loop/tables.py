@@ -1,0 +1,38 @@
+"""Errors before and after, as cells of tables."""
+
+from __future__ import annotations
+
+import math
+
+from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
+from motorctl.insight.compare import ratios
+from motorctl.insight.measures import table_cells
+
+Rows = list[tuple[str, list[str]]]
+
+
+def tracking_table(judgement: AxisJudgement) -> list[Rows]:
+    """Give for each motion the rows before, after and their ratio: a name and its cells."""
+    groups: list[Rows] = []
+    for motion, (before, after) in judgement.tracking.items():
+        ratio = [f"{r:.2f}" if math.isfinite(r) else "–" for r in ratios(before, after).values()]
+        words = MOTION_WORDS[motion]
+        groups.append(
+            [
+                (f"before, on {words}", table_cells(before)),
+                (f"after, on {words}", table_cells(after)),
+                ("before / after", ratio),
+            ]
+        )
+    return groups
+
+
+def error_row(judgement: AxisJudgement) -> str:
+    """Say what the models leave of the command on the motion that was not used."""
+    before, after = judgement.model_error_v
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return "the model error could not be judged on the motion that was not used"
+    return (
+        f"model error on {MOTION_WORDS['unused']}: {before:.3g} → {after:.3g} V rms, "
+        f"with the start values of each configuration"
+    )

@@ -1,0 +1,139 @@
+"""Try a configuration out: simulate its motions, and measure what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from motorctl.close_loop.motion import MotionName, Motions, machine_on
+from motorctl.config import Machine, load
+from motorctl.errors import DataError, RunError, UsageError
+from motorctl.insight.measured import measured
+from motorctl.insight.measures import Measures, measure_recording
+from motorctl.insight.refine.model_error import force_error_rms
+from motorctl.log import Recording, read_recording
+from motorctl.loop.simulation import simulate
+
+GENTLER = 0.7
+MOST_TRIES = 4
+
+Progress = Callable[[str, float], None]
+"""Told what is being done, and the share of it that is."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a configuration did on its own motion and on one that no diagnosis has seen."""
+
+    config: Path
+    machine: Machine
+    recordings: Mapping[MotionName, Recording]
+    measures: Mapping[MotionName, Mapping[str, Measures]]
+    """By motion and axis; an axis that only held its place is not among them."""
+    tripped: str = ""
+    """Why a run ended before its time."""
+
+
+def try_out(
+    config: Path,
+    folder: Path,
+    names: tuple[MotionName, ...],
+    motions: Motions,
+    duration_s: float | None,
+    progress: Progress,
+) -> Trial:
+    """Simulate the motions, logs going into `folder`.
+
+    duration_s ends the machine's own motion early. A run that trips makes a trial with `tripped`.
+    """
+    machine = load(config)
+    recordings: dict[MotionName, Recording] = {}
+    measures: dict[MotionName, Mapping[str, Measures]] = {}
+    tripped = ""
+    for name in names:
+        ready = machine_on(machine, name, motions)
+        log = folder / f"{name}.parquet"
+        try:
+            simulate(
+                ready,
+                log,
+                duration_s=duration_s if name == "own" else None,
+                progress=lambda share, name=name: progress(f"simulating {name} motion", share),  # type: ignore[misc]
+            )
+        except RunError as error:
+            tripped = f"{name} motion: {error}"
+            break
+        recordings[name] = read_recording(log, gaps="keep")
+        measures[name] = {
+            axis: run.measures
+            for axis, run in measure_recording(recordings[name]).items()
+            if ready.axes[axis].program is not None
+        }
+    return Trial(config, machine, recordings, measures, tripped)
+
+
+def first_trial(
+    config: Path,
+    folder: Path,
+    names: tuple[MotionName, ...],
+    motions: Motions,
+    duration_s: float | None,
+    progress: Progress,
+) -> tuple[Trial, Motions]:
+    """Try out the configuration that everything starts from, made motions no harder than it can.
+
+    Raises RunError where it cannot follow its own motion.
+    """
+    for _ in range(MOST_TRIES):
+        trial = try_out(config, folder, names, motions, duration_s, progress)
+        if not trial.tripped or ("own" not in trial.recordings and "own" in names):
+            break
+        motions = replace(motions, effort=GENTLER * motions.effort)
+    if trial.tripped:
+        raise RunError(f"{config}: {trial.tripped}")
+    return trial, motions
+
+
+def record_rich(
+    config: Path, log: Path, motions: Motions, progress: Progress
+) -> tuple[Recording, Motions]:
+    """Simulate the motion that shows most; more gently where the machine cannot follow."""
+    machine = load(config)
+    for left in reversed(range(MOST_TRIES)):
+        try:
+            simulate(
+                machine_on(machine, "rich", motions),
+                log,
+                progress=lambda share: progress("simulating rich motion", share),
+            )
+        except RunError:
+            if not left:
+                raise
+            motions = replace(motions, effort=GENTLER * motions.effort)
+        else:
+            break
+    return read_recording(log, gaps="keep"), motions
+
+
+def model_error_v(
+    machine: Machine, recording: Recording, corrected_by: Machine
+) -> dict[str, float]:
+    """Give what each axis' start values leave of the command of a recording, rms.
+
+    `corrected_by` is the machine that made the recording: the errors of the measurement that it
+    declares are not in the recorded position. NaN where an axis cannot be judged.
+    """
+    found = {}
+    data = {name: measured(recording, name) for name in recording.axes}
+    for name, axis in machine.axes.items():
+        others = {other: data[other] for other in data if other != name}
+        theta = np.array([estimate.initial for estimate in axis.estimates])
+        applied = corrected_by.axes[name].model.names
+        try:
+            found[name] = force_error_rms(data[name], others, axis.model, theta, applied)
+        except (DataError, UsageError):
+            found[name] = float("nan")
+    return found
