@@ -1,4 +1,4 @@
-"""`motorctl simulate` and the demonstration: the same tick in virtual time, logged."""
+"""`motorctl simulate`: the same tick in virtual time, logged."""
 
 from __future__ import annotations
 
@@ -11,11 +11,8 @@ from typer.testing import CliRunner, Result
 
 from motorctl.cli import make_app
 from motorctl.config import load
-from motorctl.demo.story import Story, tell
 from motorctl.errors import RunError, UsageError
-from motorctl.insight.compare import ratios
 from motorctl.insight.measures import measure_recording
-from motorctl.insight.published import TABLES
 from motorctl.log import read_recording
 from motorctl.log.info import describe
 from motorctl.loop.simulation import simulate, with_seed
@@ -106,45 +103,3 @@ def test_a_duration_of_nothing_is_refused_before_anything_is_written(tmp_path: P
     with pytest.raises(UsageError, match="duration"):
         simulate(load(CONFIG), log, duration_s=0.0)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.fixture(scope="module")
-def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
-    return tell(tmp_path_factory.mktemp("demo"), lambda what, share: None)
-
-
-OURS = {  # the prototype's table for the same plants, in um and V
-    "x": {"C1": (65.7, 42.3, 4.04, 9.57), "C2": (36.6, 28.2, 3.46, 9.89)},
-    "y": {"C1": (77.6, 52.6, 8.98, 9.35), "C2": (38.5, 34.9, 7.20, 9.79)},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_compensation_reaches_the_promised_ratios_on_the_published_plants(
-    story: Story, axis: str
-) -> None:
-    c1, c2 = (run.axes[axis].measures for run in story.comparison.runs)
-    ratio = ratios(c1, c2)
-    assert ratio["eM"] >= 1.4
-    assert ratio["eF"] >= 1.4
-    assert ratio["L2[e]"] >= 1.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("axis", ["x", "y"])
-@pytest.mark.parametrize("run", [0, 1])
-def test_measures_lie_within_a_fifth_of_the_prototypes(story: Story, axis: str, run: int) -> None:
-    compared = story.comparison.runs[run]
-    found = compared.axes[axis].measures
-    values = (found.eM_m * 1e6, found.eF_m * 1e6, found.L2_m * 1e6, found.uM_V)
-    assert values == pytest.approx(OURS[axis][compared.label], rel=0.2)
-
-
-@pytest.mark.slow
-def test_the_demonstration_shows_the_published_tables_and_every_picture(story: Story) -> None:
-    page = story.page.read_text()
-    assert f"{TABLES['x']['C1'].eM_m * 1e6:.1f}" in page
-    kinds = {picture.stem.partition("_")[0] for picture in story.pictures}
-    assert kinds == {"tracking", "command", "estimates", "turnaround"}
-    assert page.count("data:image/png;base64,") == len(story.pictures)

@@ -1,13 +1,14 @@
-"""`motorctl demo`: the published experiment on the simulated gantry, no hardware needed."""
+"""`motorctl demo`: the whole story on the simulated gantry, no hardware needed."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
+    from motorctl.demo.story import Story
 
 
 def register(app: typer.Typer) -> None:
@@ -17,37 +18,49 @@ def register(app: typer.Typer) -> None:
 
 def _demo(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where logs, pictures and the page go.")
+        Path,
+        typer.Option(metavar="DIR", help="Where logs, configurations, pictures and the page go."),
     ] = Path("demo-out"),
 ) -> None:
-    """Run C1 and C2 on the published trajectory; print the tables beside the published figures."""
-    from motorctl.cli.measure_tables import print_measures
+    """Run the published experiment; find what its model lacks; add it; run again.
+
+    C1 and C2 on the published trajectory, beside the published figures. Then C2's recordings are
+    diagnosed, what was found is added to the configuration, and the same machine runs again.
+    """
+    from motorctl.cli.stages import showing_stages
     from motorctl.demo.story import tell
-    from motorctl.demo.tables import published_beside_ours, verdict
 
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
-    with bar:
-        tasks: dict[str, int] = {}
-
-        def progress(what: str, share: float) -> None:
-            stage = what.partition(":")[0]
-            if stage not in tasks:
-                for task in tasks.values():
-                    bar.update(task, completed=1.0)  # type: ignore[arg-type]
-                tasks[stage] = bar.add_task(stage, total=1.0)
-            bar.update(tasks[stage], completed=share, description=what)  # type: ignore[arg-type]
-
+    with showing_stages() as progress:
         story = tell(out, progress)
-    for axis in story.comparison.axes:
-        rows = published_beside_ours(story.comparison, axis)
+    _print(story)
+
+
+def _print(story: Story) -> None:
+    from motorctl.cli.measure_tables import print_measures
+    from motorctl.close_loop.judge import judge
+    from motorctl.close_loop.tables import tracking_table
+    from motorctl.demo.tables import (
+        first_sentence,
+        found_beside_plant,
+        gains,
+        published_beside_ours,
+        verdict,
+    )
+
+    print("1. The published experiment: C1 and C2")
+    comparison = story.experiment.comparison
+    for axis in comparison.axes:
+        rows = published_beside_ours(comparison, axis)
         print_measures(axis, [rows[:3], rows[3:]])
-    print()
-    print(verdict(story.comparison))
-    print(f"The whole story with its pictures: {story.page}")
+    print(verdict(comparison))
+    print("\n2. Diagnosed: what the declared model lacks")
+    for axis in comparison.axes:
+        print(f"axis {axis}: {first_sentence(story.loop, axis)}")
+        for name, there, found, _ in found_beside_plant(story.loop, axis):
+            print(f"  {name}\n    found:    {found}\n    is there: {there}")
+    print("\n3. Refined, and run again")
+    for axis, judgement in judge(story.loop.first, story.loop.last).items():
+        print_measures(axis, tracking_table(judgement))
+    print(gains(story.loop))
+    print(f"\nThe whole story with its pictures: {story.page}")
+    print(f"The refined configuration: {story.loop.refined}")

@@ -10,8 +10,23 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from motorctl import __version__
-from motorctl.demo.tables import published_beside_ours, verdict
+from motorctl.close_loop.judge import judge
+from motorctl.close_loop.rounds import ClosedLoop
+from motorctl.close_loop.tables import error_row
+from motorctl.demo.experiment import Experiment
+from motorctl.demo.tables import (
+    before_and_after,
+    first_sentence,
+    found_beside_plant,
+    gains,
+    kept_effects,
+    published_beside_ours,
+    verdict,
+)
+from motorctl.errors import UsageError
 from motorctl.insight.compare import Comparison
+from motorctl.insight.diagnosis.plots import DRAWERS
+from motorctl.insight.measures import table_headings
 from motorctl.insight.published import PAPER, TURNAROUND_S
 from motorctl.loop.simulation import Simulation
 
@@ -24,24 +39,93 @@ TITLES = {
 TEXTS = {
     "estimates": (
         "Dashed lines are the bounds. An estimate that runs into one says that the plant has "
-        "something that the model lacks: here actuator lag and delay, and cogging."
+        "something that the model lacks."
     ),
 }
+
+WORTH_A_PICTURE = 0.1
+"""Part of the explainable error."""
 
 
 def write_page(
     path: Path,
-    comparison: Comparison,
-    simulations: Mapping[str, Simulation],
-    pictures: Sequence[Path],
-) -> Path:
-    """Write the page, pictures inside it; gives its path."""
+    experiment: Experiment,
+    loop: ClosedLoop,
+    report: Path,
+    outcome: Sequence[Path],
+) -> tuple[Path, list[Path]]:
+    """Write the page, pictures inside it; gives it and the pictures it shows.
+
+    `report` is the closed loop's own page, `outcome` the tracking errors of C1, C2 and the refined
+    model. Raises UsageError where it cannot be written.
+    """
     environment = Environment(
         loader=PackageLoader("motorctl.demo", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    tables = [
+    comparison = experiment.comparison
+    shown: list[Path] = []
+
+    def picture(file: Path, title: str, text: str = "") -> dict[str, str]:
+        shown.append(file)
+        data = base64.b64encode(file.read_bytes()).decode()
+        return {"title": title, "text": text, "data": data}
+
+    def experiment_pictures(*kinds: str) -> list[dict[str, str]]:
+        split = [(p, *_kind(p)) for p in experiment.pictures]
+        return [
+            picture(p, TITLES[kind].format(axis=axis), _text(kind, experiment.simulations))
+            for p, kind, axis in split
+            if kind in kinds
+        ]
+
+    seeds = comparison.runs[0].recording.metadata["seed"]
+    try:
+        html = environment.get_template("page.html").render(
+            paper=PAPER,
+            version=__version__,
+            seed=", ".join(str(seed) for seed in seeds.values()),
+            headings=table_headings(),
+            verdict=verdict(comparison),
+            gains=gains(loop),
+            tables=_published_tables(comparison),
+            tracking=experiment_pictures("tracking_error"),
+            axes=[_axis(loop, name, picture) for name in comparison.axes],
+            recorded_s=f"{loop.rounds[0].diagnosis.duration_s:.0f}",
+            changed=loop.first is not loop.last,
+            left_out=[
+                (name, words)
+                for part in loop.rounds
+                for name, dropped in part.dropped.items()
+                for words in dropped
+            ],
+            after=before_and_after(loop),
+            outcome=[
+                picture(p, f"Axis {name}", "C1, C2, and C2 refined, on the published trajectory.")
+                for p, name in zip(outcome, comparison.axes, strict=True)
+            ],
+            unused=[
+                picture(p, f"Axis {name}", "C2 before and after, on moves that no fit has used.")
+                for name in comparison.axes
+                if (p := loop.folder / f"tracking_error_{name}_unused.png").is_file()
+            ],
+            more=experiment_pictures("command", "estimates", "turnaround"),
+            ended=loop.ended,
+            diffs=[part.accepted.refinement.diff for part in loop.rounds if part.accepted],
+            report=report.relative_to(path.parent).as_posix(),
+            refined=loop.refined.relative_to(path.parent).as_posix(),
+        )
+        path.write_text(html, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    return path, shown
+
+
+def _published_tables(comparison: Comparison) -> list[dict[str, Any]]:
+    return [
         {
             "axis": axis,
             "rows": [
@@ -51,31 +135,47 @@ def write_page(
         }
         for axis in comparison.axes
     ]
-    seeds = comparison.runs[0].recording.metadata["seed"]
-    html = environment.get_template("page.html").render(
-        paper=PAPER,
-        version=__version__,
-        seed=", ".join(str(seed) for seed in seeds.values()),
-        verdict=verdict(comparison),
-        tables=tables,
-        pictures=[_picture(p, simulations) for p in pictures],
+
+
+def _axis(loop: ClosedLoop, name: str, picture: Any) -> dict[str, Any]:
+    """Tell what the first diagnosis says of an axis, and what was found and kept in all of them."""
+    told = "What the declared model leaves of the command; below, what is left with what was found."
+    wanted = [("residual", f"Residual of axis {name}", told)]
+    for effect, found in kept_effects(loop, name).items():
+        if found.explained_fraction >= WORTH_A_PICTURE:
+            caption = DRAWERS[effect][1] if effect in DRAWERS else "What it adds to the command."
+            wanted.append((effect, f"{found.effect.title}, axis {name}", caption))
+    pictures = []
+    for what, title, caption in wanted:
+        files = (part.folder / f"{name}_{what}.png" for part in loop.rounds)
+        if file := next((f for f in files if f.is_file()), None):
+            pictures.append(picture(file, title, caption))
+    return {
+        "name": name,
+        "declared": ", ".join(loop.first.machine.axes[name].declared.names),
+        "sentence": first_sentence(loop, name),
+        "found": found_beside_plant(loop, name),
+        "pictures": pictures,
+        "error": error_row(judge(loop.first, loop.last)[name]),
+    }
+
+
+def _kind(path: Path) -> tuple[str, str]:
+    if path.stem in TITLES:
+        return path.stem, ""
+    kind, _, axis = path.stem.rpartition("_")
+    return kind, axis
+
+
+def _text(kind: str, simulations: Mapping[str, Simulation]) -> str:
+    if kind != "turnaround":
+        return TEXTS.get(kind, "")
+    ours = ", ".join(
+        f"{name} {1e6 * run.turnaround['p50_s']:.1f} µs (published "
+        f"{1e6 * TURNAROUND_S[name]:.0f} µs)"
+        for name, run in simulations.items()
     )
-    path.write_text(html, encoding="utf-8")
-    return path
-
-
-def _picture(path: Path, simulations: Mapping[str, Simulation]) -> dict[str, Any]:
-    kind, _, axis = path.stem.rpartition("_") if path.stem not in TITLES else (path.stem, "", "")
-    text = TEXTS.get(kind, "")
-    if kind == "turnaround":
-        ours = ", ".join(
-            f"{name} {1e6 * run.turnaround['p50_s']:.1f} µs (published "
-            f"{1e6 * TURNAROUND_S[name]:.0f} µs)"
-            for name, run in simulations.items()
-        )
-        text = (
-            f"Both axes, read to end of write, while time is virtual. Median: {ours}. "
-            f"For this machine's wall-clock behaviour run motorctl latency."
-        )
-    data = base64.b64encode(path.read_bytes()).decode()
-    return {"title": TITLES[kind].format(axis=axis), "text": text, "data": data}
+    return (
+        f"Both axes, read to end of write, while time is virtual. Median: {ours}. "
+        f"For this machine's wall-clock behaviour run motorctl latency."
+    )

@@ -1,55 +1,62 @@
-"""Run the published experiment with C1 and C2 and compare."""
+"""The whole story: the published experiment, then what the model lacks, found and compensated."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from motorctl.config import load
-from motorctl.config.machine import Controller
+from motorctl.close_loop.report import write_reports
+from motorctl.close_loop.rounds import ClosedLoop, close_loop
+from motorctl.demo.experiment import Experiment, run_experiment
 from motorctl.demo.page import write_page
+from motorctl.errors import UsageError
 from motorctl.insight.compare import Comparison, compare
-from motorctl.insight.plots import plot_comparison, plot_turnaround
-from motorctl.log import read_recording
-from motorctl.loop.simulation import Simulation, simulate
+from motorctl.insight.plots import plot_tracking_error
 
 CONFIG = "published_gantry"
-CONTROLLERS: tuple[Controller, ...] = ("C1", "C2")
+ROUNDS = 1
+REFINED = "C2 refined"
 
 
 @dataclass(frozen=True)
 class Story:
     """What the demonstration found."""
 
-    comparison: Comparison
-    simulations: dict[str, Simulation]
+    experiment: Experiment
+    loop: ClosedLoop
+    outcome: Comparison
+    """C1, C2 and the refined model on the published trajectory."""
     pictures: list[Path]
+    """Every picture on the page."""
     page: Path
 
 
-def tell(out: Path, progress: Callable[[str, float], None]) -> Story:
-    """Run the demonstration, writing logs, pictures and a page into `out`.
+def tell(out: Path, progress: Callable[[str, float], None], config: str = CONFIG) -> Story:
+    """Run the demonstration on a simulated machine; everything that it makes goes into `out`.
 
-    progress(what, share) is told what is being done, and how much of it is.
+    progress(what, share) is told what is being done, and how much of it is. Raises UsageError
+    where `out` cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    simulations: dict[str, Simulation] = {}
-    for controller in CONTROLLERS:
-        doing = f"the published experiment with {controller}"
-        progress(f"{doing}: compiling, where the cache is cold", 0.0)
-        simulations[controller] = simulate(
-            load(CONFIG, controller),
-            out / f"{controller.lower()}.parquet",
-            progress=partial(progress, doing),
-        )
-    progress("comparing", 0.0)
-    recordings = [read_recording(run.log, gaps="keep") for run in simulations.values()]
-    comparison = compare(recordings)
-    pictures = plot_comparison(comparison, out)
-    turnarounds = {name: run.turnaround_s for name, run in simulations.items()}
-    pictures.append(plot_turnaround(turnarounds, out / "turnaround.png"))
-    page = write_page(out / "index.html", comparison, simulations, pictures)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
+    experiment = run_experiment(config, out, progress)
+    loop = close_loop(config, out / "closed_loop", rounds=ROUNDS, progress=progress)
+    progress("writing reports", 0.0)
+    report = write_reports(loop)
+    outcome = _outcome(experiment, loop)
+    shown = [
+        plot_tracking_error(outcome, axis, out / f"outcome_{axis}.png") for axis in outcome.axes
+    ]
+    page, pictures = write_page(out / "index.html", experiment, loop, report, shown)
     progress("done", 1.0)
-    return Story(comparison, simulations, pictures, page)
+    return Story(experiment, loop, outcome, pictures, page)
+
+
+def _outcome(experiment: Experiment, loop: ClosedLoop) -> Comparison:
+    """Set the refined model's run beside those of C1 and C2, on the same trajectory."""
+    runs = experiment.comparison.runs
+    refined = compare([loop.last.recordings["own"]]).runs[0]
+    return Comparison((*runs, replace(refined, label=REFINED)), experiment.comparison.axes)
