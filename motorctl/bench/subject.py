@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from motorctl.bench.figure import Figure, missed
+from motorctl.bench.findings import Findings
 from motorctl.bench.host import host_facts
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.bench.law_figures import law_figures
@@ -14,10 +15,36 @@ from motorctl.bench.tick_figures import tick_figures
 from motorctl.bench.virtual_figures import virtual_figures
 from motorctl.errors import UsageError
 
-Measure = Callable[[Progress], tuple[list[Figure], list[str]]]
+if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
+    from motorctl.bench.diagnosis.campaign import CampaignOptions
 
-SUBJECTS: dict[str, tuple[Measure, ...]] = {"speed": (law_figures, tick_figures, virtual_figures)}
-"""Each subject's parts, measured one after the other."""
+Part = Callable[[Progress], tuple[list[Figure], list[str]]]
+
+SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures)
+"""Measured one after the other."""
+
+
+def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for k, part in enumerate(SPEED):
+        more, remarks = part(part_of(progress, k / len(SPEED), (k + 1) / len(SPEED)))
+        figures += more
+        notes += remarks
+    return Findings(tuple(figures), tuple(notes))
+
+
+def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings:
+    from motorctl.bench.diagnosis.campaign import CampaignOptions
+    from motorctl.bench.diagnosis.subject import diagnosis_findings
+
+    return diagnosis_findings(progress, campaign or CampaignOptions())
+
+
+SUBJECTS: Mapping[str, Callable[[Progress, CampaignOptions | None], Findings]] = {
+    "speed": _speed,
+    "diagnosis": _diagnosis,
+}
 
 
 @dataclass(frozen=True)
@@ -28,6 +55,10 @@ class Result:
     host: dict[str, Any]
     figures: tuple[Figure, ...]
     notes: tuple[str, ...]
+    mistakes: tuple[Mapping[str, str], ...] = ()
+    """Cases that came out wrong: case, truth and answer."""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    """What else the subject tells, as plain data by name."""
 
     @property
     def missed(self) -> list[str]:
@@ -42,19 +73,21 @@ class Result:
             "figures": [figure.document() for figure in self.figures],
             "missed": self.missed,
             "notes": list(self.notes),
+            "mistakes": [dict(row) for row in self.mistakes],
+            **self.data,
         }
 
 
-def measure(subject: str, progress: Progress) -> Result:
-    """Measure a subject. Raises UsageError, naming those there are, for an unknown one."""
+def measure(subject: str, progress: Progress, campaign: CampaignOptions | None = None) -> Result:
+    """Measure a subject; `campaign` is for diagnosis.
+
+    Raises UsageError for an unknown subject, naming those there are, and where the subject takes
+    no such options.
+    """
     if subject not in SUBJECTS:
         raise UsageError(f"there is no bench '{subject}'; there are: {', '.join(SUBJECTS)}")
-    parts = SUBJECTS[subject]
+    if campaign is not None and subject != "diagnosis":
+        raise UsageError(f"bench {subject} takes no cases; they are for bench diagnosis")
     host = host_facts()
-    figures: list[Figure] = []
-    notes: list[str] = []
-    for k, part in enumerate(parts):
-        more, remarks = part(part_of(progress, k / len(parts), (k + 1) / len(parts)))
-        figures += more
-        notes += remarks
-    return Result(subject, host, tuple(figures), tuple(notes))
+    found = SUBJECTS[subject](progress, campaign)
+    return Result(subject, host, found.figures, found.notes, found.mistakes, found.data)

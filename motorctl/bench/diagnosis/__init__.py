@@ -1,0 +1,1 @@
+"""A blind campaign: simulated machines with known causes, diagnosed from their logs alone."""

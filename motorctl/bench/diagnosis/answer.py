@@ -1,0 +1,82 @@
+"""What a diagnosis answered, as far as it is scored."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from motorctl.insight.diagnosis.result import AxisDiagnosis
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause that was named."""
+
+    name: str
+    confidence: float
+    indistinguishable_from: tuple[str, ...] = ()
+
+    @property
+    def may_be(self) -> frozenset[str]:
+        """Every effect that the answer leaves possible in this place."""
+        return frozenset((self.name, *self.indistinguishable_from))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to one case."""
+
+    verdict: str
+    """One of the diagnosis' verdicts; "failed" where there is none."""
+    named: tuple[Named, ...] = ()
+    """Most important first."""
+    untestable: tuple[str, ...] = ()
+    """Effects of which the answer says that this motion cannot show or tell them apart."""
+    depends_on: tuple[str, ...] = ()
+    """What unknown structure depends on."""
+    explained_fraction: float = math.nan
+    """Of the explainable error, on held-out rows."""
+    seconds: float = math.nan
+    """What the diagnosis took by the clock."""
+    processor_s: float = math.nan
+    """The same in processor time, on one thread."""
+    failure: str = ""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All that was named."""
+        return frozenset(named.name for named in self.named)
+
+    def __str__(self) -> str:
+        words = []
+        for named in self.named:
+            twins = "".join(f"|{name}" for name in named.indistinguishable_from)
+            words.append(f"{named.name}{twins} ({named.confidence:.2f})")
+        found = " + ".join(words) or "nothing"
+        if self.failure:
+            return f"failed: {self.failure}"
+        return found if self.verdict == "effect" else f"{self.verdict}, named {found}"
+
+    def document(self) -> dict[str, Any]:
+        """Give it as plain data; None where there is no number."""
+        plain = asdict(self)
+        for key in ("explained_fraction", "seconds", "processor_s"):
+            plain[key] = None if math.isnan(plain[key]) else plain[key]
+        return plain
+
+
+def answer_of(diagnosis: AxisDiagnosis, seconds: float, processor_s: float) -> Answer:
+    """Take what is scored out of a diagnosis."""
+    return Answer(
+        verdict=diagnosis.verdict,
+        named=tuple(
+            Named(effect.name, effect.confidence, tuple(effect.indistinguishable_from))
+            for effect in diagnosis.effects
+        ),
+        untestable=tuple(name for missing in diagnosis.missing for name in missing.effects),
+        depends_on=() if diagnosis.unknown is None else diagnosis.unknown.depends_on,
+        explained_fraction=diagnosis.error.explained_fraction,
+        seconds=seconds,
+        processor_s=processor_s,
+    )
