@@ -239,7 +239,7 @@ def test_peers_are_compared_on_the_cases_that_they_were_given():
         ]
     )
     first = found["one_pysindy_physical"]
-    assert (first.value, first.peer_value, first.ratio) == (100.0, 50.0, 2.0)
+    assert (first.value, first.peer_value) == (100.0, 50.0)
     clean = found["clean_sysidentpy_generic"]
     assert (clean.value, clean.peer_value) == (0.0, 100.0)
     assert found["several_pysindy_generic"].peer_value == 100.0
@@ -411,6 +411,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_run(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_a_tiny_campaign_answers_its_cases(tmp_path):
     chosen = (CaseKey("one", 50_014), CaseKey("clean", 70_000), CaseKey("unknown", 80_002))
     out, logs = tmp_path / "cases.jsonl", tmp_path / "logs"

@@ -253,8 +253,9 @@ def invoke(monkeypatch):
     diagnose.register(app)
 
     def call(answer, *arguments):
-        def search(recording, models, progress=None):
+        def search(recording, models, progress=None, evaluate_on=None):
             assert list(models) == ["x"]
+            assert evaluate_on is None
             progress("searching", 0.5)
             if isinstance(answer, Exception):
                 raise answer
@@ -289,7 +290,8 @@ def test_out_holds_report_pictures_and_programs(invoke, foreign, tmp_path):
     assert f"motorctl program x {out / 'x_motion_for_presliding.yaml'} --wait" in page.text
 
 
-def test_a_configuration_that_gave_the_model_is_the_one_to_refine(invoke, foreign):
+def test_a_configuration_that_gave_the_model_is_the_one_to_refine(invoke, foreign, monkeypatch):
+    monkeypatch.setattr("motorctl.insight.belongs.check_belongs", lambda *_: None)
     diagnosis = bench.recording(x=bench.axis_diagnosis("cogging"))
     told = invoke(diagnosis, foreign, "--model", "published_gantry")
     assert "--config published_gantry --out" in " ".join(told.stdout.split())

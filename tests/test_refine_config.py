@@ -260,6 +260,20 @@ def test_a_spline_compensates_what_has_no_name(log, tmp_path):
     assert known["position_force_knot_3"].upper - known["position_force_knot_3"].lower >= 0.06
 
 
+def test_splines_that_are_too_many_are_left_out_and_told(log, tmp_path):
+    def crowded(_):
+        force = effect("position_force", knots=(0.0, 0.4, 30))
+        friction = effect("position_dependent_friction", knots=(0.0, 0.4, 40))
+        drag = effect("quadratic_drag")
+        return tuple(found(e, np.full(len(e.parameters), 0.01)) for e in (force, friction, drag))
+
+    told = gantry_diagnosis(log, crowded, axes=("x",))
+    refined = refine_config(told, SHIPPED, tmp_path / "n.yaml")
+    added = refined.axes["x"].added
+    assert added == ("position_force", "quadratic_drag")
+    assert "position_dependent_friction is left out" in refined.text
+
+
 def test_what_a_recording_could_not_carry_starts_at_zero(log, tmp_path):
     full = gantry_diagnosis(log, axes=("x",)).axes["x"]
     short = EffectList([e for e in full.declared.effects if e.name != "em_cubic"])

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from motorctl.bench.subject import Result
 
 MISTAKES_SHOWN = 60
+WIDTH_OF_A_FILE = 120
 
 
 class SizeChoice(StrEnum):
@@ -33,7 +34,7 @@ def bench(
     ] = None,
     size: Annotated[
         SizeChoice | None,
-        typer.Option(help="diagnosis: small (ten minutes on two CPUs, the default), or full."),
+        typer.Option(help="diagnosis: small (a quarter of an hour on two CPUs; default), or full."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="diagnosis: the first seed; by default held-out ones.")
@@ -81,6 +82,8 @@ def bench(
         typer.echo(json.dumps(_finite(result.document()), indent=2, allow_nan=False))
         return
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH_OF_A_FILE)
     console.print(host_line(result.host), highlight=False)
     console.print(_table(result))
     for note in result.notes:
@@ -148,7 +151,9 @@ def _table(result: Result) -> Table:
     table.add_column("figure")
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("peer")
-    table.add_column("ratio", justify="right", no_wrap=True)
+    ratios = any(figure.ratio is not None for figure in result.figures)
+    if ratios:
+        table.add_column("ratio", justify="right", no_wrap=True)
     table.add_column("target", justify="right", no_wrap=True)
     table.add_column("met")
     marks = {True: "[green]yes[/green]", False: "[red]no[/red]", None: ""}
@@ -156,11 +161,12 @@ def _table(result: Result) -> Table:
         peer = figure.peer or ""
         if figure.peer_value is not None:
             peer += f": {figure.peer_value:.3g} {figure.unit}"
+        ratio = "" if figure.ratio is None else f"{figure.ratio:.3g}"
         table.add_row(
             figure.title,
             f"{figure.value:.3g} {figure.unit}",
             peer,
-            "" if figure.ratio is None else f"{figure.ratio:.3g}",
+            *([ratio] if ratios else []),
             str(figure.target or ""),
             marks[figure.met],
         )

@@ -23,7 +23,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 CLOSED_LOOPS: dict[Size, int] = {"small": 1, "full": 2}
 """How many cases of each effect are refined and driven."""
 PEER_GROUPS = ("one", "clean", "unknown", "several")
-PEER_CASES: dict[Size, int] = {"small": 6, "full": 34}
+PEER_CASES: dict[Size, int] = {"small": 5, "full": 34}
 """How many cases of each of these groups the peers are given as well."""
 
 

@@ -157,7 +157,6 @@ def _peer_figures(groups: dict[str, list[Outcome]]) -> list[Figure]:
                         unit=PERCENT,
                         peer=name,
                         peer_value=theirs,
-                        ratio=ours / theirs if theirs > 0.0 else None,
                     )
                 )
     return figures

@@ -12,7 +12,7 @@ from motorctl.errors import DataError
 from motorctl.insight.diagnosis.assemble import assemble
 from motorctl.insight.diagnosis.carried import carried
 from motorctl.insight.diagnosis.frame import make_frame
-from motorctl.insight.diagnosis.plausible import check_explains, check_motion
+from motorctl.insight.diagnosis.plausible import check_explains, check_magnitude, check_motion
 from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.insight.diagnosis.search import both_ways
 from motorctl.insight.diagnosis.testable import coupled_motion
@@ -79,6 +79,7 @@ def diagnose_axis(
     began = time.monotonic()
     tell = tell or (lambda _: None)
     check_usable(data)
+    check_magnitude(data)
     tell("reading its motion")
     beside = {n: o for n, o in (others or {}).items() if np.ptp(o.position) > 0.0}
     slope = slope_of(declared)

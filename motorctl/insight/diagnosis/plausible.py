@@ -21,6 +21,7 @@ HARDEST = {"m": 3_000.0, "rad": 1e7}
 """Accelerations [unit/s^2] beyond those of any machine of the kind."""
 SMALLEST = {"m": 2e-6, "rad": 2e-6}
 """Travel that no motion can be told from."""
+LARGEST = 1e9
 SHORTEST_S = 1.0
 FEWEST_CHANGES = 4
 """Of speed, between rest and half of the usual speed: those of one move there and back."""
@@ -30,6 +31,20 @@ EXPLAINS_ENOUGH = 0.5
 EXPLAINS_NOTHING = 0.9
 """Share of the squared acceleration that is left: at most the first is good, beyond the second
 the command has nothing to do with the motion."""
+
+
+def check_magnitude(data: Measured) -> None:
+    """Raise DataError where a column has values that no machine has in any unit."""
+    columns = {"position": data.position, "command": data.command}
+    if data.reference is not None:
+        columns["reference"] = data.reference
+    for name, column in columns.items():
+        largest = float(np.nanmax(np.abs(column[data.usable])))
+        if largest > LARGEST:
+            raise DataError(
+                f"{data.place}: {name} reaches {largest:.3g}; beyond {LARGEST:g} it is that of no "
+                "machine, in any unit"
+            )
 
 
 def check_motion(data: Measured, frame: Frame) -> None:

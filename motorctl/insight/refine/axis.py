@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Axis, Estimate, Machine
 from motorctl.errors import DataError
@@ -19,7 +20,7 @@ from motorctl.insight.refine.admissible import admissible
 from motorctl.insight.refine.header import found_words
 from motorctl.insight.refine.model_error import force_error_rms
 from motorctl.insight.refine.model_text import WantedEffect
-from motorctl.insight.refine.values import estimates_of, sizes_of, with_rounded_options
+from motorctl.insight.refine.values import estimates_of, is_spline, sizes_of, with_rounded_options
 from motorctl.model import Effect, EffectList
 
 COMMENT_WIDTH = 90
@@ -76,7 +77,8 @@ def refine_axis(
     def unchanged(*done: str) -> AxisRefinement:
         return AxisRefinement(name, found.verdict, False, (), current, done, 0.0, before, before)
 
-    model, picked = _model_without(found, without)
+    crowded = _too_many(axis, found, without)
+    model, picked = _model_without(found, {*without, *crowded})
     new = [effect for effect in model.effects if effect.name not in axis.declared.names]
     if found.verdict == "insufficient_data":
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
@@ -96,11 +98,29 @@ def refine_axis(
             f"recording the error would be {after:.3g} V rms instead of {before:.3g}"
         )
     added = tuple(effect.name for effect in new)
+    notes += [
+        f"{spline} is left out: the model would have more than {MOST_PARAMETERS} parameters"
+        for spline in crowded
+    ]
     delay_s = axis.adaptation.input_delay_s if any(e.kind == "command" for e in new) else 0.0
     if delay_s:
         notes.append("adaptation.input_delay_s is 0 now: what was found contains it")
     done = (*_done(found, added, before, after), *notes)
     return AxisRefinement(name, found.verdict, True, added, wanted, done, delay_s, before, after)
+
+
+def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> list[str]:
+    """Name the splines that leave no room for the rest of the model, the largest first."""
+    effects = {effect.name: effect for effect in (*axis.declared.effects, *found.model.effects)}
+    counts = {name: len(e.parameters) for name, e in effects.items() if name not in without}
+    splines = [name for name in counts if is_spline(effects[name])]
+    crowded: list[str] = []
+    for name in sorted(splines, key=counts.__getitem__, reverse=True):
+        if sum(counts.values()) <= MOST_PARAMETERS or name in axis.declared.names:
+            continue
+        del counts[name]
+        crowded.append(name)
+    return crowded
 
 
 def _model_without(
