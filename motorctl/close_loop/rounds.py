@@ -131,16 +131,20 @@ def close_loop(
         done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped))
         accepted = done[-1].accepted
         if accepted is None:
-            ended = (
-                "nothing of what was found helps without making an error worse"
-                if attempts
-                else "nothing more is found"
-            )
+            ended = _why_no_further(done[-1])
             break
         current = accepted.trial
     refined = out / "refined.yaml"
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions)
+
+
+def _why_no_further(last: Round) -> str:
+    if last.attempts:
+        return "nothing of what was found helps without making an error worse"
+    if all(axis.verdict == "complete" for axis in last.diagnosis.axes.values()):
+        return "nothing more is found"
+    return "nothing more is found that a controller could compensate"
 
 
 def _attempts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -45,7 +45,7 @@ UNEXPLAINED_NOISE = 4.0
 BLOCK_S: dict[Side, float] = {"acceleration": 2.0, "command": 0.5}
 """Blocks that are held out in turn: a real machine passes each place but a few times, and in
 long blocks a whole pass would be held out."""
-MOST_ROUNDS = 7
+MOST_ROUNDS = 8
 SETTLING_STEPS = 14
 REFINED = 5
 """Forms that are refined in each round: the best by the scan, and those that come near."""
@@ -154,13 +154,10 @@ def search(
         ]
         if side == "acceleration":
             bench, noise = whitened(frame, declared, added, side, barred)
-        newest = {taken.effect.name}
-        hypothesis = settled(Hypothesis(bench, added).refreshed(), spans, newest)
+        hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, slope_s_m)
         hypothesis = backward(hypothesis, noise, spans)
         added = hypothesis.added
-    if len(added) > 1:
-        hypothesis = backward(settled(hypothesis, spans), noise, spans)
     base = Hypothesis(hypothesis.bench).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
 
@@ -262,17 +259,10 @@ def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
     return bool(np.median(near) > CLEARLY * noise)
 
 
-def settled(
-    hypothesis: Hypothesis, spans: Spans, names: Collection[str] | None = None
-) -> Hypothesis:
-    """Refine the nonlinear options of added effects in turn, the others being fitted too.
-
-    names are the effects whose turn it is; by default all.
-    """
+def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
+    """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
     for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
         for effect in hypothesis.added:
-            if names is not None and effect.name not in names:
-                continue
             rest = hypothesis.without(effect.name)
             form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
             better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)

@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 
 STRUCTURE = 0.08
 """Part of the squared residual that a smooth function must take away to count."""
-RIVAL_SHARE = 0.12
-"""Part of the explainable error that the named effects may leave to a smooth function."""
+RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
+"""Part of the explainable error that the named effects may leave to a smooth function: more where
+a machine is not down to its noise anyway."""
 SURE_BESIDE = 0.3
 """Part of it that named effects must take to be told beside unknown structure."""
 NAMED_ENOUGH = 0.6
@@ -76,7 +77,7 @@ def judge(found: Found) -> Judged:
         if coloured > COLOURED and not noisy:
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
-    if structured and rival_share > RIVAL_SHARE:
+    if structured and rival_share > RIVAL_SHARE[found.final.bench.side]:
         kept = _standing(found, rival, names)
         share = _share_of(found, kept, explainable)
         if share < NAMED_ENOUGH:

@@ -110,14 +110,15 @@ def refine_axis(
 
 
 def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> list[str]:
-    """Name the splines that leave no room for the rest of the model, the largest first."""
+    """Name the splines that leave no room for the rest of the model, what explains least first."""
     effects = {effect.name: effect for effect in (*axis.declared.effects, *found.model.effects)}
     counts = {name: len(e.parameters) for name, e in effects.items() if name not in without}
-    splines = [name for name in counts if is_spline(effects[name])]
+    scores = {effect.name: effect.score for effect in found.effects}
+    new = [name for name in counts if name not in axis.declared.names and is_spline(effects[name])]
     crowded: list[str] = []
-    for name in sorted(splines, key=counts.__getitem__, reverse=True):
-        if sum(counts.values()) <= MOST_PARAMETERS or name in axis.declared.names:
-            continue
+    for name in sorted(new, key=lambda name: scores.get(name, -1.0)):
+        if sum(counts.values()) <= MOST_PARAMETERS:
+            break
         del counts[name]
         crowded.append(name)
     return crowded
