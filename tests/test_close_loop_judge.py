@@ -39,7 +39,7 @@ def trial(recording, measures, share=0.0, tripped=""):
 
 def judged(recording, after, share=0.5, **changes):
     before = trial(recording, BEFORE)
-    return judge(before, trial(recording, after, share, **changes))
+    return judge(before, trial(recording, after, share, **changes), before)
 
 
 def test_a_change_that_makes_nothing_worse_is_accepted(recording):

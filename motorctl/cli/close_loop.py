@@ -51,7 +51,6 @@ def _close_loop(
     from motorctl.cli.measure_tables import print_measures
     from motorctl.cli.stages import showing_stages
     from motorctl.close_loop.document import closed_loop_document, effects_added
-    from motorctl.close_loop.judge import judge
     from motorctl.close_loop.report import write_reports
     from motorctl.close_loop.rounds import close_loop
     from motorctl.close_loop.tables import error_row, tracking_table
@@ -87,7 +86,7 @@ def _close_loop(
             print(f"  axis {name} was not diagnosed: {why}")
     print(f"then: {loop.ended}")
     print()
-    for name, judgement in judge(loop.first, loop.last).items():
+    for name, judgement in loop.overall.items():
         print_measures(name, tracking_table(judgement))
         print(f"  {error_row(judgement)}")
         print(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
 
-from motorctl.close_loop.judge import AxisJudgement, judge
+from motorctl.close_loop.judge import AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.insight.compare import ratios
 from motorctl.insight.diagnosis.document import axis_document
@@ -23,7 +23,7 @@ def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:
         "ended": loop.ended,
         "axes": {
             name: {"effects": list(effects_added(loop, name)), **_judgement(judgement)}
-            for name, judgement in judge(loop.first, loop.last).items()
+            for name, judgement in loop.overall.items()
         },
         "rounds": [_round(part) for part in loop.rounds],
     }

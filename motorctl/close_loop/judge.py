@@ -36,14 +36,19 @@ class AxisJudgement:
     """Before and after on each motion."""
     model_error_v: tuple[float, float]
     """Before and after: what the start values leave of the command on the motion that no
-    diagnosis has seen, recorded before the change; rms."""
+    diagnosis has seen; rms."""
 
 
-def judge(before: Trial, after: Trial) -> dict[str, AxisJudgement]:
-    """Compare two trials axis by axis."""
-    held_out = before.recordings["unused"]
-    old = model_error_v(before.machine, held_out, before.machine)
-    new = model_error_v(after.machine, held_out, before.machine)
+def judge(before: Trial, after: Trial, first: Trial) -> dict[str, AxisJudgement]:
+    """Compare two trials axis by axis.
+
+    Model errors are those on the motion that no diagnosis has seen, as it was recorded at `first`:
+    the same for every round, so that they can be compared from one to the next.
+    """
+    old, new = (
+        model_error_v(trial.machine, first.recordings["unused"], first.machine)
+        for trial in (before, after)
+    )
     return {
         name: _judged(before, after, name, (old[name], new[name])) for name in before.machine.axes
     }

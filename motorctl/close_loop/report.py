@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 from motorctl import __version__
 from motorctl.close_loop.document import effects_added
-from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement, judge
+from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.close_loop.tables import error_row, tracking_table
 from motorctl.errors import UsageError
@@ -46,9 +46,7 @@ def write_reports(loop: ClosedLoop) -> Path:
             refined=loop.refined.name,
             ended=loop.ended,
             headings=table_headings(),
-            axes=[
-                _axis(loop, name, judged) for name, judged in judge(loop.first, loop.last).items()
-            ],
+            axes=[_axis(loop, name, judged) for name, judged in loop.overall.items()],
             pictures=pictures,
             rounds=[_round(part, reports[part.number], loop.folder) for part in loop.rounds],
         )

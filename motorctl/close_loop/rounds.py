@@ -6,6 +6,7 @@ import shlex
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -78,6 +79,11 @@ class ClosedLoop:
     """Why there was no further round."""
     motions: Motions
 
+    @cached_property
+    def overall(self) -> Mapping[str, AxisJudgement]:
+        """Compare the last configuration with the first, axis by axis."""
+        return judge(self.first, self.last, self.first)
+
     @property
     def refined(self) -> Path:
         """The configuration that came out."""
@@ -126,7 +132,7 @@ def close_loop(
         held_out = current.recordings["unused"]
         diagnosis = diagnose_recording(recording, models, progress, held_out)
         attempts, dropped = _attempts(
-            diagnosis, current, folder, names, motions, duration_s, progress
+            diagnosis, current, first, folder, names, motions, duration_s, progress
         )
         done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped))
         accepted = done[-1].accepted
@@ -150,6 +156,7 @@ def _why_no_further(last: Round) -> str:
 def _attempts(
     diagnosis: RecordingDiagnosis,
     before: Trial,
+    first: Trial,
     folder: Path,
     names: tuple[MotionName, ...],
     motions: Motions,
@@ -174,7 +181,7 @@ def _attempts(
         trial = try_out(refinement.out, place, names, motions, duration_s, progress)
         judgements = {
             name: without_gain(judgement, _unnamed(diagnosis, refinement, name))
-            for name, judgement in judge(before, trial).items()
+            for name, judgement in judge(before, trial, first).items()
         }
         attempts.append(Attempt(place, refinement, trial, judgements))
         if attempts[-1].accepted:

@@ -59,7 +59,7 @@ LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
 """Of the squared residual that the model so far leaves."""
 DOWN_TO_NOISE = 1.2
 """Squared residual over that of noise alone: less is not searched for more effects."""
-NOISE_LIKE = 2.0
+NOISE_LIKE = 1.7
 """Less than this counts as noise when the search is judged."""
 BAND_END = 0.85
 AT_END_SHARE = 0.3
