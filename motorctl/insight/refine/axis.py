@@ -116,7 +116,8 @@ def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> lis
     scores = {effect.name: effect.score for effect in found.effects}
     new = [name for name in counts if name not in axis.declared.names and is_spline(effects[name])]
     crowded: list[str] = []
-    for name in sorted(new[::-1], key=lambda name: scores.get(name, -1.0)):
+    # of equals, what was found last goes first
+    for name in sorted(new, key=lambda name: (scores.get(name, -1.0), -new.index(name))):
         if sum(counts.values()) <= MOST_PARAMETERS:
             break
         del counts[name]
