@@ -113,7 +113,7 @@ def test_the_refined_model_stands_beside_c1_and_c2_on_the_same_trajectory(
     stage_story: Story,
 ) -> None:
     assert [run.label for run in stage_story.outcome.runs] == ["C1", "C2", REFINED]
-    before, after = judge(stage_story.loop.first, stage_story.loop.last)["x"].tracking["own"]
+    before, after = stage_story.loop.overall["x"].tracking["own"]
     _, c2, refined = stage_story.outcome.measures("x").values()
     assert (c2, refined) == (before, after)
     assert after.eF_m < before.eF_m

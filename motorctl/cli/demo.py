@@ -37,7 +37,6 @@ def _demo(
 
 def _print(story: Story) -> None:
     from motorctl.cli.measure_tables import print_measures
-    from motorctl.close_loop.judge import judge
     from motorctl.close_loop.tables import tracking_table
     from motorctl.demo.tables import (
         first_sentence,
@@ -59,7 +58,7 @@ def _print(story: Story) -> None:
         for name, there, found, _ in found_beside_plant(story.loop, axis):
             print(f"  {name}\n    found:    {found}\n    is there: {there}")
     print("\n3. Refined, and run again")
-    for axis, judgement in judge(story.loop.first, story.loop.last).items():
+    for axis, judgement in story.loop.overall.items():
         print_measures(axis, tracking_table(judgement))
     print(gains(story.loop))
     print(f"\nThe whole story with its pictures: {story.page}")

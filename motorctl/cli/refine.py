@@ -69,7 +69,7 @@ def _refine(
         progress("refining", 1.0)
         refinement = refine_config(diagnosis, machine.source, out)
     refinement.write()
-    commands = _commands(recording, refinement)
+    commands = _commands(config, refinement)
     written = []
     if report is not None:
         written = write_report(report, diagnosis, config_change=refinement.diff, commands=commands)
@@ -105,16 +105,18 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     print(refinement.out)
 
 
-def _commands(recording: Path, refinement: Refinement) -> list[str]:
-    """Give what to run next: simulate where that is possible."""
+def _commands(config: str, refinement: Refinement) -> list[str]:
+    """Give what to run next: before and after on the same motion, by simulation where possible."""
     out = shlex.quote(str(refinement.out))
     simulated = refinement.machine.drivers and all(
         driver.cls.supports_virtual_time for driver in refinement.machine.drivers.values()
     )
     if not simulated:
         return [f"motorctl check {out}", f"motorctl run {out}"]
+    before = shlex.quote(config)
     return [
         f"motorctl check {out}",
-        f"motorctl simulate {out} --log refined.parquet",
-        f"motorctl compare {shlex.quote(str(recording))} refined.parquet",
+        *([f"motorctl simulate {before} --log before.parquet"] if before != out else []),
+        f"motorctl simulate {out} --log after.parquet",
+        "motorctl compare before.parquet after.parquet",
     ]

@@ -10,7 +10,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from motorctl import __version__
-from motorctl.close_loop.judge import judge
 from motorctl.close_loop.rounds import ClosedLoop
 from motorctl.close_loop.tables import error_row
 from motorctl.demo.experiment import Experiment
@@ -156,7 +155,7 @@ def _axis(loop: ClosedLoop, name: str, picture: Any) -> dict[str, Any]:
         "sentence": first_sentence(loop, name),
         "found": found_beside_plant(loop, name),
         "pictures": pictures,
-        "error": error_row(judge(loop.first, loop.last)[name]),
+        "error": error_row(loop.overall[name]),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from motorctl.close_loop.judge import MOTION_WORDS, judge
+from motorctl.close_loop.judge import MOTION_WORDS
 from motorctl.close_loop.rounds import ClosedLoop
 from motorctl.demo.plant import undeclared_effects
 from motorctl.insight.compare import Comparison, ratios
@@ -84,7 +84,7 @@ def found_beside_plant(loop: ClosedLoop, axis: str) -> list[tuple[str, str, str,
 def before_and_after(loop: ClosedLoop) -> list[tuple[str, str, dict[str, str]]]:
     """Give axis, motion, and each measure before and after, in µm and V."""
     rows = []
-    for axis, judgement in judge(loop.first, loop.last).items():
+    for axis, judgement in loop.overall.items():
         for motion, pair in judgement.tracking.items():
             cells = [table_cells(measures) for measures in pair]
             arrows = [f"{old} → {new}" for old, new in zip(*cells, strict=True)]
@@ -96,7 +96,7 @@ def gains(loop: ClosedLoop) -> str:
     """Put the outcome of the closed loop into one sentence."""
     if loop.first is loop.last:
         return f"Nothing was changed: {loop.ended}."
-    judged = judge(loop.first, loop.last)
+    judged = loop.overall
     own = [_times(axis, j.tracking["own"], "eF") for axis, j in judged.items()]
     unused = [_times(axis, j.tracking["unused"], "L2[e]") for axis, j in judged.items()]
     return (
