@@ -34,10 +34,10 @@ WHAT_IS_RIGHT = {
     "several": "exact set",
     "poor": "right or honest",
 }
-MEDIAN_EXPLAINED = Target("value", ">=", 0.98)
-TENTH_EXPLAINED = Target("value", ">=", 0.9)
+MEDIAN_EXPLAINED = Target("value", ">=", 98.0)
+TENTH_EXPLAINED = Target("value", ">=", 90.0)
 AT_MOST_OVER_ORACLE = Target("value", "<=", 1.3)
-EXCESS_AT_LEAST_HALVED = Target("value", "<=", 0.5)
+EXCESS_AT_LEAST_HALVED = Target("value", "<=", 50.0)
 HALVED = ("flexible_mode",)
 """Effects whose compensation has to halve what they add to the error, no more."""
 
@@ -51,7 +51,9 @@ def campaign_figures(outcomes: Sequence[Outcome]) -> list[Figure]:
     figures += _peer_figures(groups)
     figures += _closed_loop_figures(groups.get("one", []))
     _, error = calibration([(o.truth, o.answer) for o in outcomes])
-    figures.append(Figure("calibration_error", "confidence: calibration error", error, ""))
+    figures.append(
+        Figure("calibration_error", "confidence: calibration error", 100.0 * error, PERCENT)
+    )
     return [*figures, *_time_figures([o for o in outcomes if o.answer.verdict != "failed"])]
 
 
@@ -101,7 +103,7 @@ def _group_figures(name: str, cases: Sequence[Outcome]) -> list[Figure]:
         for word, value, goal in zip(("median", "tenth"), values, goals, strict=True):
             key = f"{name}_explained_{word}"
             words = f"{title}: explained, {word}" + (" percentile" if word == "tenth" else "")
-            figures.append(Figure(key, words, float(value), "", target=goal))
+            figures.append(Figure(key, words, 100.0 * float(value), PERCENT, target=goal))
     return figures
 
 
@@ -178,7 +180,7 @@ def _closed_loop_figures(cases: Sequence[Outcome]) -> list[Figure]:
                 name=f"closed_loop_{effect}",
                 title=f"refined / oracle: {effect} (of {len(loops)})",
                 value=over,
-                unit="",
+                unit="x",
                 target=None if halved else AT_MOST_OVER_ORACLE,
             )
         )
@@ -186,6 +188,8 @@ def _closed_loop_figures(cases: Sequence[Outcome]) -> list[Figure]:
             left = median(float("inf") if loop is None else loop.excess_left for loop in loops)
             title = f"excess left: {effect}"
             figures.append(
-                Figure(f"excess_{effect}", title, left, "", target=EXCESS_AT_LEAST_HALVED)
+                Figure(
+                    f"excess_{effect}", title, 100.0 * left, PERCENT, target=EXCESS_AT_LEAST_HALVED
+                )
             )
     return figures

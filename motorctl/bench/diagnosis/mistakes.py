@@ -35,7 +35,7 @@ def _of_the_loop(outcome: Outcome) -> str:
     if loop is None:
         return ""
     if set(outcome.truth) & set(HALVED):
-        good = EXCESS_AT_LEAST_HALVED.met_by(loop.excess_left)
+        good = EXCESS_AT_LEAST_HALVED.met_by(100.0 * loop.excess_left)
     else:
         good = AT_MOST_OVER_ORACLE.met_by(loop.over_oracle)
     if good:

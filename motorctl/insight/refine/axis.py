@@ -79,6 +79,10 @@ def refine_axis(
 
     crowded = _too_many(axis, found, without)
     model, picked = _model_without(found, {*without, *crowded})
+    # rounded before bounds are made: the range of a parameter may depend on an option
+    model = EffectList(
+        [e if e.name in axis.declared.names else with_rounded_options(e) for e in model.effects]
+    )
     new = [effect for effect in model.effects if effect.name not in axis.declared.names]
     if found.verdict == "insufficient_data":
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
