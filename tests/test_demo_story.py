@@ -173,7 +173,9 @@ def test_the_demonstration_finds_the_cogging_that_no_configuration_declares(stor
 def test_with_what_was_found_the_error_falls_on_both_motions(
     story: Story, axis: str, motion: str
 ) -> None:
-    before, after = judge(story.loop.first, story.loop.last)[axis].tracking[motion]
+    before, after = judge(story.loop.first, story.loop.last, story.loop.first)[axis].tracking[
+        motion
+    ]
     assert after.L2_m < before.L2_m / 1.5
     assert after.eF_m < before.eF_m
 

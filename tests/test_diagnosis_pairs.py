@@ -14,7 +14,7 @@ RICH = [
     ("cogging", "periodic_disturbance", 15),
     ("periodic_disturbance", "cogging", 16),
     ("force_ripple", "cogging", 17),
-    ("cogging", "force_ripple", 20),
+    ("cogging", "force_ripple", 29),
     ("asymmetric_friction", "dead_zone", 18),
     ("dead_zone", "asymmetric_friction", 19),
 ]
@@ -31,6 +31,15 @@ def test_rich_motion_tells_it_from_its_double(tmp_path, effect, rival, seed):
     assert names(found) == [effect]
     assert rival not in found.effects[0].indistinguishable_from
     assert found.effects[0].confidence > 0.8
+
+
+@pytest.mark.slow
+def test_what_does_not_repeat_from_magnet_to_magnet_is_told_beside_the_cogging(tmp_path):
+    case = draw_case(20, effects=("cogging",))
+    assert "aperiodic" in case.truth["cogging"]
+    found = diagnosed(case, tmp_path)
+    assert names(found) == ["cogging", "position_force"]
+    assert any("does not repeat exactly from magnet to magnet" in note for note in found.notes)
 
 
 ONE_SPEED = [(0.95, 0.04, 0.5, 0.3)]

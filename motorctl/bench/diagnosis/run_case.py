@@ -16,7 +16,6 @@ from motorctl.bench.diagnosis.groups import CaseKey, draw
 from motorctl.bench.diagnosis.peers import PeerAnswer, ask_peers
 from motorctl.bench.diagnosis.record import record_case
 from motorctl.bench.diagnosis.score import RULES, Truth
-from motorctl.errors import MotorctlError
 from motorctl.insight.diagnosis.pipeline import diagnose_recording
 from motorctl.insight.diagnosis.result import RecordingDiagnosis
 from motorctl.insight.fit_models import declared_models
@@ -104,7 +103,7 @@ def _run(task: Task, case: Case, scratch: Path) -> Outcome:
                 failure = "there is no diagnosis"
             else:
                 closed = close_loop(case, diagnosis, scratch)
-        except MotorctlError as error:
+        except Exception as error:  # as above
             failure = _words(error)
     return Outcome(
         key=task.key,

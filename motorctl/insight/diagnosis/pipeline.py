@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +91,7 @@ def diagnose_axis(
     found = both_ways(frame, model, slope, tell, frozenset(dropped) | coupled_motion(data, frame))
     tell("judging what was found")
     parts = {str(part): span for part, span in (segments or {}).items()}
-    return assemble(data, found, model, dropped, parts, test, began)
+    return replace(assemble(data, found, model, dropped, parts, test, began), others=beside)
 
 
 def slope_of(model: EffectList) -> float | None:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
+from motorctl.insight.diagnosis.basis import Rivals
 from motorctl.insight.diagnosis.frame import Frame, low_pass_response
 from motorctl.insight.diagnosis.hypothesis import Bench, Hypothesis
-from motorctl.insight.diagnosis.score import make_blocks
+from motorctl.insight.diagnosis.score import make_blocks, solve, with_columns
 from motorctl.insight.fit import fit_axis
 from motorctl.insight.measured import Measured
 from motorctl.model import EffectList
@@ -107,6 +108,12 @@ def check_explains(data: Measured, frame: Frame, model: EffectList) -> None:
         )
     left = hypothesis.solution.sse - noise
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
+        return
+    # a force of the place that outweighs inertia is in the command, not in the acceleration
+    columns = Rivals(plain).columns("position")
+    beside = solve(with_columns(hypothesis.problem, columns, soft=True))
+    taken = float(beside.b[0] ** 2 / beside.covariance[0, 0])
+    if beside.b[0] > 0.0 and taken > EXPLAINS_ENOUGH * (beside.sse - noise + taken):
         return
     fit_axis(data, model)  # knows the usual mistakes: a reversed sign, exchanged columns
     if left > EXPLAINS_NOTHING * (total - noise):

@@ -155,6 +155,8 @@ class AxisDiagnosis:
     error: ModelError
     traces: Traces | None
     """None where nothing could be fitted."""
+    others: Mapping[str, Measured] = field(default_factory=dict)
+    """The recording's other axes that moved."""
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
 

@@ -62,7 +62,7 @@ def keep_axis(
 ) -> AxisRefinement:
     """Leave the model of an axis as it is, and say why."""
     found, current = diagnosis.axes[name], current_model(machine, name)
-    error = _error_of(current, found, diagnosis)
+    error = _error_of(current, found)
     return AxisRefinement(name, found.verdict, False, (), current, why, 0.0, error, error)
 
 
@@ -72,7 +72,7 @@ def refine_axis(
     """Decide on the model of one axis; effects in `without` are left out."""
     found, axis = diagnosis.axes[name], machine.axes[name]
     current = current_model(machine, name)
-    before = _error_of(current, found, diagnosis)
+    before = _error_of(current, found)
 
     def unchanged(*done: str) -> AxisRefinement:
         return AxisRefinement(name, found.verdict, False, (), current, done, 0.0, before, before)
@@ -88,14 +88,14 @@ def refine_axis(
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
     if not new and found.verdict != "complete":
         return unchanged(f"unchanged: {found.sentence}")
-    sizes = sizes_of(model, make_frame(found.data, _others(diagnosis, name)))
+    sizes = sizes_of(model, make_frame(found.data, dict(found.others)))
     fitted = estimates_of(model, found.theta[picked], found.std_error[picked], sizes)
     wanted = _wanted(axis, current, found, model, fitted)
     programs = [p for p in machine.programs.values() if name in p.axes]
     whole = EffectList([part.effect for part in wanted])
     sound, notes = admissible(axis, whole, [e for part in wanted for e in part.estimates], programs)
     wanted = _with_estimates(wanted, sound)
-    after = _error_of(wanted, found, diagnosis)
+    after = _error_of(wanted, found)
     if not new and not after < IMPROVEMENT * before:
         return unchanged(
             "unchanged: nothing beyond noise is missing, and with parameters fitted to this "
@@ -224,21 +224,14 @@ def _absent(estimate: Estimate) -> Estimate:
     return Estimate(nearest, estimate.lower, estimate.upper, estimate.covariance)
 
 
-def _error_of(
-    wanted: tuple[WantedEffect, ...], found: AxisDiagnosis, diagnosis: RecordingDiagnosis
-) -> float:
+def _error_of(wanted: tuple[WantedEffect, ...], found: AxisDiagnosis) -> float:
     """Give the error of a model's start values on the recording; NaN where there is none."""
     model = EffectList([part.effect for part in wanted])
     theta = np.array([e.initial for part in wanted for e in part.estimates])
     try:
-        others = _others(diagnosis, found.data.axis)
-        return force_error_rms(found.data, others, model, theta, found.declared.names)
+        return force_error_rms(found.data, found.others, model, theta, found.declared.names)
     except DataError:
         return float("nan")
-
-
-def _others(diagnosis: RecordingDiagnosis, axis: str) -> dict[str, Any]:
-    return {name: other.data for name, other in diagnosis.axes.items() if name != axis}
 
 
 def _estimates_in(effect: Effect, keys: Mapping[str, Any]) -> tuple[Estimate, ...]:
