@@ -46,7 +46,7 @@ from motorctl.insight.diagnosis.result import (
 from motorctl.insight.diagnosis.score import Problem, solve
 from motorctl.insight.diagnosis.search import LEAST_GAIN, Found, gain
 from motorctl.insight.diagnosis.testable import untestable
-from motorctl.insight.diagnosis.verdict import Judged, depends_on, judge
+from motorctl.insight.diagnosis.verdict import BURST_HZ, BURSTS, Judged, depends_on, judge
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.measured import Measured
 from motorctl.model import Effect, EffectList, effect_class, make_effect
@@ -268,6 +268,12 @@ def _unknown(
         sentence = (
             f"what is left depends on {' and '.join(variables)}: a smooth function of it explains "
             f"{100 * share:.0f} % of the explainable error, and no known effect has its form"
+        )
+    elif judged.bursts > BURSTS:
+        sentence = (
+            f"what is left comes in bursts: {100 * judged.bursts:.0f} % of it below "
+            f"{BURST_HZ:g} Hz lies in moments far above the usual, and no function of position, "
+            "velocity or command explains them"
         )
     else:
         sentence = (

@@ -49,9 +49,11 @@ TELLING = {
     ("flexible_mode", "damping_ratio"),
     ("flexible_mode", "frequency_hz"),
     ("stribeck", "velocity_m_s"),
+    ("stribeck", "exponent"),
     ("presliding", "displacement_m"),
 }
 """Options that mean another effect where they come to the end of their range."""
+ABOVE_ONLY = ("exponent",)
 EDGE = 0.02
 
 
@@ -139,7 +141,10 @@ def measure(hypothesis: Hypothesis, effect: Effect, coarse: bool = False) -> For
     if effect.kind != "command" and not problem.gram[:, -2, -2].any():
         return None
     sse = solve(problem).sse
-    return Form(effect, sse, float(held_out_sse(problem).sum()))
+    held_out = float(held_out_sse(problem).sum())
+    # where held-out rows gain more than the fitted ones, what is there already was badly held
+    least = hypothesis.held_out * sse / max(hypothesis.solution.sse, 1e-300)
+    return Form(effect, sse, max(held_out, least))
 
 
 def by_simplex(
@@ -208,7 +213,8 @@ def at_bound(effect: Effect, spans: Spans) -> bool:
     bounds = option_bounds(type(effect), names, spans)
     for name, (low, high) in zip(names, bounds, strict=True):
         value = float(getattr(effect.options, name))
-        if value > high * (1.0 - EDGE) or (low > 0.0 and value < low * (1.0 + EDGE)):
+        below = low > 0.0 and name not in ABOVE_ONLY
+        if value > high * (1.0 - EDGE) or (below and value < low * (1.0 + EDGE)):
             return True
     return False
 

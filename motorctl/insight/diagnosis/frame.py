@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import lfilter
 
 from motorctl.errors import DataError
@@ -42,6 +43,9 @@ PIECE_S = 3.0
 SHORTEST_S = 0.3
 REST_SPEED = 3.0
 """Velocity noise, in multiples of its rms, that counts as rest."""
+REST_RANGE = 14.0
+"""Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
+within which friction's bristles bend unseen."""
 QUIET_NOISE = 0.03
 """Noise of the velocity that friction depends on, in multiples of 1/slope."""
 NARROWEST_QUIET = 0.3
@@ -144,6 +148,15 @@ class Frame:
         """Give the filtered second difference of the measured position, (m,)."""
         columns = [_second_difference(s.position, self.period_s)[None] for s in self.stretches]
         return np.asarray(self.filtered(columns)[0])
+
+    def smoothed_acceleration(self, bands: float) -> list[Array]:
+        """Give the measured acceleration of each stretch up to `bands` times the band, (N,)."""
+        return [
+            smoothed(
+                _second_difference(s.position, self.period_s), bands * self.band_hz, self.period_s
+            )
+            for s in self.stretches
+        ]
 
     def state(
         self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
@@ -264,6 +277,7 @@ def make_frame(
     shortest = max(int(SHORTEST_S * rate), (2 * trim + 20) * decimation)
     density = position_noise_density(data)
     noise = math.sqrt(density * (2.0 * math.pi) ** 2 * band**3 / 3.0)
+    rms = math.sqrt(0.5 * density * rate)
     quiet_hz = _quiet_band_hz(density, band, slope_s_m)
     stretches, kept = [], []
     for rows in data.stretches(shortest):
@@ -271,7 +285,9 @@ def make_frame(
         stretches.append(stretch)
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True
-        used &= ~_at_rest(stretch.v[::decimation], noise, data.period_s * decimation)
+        resting = np.abs(stretch.v[::decimation]) < REST_SPEED * noise
+        resting |= _stays(stretch.x[::decimation], REST_RANGE * rms, data.period_s * decimation)
+        used &= ~_at_rest(resting, data.period_s * decimation)
         kept.append(used)
     if not stretches or sum(int(k.sum()) for k in kept) < 100:
         raise DataError(
@@ -459,11 +475,18 @@ def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
     return input_columns(effect, u, s.x, s.time_s)
 
 
-def _at_rest(v: Array, noise: float, period_s: float) -> NDArray[np.bool_]:
+def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
+    """Tell where the position stays within a range, hunting included, for about a rest."""
+    size = max(3, round(REST_S / period_s))
+    highest: Array = maximum_filter1d(x, size)
+    lowest: Array = minimum_filter1d(x, size)
+    return np.asarray(highest - lowest < within)
+
+
+def _at_rest(still: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
     """Find the inside of long rests, where friction is no function of velocity."""
-    still = np.abs(v) < REST_SPEED * noise
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
-    result = np.zeros(len(v), dtype=np.bool_)
+    result = np.zeros(len(still), dtype=np.bool_)
     keep = round(REST_EDGE_S / period_s)
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         if (stop - start) * period_s > REST_S + 2 * REST_EDGE_S:

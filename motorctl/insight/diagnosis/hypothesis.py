@@ -184,8 +184,16 @@ class Hypothesis:
         return with_columns(self.problem, columns, is_spline(effect))
 
     def refreshed(self) -> Hypothesis:
-        """Predict the acceleration anew from this hypothesis' own fit."""
-        return Hypothesis(self.bench, self.added, tuple(self.predicted_acceleration()))
+        """Give effects that act on the acceleration the one that this hypothesis predicts.
+
+        With the command on the left it is the measured one, as for inertia itself: what is
+        predicted from the command would explain the command by itself.
+        """
+        if self.bench.side == "command":
+            acceleration = self.bench.frame.smoothed_acceleration(PREDICTED_BAND)
+        else:
+            acceleration = self.predicted_acceleration()
+        return Hypothesis(self.bench, self.added, tuple(acceleration))
 
     def predicted_acceleration(self) -> list[Array]:
         """Give the acceleration that the model gives the recorded command.

@@ -61,7 +61,7 @@ def fit_rows(problem: Problem, chosen: Rows) -> Solution:
     weights = problem.blocks.split(chosen[None].astype(np.float64))
     columns = problem.columns * weights
     gram = columns @ columns.swapaxes(1, 2)
-    return solve(Problem(problem.blocks, columns, gram, problem.soft))
+    return solve(Problem(problem.blocks, columns, gram, problem.soft), problem)
 
 
 def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> Problem:

@@ -50,8 +50,9 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
     for effect in hypothesis.of_kind("measurement"):
         corrected[effect.name] = _with_amplitudes(effect, float(b[start]), float(b[start + 1]))
         start += 2
+    rigid = hypothesis.bench.side == "acceleration"
     for effect in hypothesis.of_kind("state"):
-        if effect.name in RESONANT and effect in hypothesis.added:
+        if effect.name in RESONANT and effect in hypothesis.added and rigid:
             column = columns[effect.name][0]
             corrected[effect.name], b = _as_mode(effect, b, column)
     added = tuple(corrected.get(effect.name, effect) for effect in hypothesis.added)

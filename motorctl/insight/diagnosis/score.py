@@ -98,10 +98,14 @@ class Solution:
     """Sum of squared residuals."""
 
 
-def solve(problem: Problem) -> Solution:
-    """Fit all rows."""
+def solve(problem: Problem, whole: Problem | None = None) -> Solution:
+    """Fit all rows.
+
+    `whole` is the problem of which these rows are a part: what is near zero in them alone, as
+    knots where they hardly come, is then held near zero and not blown up.
+    """
     total = problem.gram.sum(axis=0)
-    A, g, scale = _scaled(total)
+    A, g, scale = _scaled(total, None if whole is None else whole.gram.sum(axis=0))
     inverse = np.linalg.inv(A + np.diag(np.where(problem.soft, SMOOTHING, RIDGE)))
     b = inverse @ g
     sse = float(total[-1, -1] - 2.0 * b @ g + b @ A @ b)
@@ -127,8 +131,8 @@ def held_out_sse(problem: Problem) -> Array:
     return np.asarray(gram[:, -1, -1] - 2.0 * cross + fitted)
 
 
-def _scaled(gram: Array) -> tuple[Array, Array, Array]:
-    diagonal = np.diag(gram)[:-1]
+def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
+    diagonal = np.diag(gram if by is None else by)[:-1]
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
 

@@ -63,10 +63,16 @@ NOISE_LIKE = 1.7
 """Less than this counts as noise when the search is judged."""
 BAND_END = 0.85
 AT_END_SHARE = 0.3
+SHADOW_SHARE = 0.5
+"""Of what is left: an effect that may be another one's shadow takes at least so much."""
+NEAR_MODE = 0.1
+"""Distance of a line from a resonance, as a part of its frequency, that may be its ringing."""
 CLEARLY = 30.0
 """Density of the motion over that of the measurement's noise."""
 LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
 """Of what it leaves above the noise; less where a machine is not down to its noise anyway."""
+AS_GOOD = 0.8
+"""Of the best form's gain: what comes so near is taken where the best is not acceptable."""
 RIVAL_SHARE = 0.3
 """Of the gain of what was taken: what gains less is no rival of it."""
 
@@ -125,23 +131,26 @@ def search(
     progress: Progress | None = None,
     side: Side = "acceleration",
     barred: frozenset[str] = frozenset(),
+    start: tuple[Effect, ...] = (),
 ) -> Found:
-    """Find the effects that the declared model lacks."""
+    """Find the effects that the declared model lacks, beside those to start with."""
     spans = spans_of(frame)
     tell = progress or (lambda _: None)
-    added: tuple[Effect, ...] = ()
+    added = start
     steps: list[Step] = []
     bench, noise = whitened(frame, declared, added, side, barred)
-    hypothesis = Hypothesis(bench).refreshed()
+    hypothesis = Hypothesis(bench, added).refreshed()
+    if added:
+        hypothesis = settled(hypothesis, spans)
     rivals: dict[str, list[type[Effect]]] = {}
     for _ in range(MOST_ROUNDS):
         if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
         forms = ranked(hypothesis, candidates(hypothesis, spans), spans, slope_s_m)
-        taken = next(
-            (form for form in forms[:1] if acceptable(hypothesis, form, noise, spans)), None
-        )
+        best = gain(hypothesis, forms[0].held_out) if forms else 0.0
+        near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD * best]
+        taken = next((f for f in near if acceptable(hypothesis, f, noise, spans)), None)
         steps.append(Step(tuple(forms), hypothesis, taken))
         if taken is None:
             break
@@ -238,12 +247,37 @@ def acceptable(before: Hypothesis, form: Form, noise: float, spans: Spans) -> bo
         faint = frequency > BAND_END * before.bench.frame.band_hz
         if faint or not _moves_at(before, frequency):
             least = AT_END_SHARE
+        if before.held_out < NOISE_LIKE * floor:
+            return False
+    if shadows(before.added, form.effect, spans):
+        least = SHADOW_SHARE
     return bool(
         gain(before, form.held_out) > LEAST_GAIN
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.bench.side] * excess
     )
+
+
+def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
+    """Tell whether an effect has a line of one that is there already: then it may be what that one
+    leaves where its own form is not quite the machine's.
+    """
+    for other in added:
+        if {other.name, effect.name} == {"cogging", "force_ripple"}:
+            apart = np.subtract.outer(_waves(other), _waves(effect))
+            if np.min(np.abs(apart)) < 1.0 / spans.travel_m:
+                return True
+        if {other.name, effect.name} == {"flexible_mode", "periodic_disturbance"}:
+            one, two = (float(e.options.model_dump()["frequency_hz"]) for e in (other, effect))
+            if abs(one - two) < NEAR_MODE * one:
+                return True
+    return False
+
+
+def _waves(effect: Effect) -> Array:
+    options = effect.options.model_dump()
+    return np.array(options["orders"]) / float(options["pitch_m"])
 
 
 def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:

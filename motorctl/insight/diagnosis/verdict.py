@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from motorctl.insight.diagnosis.basis import VARIABLES, Rivals
 from motorctl.insight.diagnosis.hypothesis import Hypothesis
 from motorctl.insight.diagnosis.result import Verdict
 from motorctl.insight.diagnosis.score import held_out_sse, residual, with_columns
-from motorctl.insight.diagnosis.search import NOISE_LIKE, Found
+from motorctl.insight.diagnosis.search import NOISE_LIKE, Found, rival_gains
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.fit_options import Side
 
@@ -24,7 +26,7 @@ RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
 a machine is not down to its noise anyway."""
 SURE_BESIDE = 0.3
 """Part of it that named effects must take to be told beside unknown structure."""
-NAMED_ENOUGH = 0.6
+NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.82}
 """Part of the explainable error that named effects must take to be the answer."""
 LEFT_OVER: dict[Side, float] = {"acceleration": 0.1, "command": 0.3}
 """Part of the explainable error that named effects may leave coloured in time: more where a
@@ -34,6 +36,13 @@ KEPT = 0.3
 COLOURED = 3.0
 """Low-frequency residual over the noise model."""
 LOW_HZ = 20.0
+BURSTS = 0.45
+"""Part of the slow residual that may come in bursts; quantisation alone gives up to a third."""
+BURST_HZ = 30.0
+"""Up to here: the noise of the measurement has little power there."""
+BURST_S = 0.05
+USUAL_POWER = 6.0
+"""Multiples of the usual power in such a time that white noise does not reach."""
 CLEAR_LEAD = 1.15
 """A rival of more variables must gain this much more than one of fewer."""
 
@@ -52,6 +61,8 @@ class Judged:
     named_share: float
     rival_share: float
     coloured: float
+    bursts: float
+    """Part of the slow residual's energy that comes in bursts."""
 
 
 def judge(found: Found) -> Judged:
@@ -60,33 +71,39 @@ def judge(found: Found) -> Judged:
     base, final = found.base.held_out, found.final.held_out
     floor = min(noise, final)
     explainable = max(base - floor, 1e-300)
-    rival, gain = _strongest(found)
+    rival, gain = _strongest(found.rival_gains)
     coloured = low_frequency_excess(found)
+    bursting = bursts(found)
     names = tuple(effect.name for effect in found.final.added)
     named_share = (base - final) / explainable if names else 0.0
     rival_share = max(gain, 0.0) / explainable
+    side = found.final.bench.side
     noisy = final <= NOISE_LIKE * noise
     structured = gain > STRUCTURE * final and not noisy
 
     def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
-        return Judged(verdict, kept, by, explainable, named_share, rival_share, coloured)
+        share = rival_share
+        if verdict == "unknown_structure" and names and not kept:
+            by, gained = _strongest(rival_gains(found.base))
+            share = max(gained, 0.0) / explainable
+            by = by if share > STRUCTURE else None
+        return Judged(verdict, kept, by, explainable, named_share, share, coloured, bursting)
 
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        if coloured > COLOURED and not noisy:
+        if (coloured > COLOURED and not noisy) or bursting > BURSTS:
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
-    if structured and rival_share > RIVAL_SHARE[found.final.bench.side]:
+    if structured and rival_share > RIVAL_SHARE[side]:
         kept = _standing(found, rival, names)
         share = _share_of(found, kept, explainable)
-        if share < NAMED_ENOUGH:
+        if share < NAMED_ENOUGH[side]:
             return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
         return judged("effect", kept, rival)
-    if named_share < NAMED_ENOUGH and not noisy:
+    if named_share < NAMED_ENOUGH[side] and not noisy:
         return judged("unknown_structure", (), rival if structured else None)
-    left_over = LEFT_OVER[found.final.bench.side]
-    if 1.0 - named_share > left_over and coloured > COLOURED and not noisy:
+    if 1.0 - named_share > LEFT_OVER[side] and coloured > COLOURED and not noisy:
         return judged("unknown_structure", (), None)
     return judged("effect", names, None)
 
@@ -102,20 +119,43 @@ def low_frequency_excess(found: Found) -> float:
     return float(np.mean(density[low]) / found.force_noise)
 
 
+def bursts(found: Found) -> float:
+    """Give the part of the slow residual's energy that comes in bursts.
+
+    What no noise of the machine does, and what the counts of an encoder can not: at a steady speed
+    their rounding may fall into the band, but with no more power than rounding has.
+    """
+    hypothesis = found.final
+    frame = hypothesis.bench.frame
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
+    if hypothesis.bench.side == "command":
+        rows = rows * float(hypothesis.b[0])
+    top = min(BURST_HZ, 0.5 * frame.band_hz)
+    slow = signal.sosfiltfilt(
+        signal.butter(4, top, fs=1.0 / frame.row_period_s, output="sos"), rows
+    )
+    window = max(2, round(BURST_S / frame.row_period_s))
+    count = len(slow) // window
+    power = np.mean(slow[: count * window].reshape(count, window) ** 2, axis=1)
+    rounding = (2.0 * np.pi * top) ** 4 * 0.5 * frame.position_noise * frame.data.sample_rate_hz
+    over = np.maximum(power - rounding - USUAL_POWER * float(np.median(power)), 0.0)
+    return float(over.sum() / max(float(power.sum()), 1e-300))
+
+
 def depends_on(rival: str | None) -> tuple[str, ...]:
     """Say which variables a smooth function is one of."""
     return () if rival is None else VARIABLES[rival]
 
 
-def _strongest(found: Found) -> tuple[str | None, float]:
+def _strongest(gains: Mapping[str, float]) -> tuple[str | None, float]:
     """Give the rival that gains most; one of fewer variables where it gains nearly as much."""
     best: str | None = None
-    for name in sorted(found.rival_gains, key=lambda n: len(VARIABLES[n])):
-        gain = found.rival_gains[name]
+    for name in sorted(gains, key=lambda n: len(VARIABLES[n])):
+        gain = gains[name]
         wider = best is not None and len(VARIABLES[name]) > len(VARIABLES[best])
-        if best is None or gain > found.rival_gains[best] * (CLEAR_LEAD if wider else 1.0):
+        if best is None or gain > gains[best] * (CLEAR_LEAD if wider else 1.0):
             best = name
-    return best, 0.0 if best is None else found.rival_gains[best]
+    return best, 0.0 if best is None else gains[best]
 
 
 def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[str, ...]:
