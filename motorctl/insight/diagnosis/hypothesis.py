@@ -31,6 +31,11 @@ MOST_PHYSICAL = 3
 PERIODIC = ("cogging", "force_ripple")
 
 
+REPEAT_STEP_S = 0.01
+LEAST_REPEAT_S = 0.3
+FEWEST_REPEATS = 3
+REPEATED = 0.9
+"""Correlation of the velocity with itself some time later, for a motion that repeats."""
 RESONANT = ("flexible_mode",)
 PREDICTED_BAND = 1.5
 """Band of the predicted acceleration, in multiples of the rows' band."""
@@ -54,6 +59,16 @@ class Bench:
         self.blocks = blocks
         self.left = frame.acceleration()
         self._columns: dict[object, Array] = {}
+
+    @cached_property
+    def declared_held_out(self) -> float:
+        """Squared residuals that the declared model alone leaves of rows held out."""
+        return Hypothesis(self).held_out
+
+    @cached_property
+    def repeats(self) -> bool:
+        """Whether the recording is one move, again and again."""
+        return repeats(self.frame)
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
         """Give the command and the columns of input effects, (1 + p, m)."""
@@ -224,6 +239,21 @@ class Hypothesis:
             # what is beyond the band would be folded into it where columns are formed more coarsely
             predictions.append(smoothed(total, PREDICTED_BAND * frame.band_hz, frame.period_s))
         return predictions
+
+
+def repeats(frame: Frame) -> bool:
+    """Tell whether the velocity is the same again after some time, and again."""
+    longest = max(frame.stretches, key=lambda s: len(s.v))
+    v = longest.v[:: max(1, round(REPEAT_STEP_S / frame.period_s))]
+    size = 2 * len(v)
+    same = np.fft.irfft(np.abs(np.fft.rfft(v, size)) ** 2, size)[: len(v)]
+    power = np.cumsum(v**2)
+    lags = np.arange(int(LEAST_REPEAT_S / REPEAT_STEP_S), len(v) // FEWEST_REPEATS)
+    if len(lags) == 0:
+        return False
+    # the overlapping parts' own energies: first ones without their end, last ones without the start
+    energy = np.sqrt(power[len(v) - 1 - lags] * (power[-1] - power[lags - 1]))
+    return bool(np.max(same[lags] / np.maximum(energy, 1e-300)) > REPEATED)
 
 
 def acceleration_form(b: Array, side: Side) -> Array:

@@ -18,6 +18,11 @@ OVERSAMPLING = 8
 SPEED_BINS = 64
 
 
+PLACES = 40
+LEAST_COVERED = 0.1
+"""Part of the places, over the travel, at which a wave must be slow enough to be seen."""
+
+
 def position_spectrum(frame: Frame, left_over: Array, weight: Array | None) -> tuple[Array, Array]:
     """Give wave numbers [cycles/unit] and the gain in squared residual of a line at each.
 
@@ -43,7 +48,8 @@ def position_spectrum(frame: Frame, left_over: Array, weight: Array | None) -> t
     kappa, line = kappa[used], line[used]
     # linear sharing between cells damps short waves
     line = line / np.sinc(kappa * cell) ** 2
-    return kappa, np.abs(line) ** 2 / np.maximum(_energy(frame, v, w, kappa), 1e-300)
+    gain = np.abs(line) ** 2 / np.maximum(_energy(frame, v, w, kappa), 1e-300)
+    return kappa, np.where(_covered(frame, place / bins, v, kappa) > LEAST_COVERED, gain, 0.0)
 
 
 def time_spectrum(frame: Frame, left_over: Array) -> tuple[Array, Array]:
@@ -90,6 +96,21 @@ def _energy(frame: Frame, v: Array, weight: Array, kappa: Array) -> Array:
     middle = 0.5 * (edges[1:] + edges[:-1])
     passed = frame.response(np.outer(kappa, middle).ravel()).reshape(len(kappa), -1) ** 2
     return np.asarray(0.5 * passed @ mass)
+
+
+def _covered(frame: Frame, place: Array, v: Array, kappa: Array) -> Array:
+    """Give the part of the travel over which waves pass the filter, in effect; place is 0 to 1.
+
+    Short waves pass only where the axis is slow: if that is at the ends of its moves alone, they
+    fit whatever happens there.
+    """
+    index = np.minimum((place * PLACES).astype(int), PLACES - 1)
+    some = np.geomspace(float(kappa[0]), float(kappa[-1]), 24)
+    covered = np.empty(len(some))
+    for k, wave in enumerate(some):
+        energy = np.bincount(index, frame.response(wave * np.abs(v)) ** 2, PLACES)
+        covered[k] = energy.sum() ** 2 / max(float(energy @ energy), 1e-300) / PLACES
+    return np.asarray(np.interp(kappa, some, covered))
 
 
 def _slow(v: Array) -> float:

@@ -65,6 +65,13 @@ BAND_END = 0.85
 AT_END_SHARE = 0.3
 SHADOW_SHARE = 0.5
 """Of what is left: an effect that may be another one's shadow takes at least so much."""
+SMALL_PART = 0.005
+"""Of what the declared model leaves: effects that are not quite of their form leave so much."""
+SMALL_SHARE = 0.35
+"""Of what is left: an effect that takes no more than that small part takes at least so much."""
+REPEATED_SHARE = 0.5
+"""The same for a second effect where one move is repeated: all that is left there repeats too, and
+functions of place, time and speed can each draw a part of it."""
 NEAR_MODE = 0.1
 """Distance of a line from a resonance, as a part of its frequency, that may be its ringing."""
 CLEARLY = 30.0
@@ -73,6 +80,10 @@ LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
 """Of what it leaves above the noise; less where a machine is not down to its noise anyway."""
 AS_GOOD = 0.8
 """Of the best form's gain: what comes so near is taken where the best is not acceptable."""
+AS_WELL = 1.05
+"""Squared residual of one effect over that of two which counts as no worse."""
+TRIES = 2
+"""How often a rival may lose after another effect was added."""
 RIVAL_SHARE = 0.3
 """Of the gain of what was taken: what gains less is no rival of it."""
 
@@ -156,15 +167,13 @@ def search(
             break
         added = (*added, taken.effect)
         best = gain(hypothesis, taken.held_out)
-        rivals[taken.effect.name] = [
-            type(form.effect)
-            for form in forms
-            if form is not taken and gain(hypothesis, form.held_out) > RIVAL_SHARE * best
-        ]
+        near = [f for f in forms if gain(hypothesis, f.held_out) > RIVAL_SHARE * best]
+        rivals[taken.effect.name] = [type(f.effect) for f in near if f is not taken] * TRIES
         if side == "acceleration":
             bench, noise = whitened(frame, declared, added, side, barred)
         hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
-        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m)
+        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name)
+        hypothesis = merged(hypothesis, spans, slope_s_m)
         hypothesis = backward(hypothesis, noise, spans)
         added = hypothesis.added
     base = Hypothesis(hypothesis.bench).refreshed()
@@ -246,11 +255,13 @@ def acceptable(before: Hypothesis, form: Form, noise: float, spans: Spans) -> bo
         # the feedback of the encoder's own noise looks like a resonance where little else moves
         faint = frequency > BAND_END * before.bench.frame.band_hz
         if faint or not _moves_at(before, frequency):
-            least = AT_END_SHARE
-        if before.held_out < NOISE_LIKE * floor:
-            return False
+            least = AT_END_SHARE if before.held_out > NOISE_LIKE * floor else 1.0
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
+    if taken < SMALL_PART * before.bench.declared_held_out:
+        least = max(least, SMALL_SHARE)
+    if before.added and before.bench.side == "acceleration" and before.bench.repeats:
+        least = REPEATED_SHARE
     return bool(
         gain(before, form.held_out) > LEAST_GAIN
         and taken > least * before.held_out
@@ -314,19 +325,41 @@ def sideways(
     rivals: dict[str, list[type[Effect]]],
     spans: Spans,
     slope_s_m: float | None,
+    newest: str,
 ) -> Hypothesis:
-    """Exchange an added effect for one that came near where that now explains more."""
+    """Exchange an added effect for one that came near where that now explains more.
+
+    Not the newest, which has just won. Rivals that lose twice are tried no more.
+    """
     for effect in hypothesis.added:
         present = {e.name for e in hypothesis.added}
         classes = [cls for cls in rivals.get(effect.name, []) if cls.name not in present]
-        if not classes:
+        if not classes or effect.name == newest:
             continue
         rest = hypothesis.without(effect.name)
-        forms = ranked(rest, classes, spans, slope_s_m)
+        forms = ranked(rest, list(dict.fromkeys(classes)), spans, slope_s_m)
         if forms and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01):
             hypothesis = settled(rest.plus(forms[0].effect), spans)
             rivals[forms[0].effect.name] = [type(effect), *classes]
+        else:
+            # each stands in the list as often as it may still be tried
+            rivals[effect.name] = [cls for k, cls in enumerate(classes) if cls in classes[:k]]
     return hypothesis
+
+
+def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hypothesis:
+    """Take a periodic force alone for one beside a spline over position, where it does as well.
+
+    The spline may have come first and taken the periodic force's long waves.
+    """
+    if not {"cogging", "position_force"} <= {e.name for e in hypothesis.added}:
+        return hypothesis
+    cogging = next(e for e in hypothesis.added if e.name == "cogging")
+    rest = hypothesis.without("position_force").without("cogging")
+    forms = ranked(rest, [type(cogging)], spans, slope_s_m)
+    if not forms or forms[0].held_out > hypothesis.held_out * AS_WELL:
+        return hypothesis
+    return settled(rest.plus(forms[0].effect), spans)
 
 
 def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:

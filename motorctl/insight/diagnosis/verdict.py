@@ -92,7 +92,7 @@ def judge(found: Found) -> Judged:
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        if (coloured > COLOURED and not noisy) or bursting > BURSTS:
+        if coloured > COLOURED or bursting > BURSTS:
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
     if structured and rival_share > RIVAL_SHARE[side]:
@@ -101,7 +101,8 @@ def judge(found: Found) -> Judged:
         if share < NAMED_ENOUGH[side]:
             return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
         return judged("effect", kept, rival)
-    if named_share < NAMED_ENOUGH[side] and not noisy:
+    shaped = structured or coloured > COLOURED or bursting > BURSTS
+    if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
         return judged("unknown_structure", (), rival if structured else None)
     if 1.0 - named_share > LEFT_OVER[side] and coloured > COLOURED and not noisy:
         return judged("unknown_structure", (), None)
