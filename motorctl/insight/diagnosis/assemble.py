@@ -45,7 +45,7 @@ from motorctl.insight.diagnosis.result import (
 )
 from motorctl.insight.diagnosis.score import Problem, solve
 from motorctl.insight.diagnosis.search import LEAST_GAIN, Found, gain
-from motorctl.insight.diagnosis.testable import untestable
+from motorctl.insight.diagnosis.testable import JUDGED, untestable
 from motorctl.insight.diagnosis.verdict import BURST_HZ, BURSTS, Judged, depends_on, judge
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.measured import Measured
@@ -79,9 +79,12 @@ def assemble(
     segments: dict[str, tuple[float, float]],
     test: Measured | None,
     began: float,
+    too_plain: str | None = None,
 ) -> AxisDiagnosis:
-    """Put the diagnosis of one axis together."""
+    """Put the diagnosis of one axis together; `too_plain` is why the motion tells nothing."""
     judged = judge(found)
+    if too_plain:
+        judged = replace(judged, verdict="complete", kept=(), rival=None)
     for effect in found.final.added:
         if effect.name not in judged.kept:
             found = replace(found, final=found.final.without(effect.name))
@@ -99,9 +102,12 @@ def assemble(
     effects = _effects(found, values, split, error)
     slope = _slope(declared)
     hidden = untestable(found, slope)
-    missing = _missing(data, found, judged, effects, hidden)
+    missing = _missing(data, found, effects, hidden)
+    if too_plain:
+        program = dict(advise(JUDGED, data, found.spans)) or None
+        missing = (MissingMotion(JUDGED, too_plain, _motion(JUDGED), program),)
     verdict = judged.verdict
-    if verdict == "complete" and hidden:
+    if verdict == "complete" and missing:
         verdict = "insufficient_data"
     if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
         verdict = "insufficient_data"
@@ -114,7 +120,11 @@ def assemble(
         declared=declared,
         dropped=dropped,
         verdict=verdict,
-        sentence=_sentence(verdict, effects, unknown, missing, error, judged),
+        sentence=(
+            f"This motion cannot tell what the model lacks: {too_plain}."
+            if too_plain
+            else _sentence(verdict, effects, unknown, missing, error)
+        ),
         declared_theta=base.theta,
         declared_std_error=base.std_error,
         effects=effects if verdict != "insufficient_data" or judged.verdict != "complete" else (),
@@ -222,7 +232,6 @@ def _evidence(
 def _missing(
     data: Measured,
     found: Found,
-    judged: Judged,
     effects: tuple[FoundEffect, ...],
     hidden: Mapping[str, float],
 ) -> tuple[MissingMotion, ...]:
@@ -292,7 +301,6 @@ def _sentence(
     unknown: UnknownStructure | None,
     missing: tuple[MissingMotion, ...],
     error: ModelError,
-    judged: Judged,
 ) -> str:
     unit = error.unit
     change = (

@@ -289,7 +289,12 @@ def make_frame(
         resting |= _stays(stretch.x[::decimation], REST_RANGE * rms, data.period_s * decimation)
         used &= ~_at_rest(resting, data.period_s * decimation)
         kept.append(used)
-    if not stretches or sum(int(k.sum()) for k in kept) < 100:
+    if stretches and sum(int(k.sum()) for k in kept) < 100:
+        raise DataError(
+            f"{data.place}: only noise: the position hardly ever goes further in {REST_S:g} s than "
+            f"{REST_RANGE * rms:.3g} {data.position_unit}, which its own noise does"
+        )
+    if not stretches:
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
             "a gap; longer motion is needed"

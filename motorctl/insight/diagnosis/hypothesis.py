@@ -36,6 +36,9 @@ LEAST_REPEAT_S = 0.3
 FEWEST_REPEATS = 3
 REPEATED = 0.9
 """Correlation of the velocity with itself some time later, for a motion that repeats."""
+MOVING = 0.1
+TURNS_OF_ONE = 2.5
+"""Turns in a period of one move there and back, at most."""
 RESONANT = ("flexible_mode",)
 PREDICTED_BAND = 1.5
 """Band of the predicted acceleration, in multiples of the rows' band."""
@@ -61,14 +64,23 @@ class Bench:
         self._columns: dict[object, Array] = {}
 
     @cached_property
+    def command_energy(self) -> float:
+        """Sum of squares of the command in the rows, in the units of what is left over."""
+        whole = Hypothesis(self)
+        column = -1 if self.side == "command" else 0
+        command = whole.problem.columns[:, column]
+        scale = 1.0 if self.side == "command" else float(whole.b[0]) ** 2
+        return float(np.sum(command**2)) * scale
+
+    @cached_property
     def declared_held_out(self) -> float:
         """Squared residuals that the declared model alone leaves of rows held out."""
         return Hypothesis(self).held_out
 
     @cached_property
-    def repeats(self) -> bool:
-        """Whether the recording is one move, again and again."""
-        return repeats(self.frame)
+    def repeats_s(self) -> float:
+        """After what time the one move of the recording begins again; 0 where it does not."""
+        return repeats_s(self.frame)
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
         """Give the command and the columns of input effects, (1 + p, m)."""
@@ -241,8 +253,8 @@ class Hypothesis:
         return predictions
 
 
-def repeats(frame: Frame) -> bool:
-    """Tell whether the velocity is the same again after some time, and again."""
+def repeats_s(frame: Frame) -> float:
+    """Give the period [s] of one move, there and back, that is made again and again; else 0."""
     longest = max(frame.stretches, key=lambda s: len(s.v))
     v = longest.v[:: max(1, round(REPEAT_STEP_S / frame.period_s))]
     size = 2 * len(v)
@@ -250,10 +262,20 @@ def repeats(frame: Frame) -> bool:
     power = np.cumsum(v**2)
     lags = np.arange(int(LEAST_REPEAT_S / REPEAT_STEP_S), len(v) // FEWEST_REPEATS)
     if len(lags) == 0:
-        return False
+        return 0.0
     # the overlapping parts' own energies: first ones without their end, last ones without the start
     energy = np.sqrt(power[len(v) - 1 - lags] * (power[-1] - power[lags - 1]))
-    return bool(np.max(same[lags] / np.maximum(energy, 1e-300)) > REPEATED)
+    likeness = same[lags] / np.maximum(energy, 1e-300)
+    inner = (likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:])
+    again = np.flatnonzero(inner & (likeness[1:-1] > REPEATED)) + 1
+    if len(again) == 0:
+        return 0.0
+    way = np.sign(np.where(np.abs(v) > MOVING * np.abs(v).max(), v, 0.0))
+    ways = way[way != 0.0]
+    turns = int(np.sum(np.diff(ways) != 0.0))
+    period_s = float(lags[again[0]]) * REPEAT_STEP_S
+    periods = len(v) * REPEAT_STEP_S / period_s
+    return period_s if turns / periods < TURNS_OF_ONE else 0.0
 
 
 def acceleration_form(b: Array, side: Side) -> Array:

@@ -31,6 +31,8 @@ RIVAL = 0.5
 RIVAL_STEPS = 20
 FAINT = 8.0
 """Squared residual without a lag or delay, over the noise's: less tells them apart from nothing."""
+TOLD_APART = 0.05
+"""Square of a lag times the band's end, at least, for it to be told from a delay."""
 SAME = 0.02
 """Forms whose squared residuals differ by less than this part of it cannot be told apart."""
 
@@ -163,6 +165,10 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             noise = found.final.noise_sse(found.force_noise)
             other_kind = {"input_lag": "input_delay", "input_delay": "input_lag"}.get(effect.name)
             faint = rest.held_out < FAINT * noise
+            # and below this a lag takes too little off the gain to be told from a delay
+            time_s = effect.options.model_dump()["time_s"]
+            top = 2.0 * math.pi * found.final.bench.frame.band_hz
+            faint = faint or (top * time_s) ** 2 < TOLD_APART
             if faint and other_kind and other_kind not in (*same, *present):
                 same.append(other_kind)
         break

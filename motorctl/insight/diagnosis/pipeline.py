@@ -13,9 +13,15 @@ from motorctl.errors import DataError
 from motorctl.insight.diagnosis.assemble import assemble
 from motorctl.insight.diagnosis.carried import carried
 from motorctl.insight.diagnosis.frame import make_frame
-from motorctl.insight.diagnosis.plausible import check_explains, check_magnitude, check_motion
+from motorctl.insight.diagnosis.motion_band import motion_band_hz
+from motorctl.insight.diagnosis.plausible import (
+    check_explains,
+    check_magnitude,
+    check_motion,
+    too_plain,
+)
 from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
-from motorctl.insight.diagnosis.search import both_ways
+from motorctl.insight.diagnosis.search import both_ways, nothing_sought
 from motorctl.insight.diagnosis.testable import coupled_motion
 from motorctl.insight.measured import Measured, check_usable, measured
 from motorctl.log import Recording
@@ -87,11 +93,20 @@ def diagnose_axis(
     frame = make_frame(data, beside, slope_s_m=slope)
     check_motion(data, frame)
     model, dropped = carried(frame, declared)
-    check_explains(data, frame, model)
-    found = both_ways(frame, model, slope, tell, frozenset(dropped) | coupled_motion(data, frame))
+    plain = too_plain(frame)
+    if not plain:
+        check_explains(data, frame, model)
+    band_hz = motion_band_hz(frame, model)
+    if band_hz < frame.band_hz:
+        frame = make_frame(data, beside, band_hz, slope)
+    if plain:
+        found = nothing_sought(frame, model)
+    else:
+        barred = frozenset(dropped) | coupled_motion(data, frame)
+        found = both_ways(frame, model, slope, tell, barred)
     tell("judging what was found")
     parts = {str(part): span for part, span in (segments or {}).items()}
-    return replace(assemble(data, found, model, dropped, parts, test, began), others=beside)
+    return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=beside)
 
 
 def slope_of(model: EffectList) -> float | None:

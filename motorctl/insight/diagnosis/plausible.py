@@ -73,13 +73,18 @@ def check_motion(data: Measured, frame: Frame) -> None:
             f"{data.place}: it moves over {float(np.ptp(x)):.3g} {unit} alone: is the position "
             f"in {unit}?"
         )
+
+
+def too_plain(frame: Frame) -> str | None:
+    """Say why a motion cannot tell inertia, friction and what the model lacks from each other."""
     changes = _changes_of_speed([s.v[:: frame.decimation] for s in frame.stretches])
-    if changes < FEWEST_CHANGES:
-        raise DataError(
-            f"{data.place}: it speeds up or slows down {changes} times alone: that tells inertia, "
-            "friction and what the model lacks from each other no better than chance; record "
-            "moves there and back, at more than one speed and acceleration"
-        )
+    if changes >= FEWEST_CHANGES:
+        return None
+    return (
+        f"the axis speeds up or slows down {changes} times alone, which tells inertia, friction "
+        "and what the model lacks from each other no better than chance: moves there and back, at "
+        "more than one speed and acceleration, would"
+    )
 
 
 def _changes_of_speed(velocities: list[Array]) -> int:

@@ -55,6 +55,9 @@ GROWING = ("cogging", "force_ripple", "flexible_mode", "presliding")
 """What a scan with one line, or with coarse columns, shows only in part."""
 LEAST_GAIN = 60.0
 """In log-likelihood of held-out rows."""
+RELEVANT = 1e-3
+"""Of the command's rms: less than that does not matter to any axis, and no declared form is
+exact to such a degree."""
 LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
 """Of the squared residual that the model so far leaves."""
 DOWN_TO_NOISE = 1.2
@@ -65,6 +68,10 @@ BAND_END = 0.85
 AT_END_SHARE = 0.3
 SHADOW_SHARE = 0.5
 """Of what is left: an effect that may be another one's shadow takes at least so much."""
+SAME_SHARE = 0.9
+"""The same there for a second force over position, and for one over time in step with the move."""
+IN_STEP = 0.05
+"""Of a cycle: how far a disturbance may be from a whole number of cycles in a move's period."""
 SMALL_PART = 0.005
 """Of what the declared model leaves: effects that are not quite of their form leave so much."""
 SMALL_SHARE = 0.35
@@ -82,6 +89,8 @@ AS_GOOD = 0.8
 """Of the best form's gain: what comes so near is taken where the best is not acceptable."""
 AS_WELL = 1.05
 """Squared residual of one effect over that of two which counts as no worse."""
+NEARLY = 0.05
+"""Part of what both take that one of them may leave, where one move is repeated."""
 TRIES = 2
 """How often a rival may lose after another effect was added."""
 RIVAL_SHARE = 0.3
@@ -180,6 +189,13 @@ def search(
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
 
 
+def nothing_sought(frame: Frame, declared: EffectList) -> Found:
+    """Fit the declared model alone, for a motion that tells no effects apart."""
+    bench, noise = whitened(frame, declared, ())
+    base = Hypothesis(bench).refreshed()
+    return Found(base, base, (), spans_of(frame), noise, {})
+
+
 def both_ways(
     frame: Frame,
     declared: EffectList,
@@ -260,14 +276,23 @@ def acceptable(before: Hypothesis, form: Form, noise: float, spans: Spans) -> bo
         least = SHADOW_SHARE
     if taken < SMALL_PART * before.bench.declared_held_out:
         least = max(least, SMALL_SHARE)
-    if before.added and before.bench.side == "acceleration" and before.bench.repeats:
-        least = REPEATED_SHARE
+    if before.added and before.bench.repeats_s:
+        if _repeats_with(before, form.effect):
+            least = SAME_SHARE
+        elif before.bench.side == "acceleration":
+            least = REPEATED_SHARE
     return bool(
         gain(before, form.held_out) > LEAST_GAIN
+        and (form.effect.kind == "measurement" or taken > relevant_part(before.bench))
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.bench.side] * excess
     )
+
+
+def relevant_part(bench: Bench) -> float:
+    """Give the squared residual below which nothing matters."""
+    return RELEVANT**2 * bench.command_energy
 
 
 def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
@@ -284,6 +309,16 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
             if abs(one - two) < NEAR_MODE * one:
                 return True
     return False
+
+
+def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
+    """Tell whether an effect repeats with the one move as what is there already does."""
+    if {"cogging", "position_force"} <= {effect.name, *(e.name for e in before.added)}:
+        return True
+    if effect.name != "periodic_disturbance":
+        return False
+    cycles = float(effect.options.model_dump()["frequency_hz"]) * before.bench.repeats_s
+    return abs(cycles - round(cycles)) < IN_STEP
 
 
 def _waves(effect: Effect) -> Array:
@@ -357,7 +392,10 @@ def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hyp
     cogging = next(e for e in hypothesis.added if e.name == "cogging")
     rest = hypothesis.without("position_force").without("cogging")
     forms = ranked(rest, [type(cogging)], spans, slope_s_m)
-    if not forms or forms[0].held_out > hypothesis.held_out * AS_WELL:
+    enough = hypothesis.held_out * AS_WELL
+    if hypothesis.bench.repeats_s:
+        enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
+    if not forms or forms[0].held_out > enough:
         return hypothesis
     return settled(rest.plus(forms[0].effect), spans)
 

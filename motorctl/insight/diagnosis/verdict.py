@@ -13,12 +13,14 @@ from motorctl.insight.diagnosis.basis import VARIABLES, Rivals
 from motorctl.insight.diagnosis.hypothesis import Hypothesis
 from motorctl.insight.diagnosis.result import Verdict
 from motorctl.insight.diagnosis.score import held_out_sse, residual, with_columns
-from motorctl.insight.diagnosis.search import NOISE_LIKE, Found, rival_gains
+from motorctl.insight.diagnosis.search import NOISE_LIKE, Found, relevant_part, rival_gains
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.fit_options import Side
 
 Array = NDArray[np.float64]
 
+MATTERS = 2.0
+"""Multiples of what matters at all, in squares, that structure without a name must reach."""
 STRUCTURE = 0.08
 """Part of the squared residual that a smooth function must take away to count."""
 RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
@@ -79,7 +81,8 @@ def judge(found: Found) -> Judged:
     rival_share = max(gain, 0.0) / explainable
     side = found.final.bench.side
     noisy = final <= NOISE_LIKE * noise
-    structured = gain > STRUCTURE * final and not noisy
+    relevant = final - noise > MATTERS * relevant_part(found.final.bench)
+    structured = gain > STRUCTURE * final and not noisy and relevant
 
     def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
         share = rival_share
@@ -92,7 +95,7 @@ def judge(found: Found) -> Judged:
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        if coloured > COLOURED or bursting > BURSTS:
+        if relevant and (coloured > COLOURED or bursting > BURSTS):
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
     if structured and rival_share > RIVAL_SHARE[side]:
