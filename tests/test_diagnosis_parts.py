@@ -7,6 +7,7 @@ import pytest
 from fit_plant import C1, COGGING_PITCH_M, X_THETA, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from motorctl.insight.diagnosis.frame import (
     CommandPath,
@@ -14,6 +15,7 @@ from motorctl.insight.diagnosis.frame import (
     low_pass_response,
     make_frame,
     smoothed,
+    spans_of,
 )
 from motorctl.insight.diagnosis.hypothesis import Bench, Hypothesis
 from motorctl.insight.diagnosis.outcome import values_of
@@ -26,7 +28,8 @@ from motorctl.insight.diagnosis.score import (
     residual,
     solve,
 )
-from motorctl.insight.diagnosis.search import whitened
+from motorctl.insight.diagnosis.search import LEAST_GAIN, whitened
+from motorctl.insight.diagnosis.twins import largest_gain
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.measured import Measured
 
@@ -180,3 +183,16 @@ def test_a_line_over_position_shows_at_its_pitch():
     assert 1.0 / best == pytest.approx(COGGING_PITCH_M, rel=0.02)
     # the gain is about the squared residual that the line takes away
     assert gain.max() == pytest.approx(hypothesis.solution.sse, rel=0.5)
+
+
+def test_what_chance_gains_on_a_clean_twin_grows_with_how_long_its_noise_lasts():
+    run = simulate(seed=3, duration_s=8.0, delay_samples=0.0, force_noise=0.1, theta=X_THETA[:4])
+    white, _ = hypothesis_of(run, whiten=True)
+    frame, spans = white.bench.frame, spans_of(white.bench.frame)
+    assert largest_gain(white, spans, 900.0) < LEAST_GAIN
+    # a force that wanders within a twentieth of a second is no effect of place, speed or command
+    keep = math.exp(-frame.row_period_s / 0.05)
+    wander = lfilter([1.0], [1.0, -keep], np.random.default_rng(4).standard_normal(frame.rows))
+    wander *= 3.0 * np.std(residual(white.problem, white.solution.b)) / np.std(wander)
+    lasting = Hypothesis(white.bench.with_offset(wander), (), white.acceleration)
+    assert largest_gain(lasting, spans, 900.0) > 2.0 * largest_gain(white, spans, 900.0)

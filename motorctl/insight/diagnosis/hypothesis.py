@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -61,7 +62,15 @@ class Bench:
         self.declared = declared
         self.blocks = blocks
         self.left = frame.acceleration()
+        self.offset: Array | None = None
+        """(m,) added to the left side: for twins of the recording."""
         self._columns: dict[object, Array] = {}
+
+    def with_offset(self, offset: Array) -> Bench:
+        """Give a bench with the same columns and another left side."""
+        other = copy.copy(self)
+        other.offset = offset
+        return other
 
     @cached_property
     def command_energy(self) -> float:
@@ -149,6 +158,8 @@ class Hypothesis:
         X, y = np.vstack(columns), self.bench.left
         if self.bench.side == "command":
             y, X = X[0].copy(), np.vstack([y[None], X[1:]])
+        if self.bench.offset is not None:
+            y = y + self.bench.offset
         return make_problem(self.bench.blocks, X, y, self._soft())
 
     def _soft(self) -> NDArray[np.bool_]:

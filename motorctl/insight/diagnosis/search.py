@@ -22,6 +22,7 @@ from motorctl.insight.diagnosis.families import (
 from motorctl.insight.diagnosis.frame import Frame, shortened, spans_of
 from motorctl.insight.diagnosis.hypothesis import Bench, Hypothesis
 from motorctl.insight.diagnosis.score import held_out_sse, make_blocks, residual, with_columns
+from motorctl.insight.diagnosis.twins import largest_gain
 from motorctl.insight.diagnosis.whitening import (
     force_noise_density,
     saturated_residual,
@@ -55,6 +56,10 @@ GROWING = ("cogging", "force_ripple", "flexible_mode", "presliding")
 """What a scan with one line, or with coarse columns, shows only in part."""
 LEAST_GAIN = 60.0
 """In log-likelihood of held-out rows."""
+PLAIN_GAIN = 600.0
+"""Beyond it no clean twin of any machine has come: below, the machine's own twins are asked."""
+TWINS_GAIN = 1.5
+"""Multiples of the most that chance gains on them."""
 RELEVANT = 1e-3
 """Of the command's rms: less than that does not matter to any axis, and no declared form is
 exact to such a degree."""
@@ -169,8 +174,11 @@ def search(
         tell(f"effect {len(added) + 1}: trying what the model lacks")
         forms = ranked(hypothesis, candidates(hypothesis, spans), spans, slope_s_m)
         best = gain(hypothesis, forms[0].held_out) if forms else 0.0
+        least = LEAST_GAIN
+        if LEAST_GAIN < best < PLAIN_GAIN:
+            least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, slope_s_m))
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD * best]
-        taken = next((f for f in near if acceptable(hypothesis, f, noise, spans)), None)
+        taken = next((f for f in near if acceptable(hypothesis, f, noise, spans, least)), None)
         steps.append(Step(tuple(forms), hypothesis, taken))
         if taken is None:
             break
@@ -260,7 +268,9 @@ def gain(before: Hypothesis, held_out: float) -> float:
     return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
 
 
-def acceptable(before: Hypothesis, form: Form, noise: float, spans: Spans) -> bool:
+def acceptable(
+    before: Hypothesis, form: Form, noise: float, spans: Spans, least_gain: float = LEAST_GAIN
+) -> bool:
     """Tell whether a form takes enough away, and not in one place alone."""
     floor = before.noise_sse(noise)
     excess = max(before.held_out - floor, 0.0)
@@ -282,7 +292,7 @@ def acceptable(before: Hypothesis, form: Form, noise: float, spans: Spans) -> bo
         elif before.bench.side == "acceleration":
             least = REPEATED_SHARE
     return bool(
-        gain(before, form.held_out) > LEAST_GAIN
+        gain(before, form.held_out) > least_gain
         and (form.effect.kind == "measurement" or taken > relevant_part(before.bench))
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)

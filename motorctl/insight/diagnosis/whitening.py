@@ -25,9 +25,13 @@ SATURATING = ("position", "velocity", "time", "position_and_command", "history")
 
 
 def saturated_residual(hypothesis: Hypothesis, rivals: Rivals) -> Array:
-    """Give what the model and smooth functions of position, velocity, time leave, (m,)."""
+    """Give what the model and smooth functions of position, velocity, time leave, (m,).
+
+    With the command on the left no functions of the command, which would leave nothing of it.
+    """
     problem = hypothesis.problem
-    columns = [rivals.columns(name) for name in SATURATING]
+    mine = SATURATING if hypothesis.bench.side == "acceleration" else SATURATING[:3]
+    columns = [rivals.columns(name) for name in mine]
     problem = with_columns(problem, np.vstack(columns), soft=True)
     found = solve(problem)
     return residual(problem, found.b)[: hypothesis.bench.frame.rows]
