@@ -60,7 +60,7 @@ PLAIN_GAIN = 600.0
 """Beyond it no clean twin of any machine has come: below, the machine's own twins are asked."""
 TWINS_GAIN = 1.5
 """Multiples of the most that chance gains on them."""
-RELEVANT = 1e-3
+RELEVANT = 6e-4
 """Of the command's rms: less than that does not matter to any axis, and no declared form is
 exact to such a degree."""
 LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
@@ -281,7 +281,7 @@ def acceptable(
         # the feedback of the encoder's own noise looks like a resonance where little else moves
         faint = frequency > BAND_END * before.bench.frame.band_hz
         if faint or not _moves_at(before, frequency):
-            least = AT_END_SHARE if before.held_out > NOISE_LIKE * floor else 1.0
+            least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
     if taken < SMALL_PART * before.bench.declared_held_out:

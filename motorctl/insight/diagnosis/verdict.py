@@ -19,7 +19,7 @@ from motorctl.insight.fit_options import Side
 
 Array = NDArray[np.float64]
 
-MATTERS = 2.0
+MATTERS = 4.0
 """Multiples of what matters at all, in squares, that structure without a name must reach."""
 STRUCTURE = 0.08
 """Part of the squared residual that a smooth function must take away to count."""
