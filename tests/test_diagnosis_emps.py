@@ -5,6 +5,7 @@ The recordings may not be republished, so they are looked for beside the project
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fit_plant import C1
 
@@ -61,3 +62,9 @@ def test_the_second_recording_is_predicted_better(diagnosis):
     error = diagnosis.error
     assert error.held_out_after_rms < error.held_out_before_rms
     assert error.held_out_after_rms <= 0.032 * error.command_rms
+
+
+def test_the_fitted_recording_is_explained_to_under_two_hundredths(diagnosis):
+    traces = diagnosis.traces
+    left = np.linalg.norm(traces.residual_after) / np.linalg.norm(traces.command)
+    assert left <= 0.017

@@ -1,13 +1,19 @@
 """Where a recording shows little: what can still be told, and that no more is."""
 
-import pytest
-from diagnosis_cases import diagnosed, moving, names
+from dataclasses import replace
 
-from motorctl.bench.diagnosis.cases import clean_case, draw_case
+import numpy as np
+import pytest
+from diagnosis_cases import diagnosed, moving, names, recorded
+
+from motorctl.bench.diagnosis.cases import clean_case, draw_case, on_other_motion
 from motorctl.bench.diagnosis.unknown_effects import UNKNOWN
 from motorctl.config import load
+from motorctl.insight.diagnosis.frame import make_frame, shortened
 from motorctl.insight.diagnosis.pipeline import diagnose_recording
+from motorctl.insight.diagnosis.repetition import period_of
 from motorctl.insight.fit_models import declared_models
+from motorctl.insight.measured import measured
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
 
@@ -68,3 +74,44 @@ def test_one_published_move_again_and_again_brings_no_wrong_name(tmp_path):
         assert set(named) <= {"cogging", "input_lag", "input_delay", "presliding"}
         cogging = next(e for e in found.axes[axis].effects if e.name == "cogging")
         assert cogging.effect.options.pitch_m == pytest.approx(0.05, rel=0.01)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 150.0, 2048.0, 5000.0])
+@pytest.mark.parametrize("period_s", [0.9, 3.0, 4.0])
+def test_the_period_of_one_repeated_move_is_found_at_any_rate(rate_hz, period_s):
+    time_s = np.arange(0.0, 60.0, 1.0 / rate_hz)
+    phase = time_s / period_s % 1.0
+    there = np.where(phase < 0.2, np.sin(np.pi * phase / 0.2) ** 2, 0.0)
+    back = np.where((phase > 0.5) & (phase < 0.7), np.sin(np.pi * (phase - 0.5) / 0.2) ** 2, 0.0)
+    assert period_of(there - back, 1.0 / rate_hz) == pytest.approx(period_s, rel=2e-3)
+
+
+def test_moves_that_differ_are_not_one_repeated():
+    case = clean_case(23)
+    time_s = np.arange(0.0, 24.0, 0.001)
+    program = case.config["programs"][f"motion_{case.axis}"]
+    stops = np.array([program["start_m"], *(move["target_m"] for move in program["moves"])])
+    velocity = np.interp(time_s, np.linspace(0.0, 24.0, len(stops) - 1), np.diff(stops))
+    assert period_of(velocity, 0.001) == 0.0
+
+
+def test_a_coupled_axis_is_judged_on_another_recording_too(tmp_path):
+    case = draw_case(14, effects=("cross_axis",))
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    recording = recorded(case, first)
+    models = declared_models(recording, None, case.axis)
+    other = recorded(on_other_motion(case, 15), second)
+    found = diagnose_recording(recording, models, None, other).axes[case.axis]
+    assert names(found) == ["cross_axis"]
+    assert found.error.held_out_after_rms < 0.2 * found.error.held_out_before_rms
+
+
+def test_a_long_recording_full_of_gaps_is_diagnosed(tmp_path):
+    recording = recorded(draw_case(17, effects=("force_ripple",)), tmp_path, duration_s=24.0)
+    data = measured(recording, next(iter(recording.axes)))
+    usable = data.usable & (np.arange(len(data.usable)) % 12_500 > 100)
+    frame = make_frame(replace(data, usable=usable))
+    pieces = shortened(frame, 6.0)
+    assert 0.15 * frame.rows < pieces.rows < 0.5 * frame.rows

@@ -123,7 +123,8 @@ def close_loop(
     start = folder / CONFIG
     start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
     first, motions = first_trial(start, folder, names, motions, duration_s, progress)
-    current, done, ended = first, [], f"the {rounds} rounds are used up"
+    used_up = "the one round is used up" if rounds == 1 else f"the {rounds} rounds are used up"
+    current, done, ended = first, [], used_up
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
         folder.mkdir(exist_ok=True)
@@ -150,6 +151,8 @@ def _why_no_further(last: Round) -> str:
         return "nothing of what was found helps without making an error worse"
     if all(axis.verdict == "complete" for axis in last.diagnosis.axes.values()):
         return "nothing more is found"
+    if any(axis.verdict == "insufficient_data" for axis in last.diagnosis.axes.values()):
+        return "the motion cannot tell what is left"
     return "nothing more is found that a controller could compensate"
 
 

@@ -27,6 +27,10 @@ GOOD_ERROR = 0.3
 TAKES_PART = 0.2
 
 
+class NothingExplainedError(DataError):
+    """The command seems to have nothing to do with the motion."""
+
+
 def check_direction(
     data: Measured, problem: Regression, solution: Solution, bandwidth_rows: int
 ) -> None:
@@ -45,7 +49,7 @@ def check_direction(
             f"{data.place}: a positive command accelerates towards negative positions: the sign "
             "of one of the two is reversed"
         )
-    raise DataError(
+    raise NothingExplainedError(
         f"{data.place}: the command explains none of the acceleration; are these the position "
         "and the command of the same axis, in time with each other?"
     )

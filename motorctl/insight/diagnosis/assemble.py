@@ -46,7 +46,7 @@ from motorctl.insight.diagnosis.result import (
 from motorctl.insight.diagnosis.score import Problem, solve
 from motorctl.insight.diagnosis.search import LEAST_GAIN, Found, gain
 from motorctl.insight.diagnosis.testable import JUDGED, untestable
-from motorctl.insight.diagnosis.verdict import BURST_HZ, BURSTS, Judged, depends_on, judge
+from motorctl.insight.diagnosis.verdict import BURST_HZ, BURSTS, COLOURED, Judged, depends_on, judge
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.measured import Measured
 from motorctl.model import Effect, EffectList, effect_class, make_effect
@@ -77,7 +77,7 @@ def assemble(
     declared: EffectList,
     dropped: Mapping[str, str],
     segments: dict[str, tuple[float, float]],
-    test: Measured | None,
+    test: tuple[Measured, Mapping[str, Measured]] | None,
     began: float,
     too_plain: str | None = None,
 ) -> AxisDiagnosis:
@@ -98,7 +98,7 @@ def assemble(
     )
     tested: list[str] = []
     if test is not None:
-        error, tested = error_on(test, found, error)
+        error, tested = error_on(*test, found, error)
     effects = _effects(found, values, split, error)
     slope = _slope(declared)
     hidden = untestable(found, slope)
@@ -112,7 +112,14 @@ def assemble(
     if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
         verdict = "insufficient_data"
     if verdict == "effect" and error.explained_fraction < HELPS:
-        verdict, effects = "insufficient_data", ()
+        verdict = "insufficient_data"
+        names = tuple(effect.name for effect in effects)
+        why = (
+            "no effect that was tried lowers the error on rows that were held out, though each "
+            "explains a part of the others"
+        )
+        program = dict(advise(names, data, found.spans)) or None
+        missing = (MissingMotion(names, why, _motion(names), program),)
     base = values_of(found.base)
     unknown = _unknown(found, judged, extra, values) if verdict == "unknown_structure" else None
     diagnosis = AxisDiagnosis(
@@ -127,7 +134,7 @@ def assemble(
         ),
         declared_theta=base.theta,
         declared_std_error=base.std_error,
-        effects=effects if verdict != "insufficient_data" or judged.verdict != "complete" else (),
+        effects=() if verdict == "insufficient_data" else effects,
         unknown=unknown,
         missing=missing,
         model=values.model,
@@ -284,6 +291,8 @@ def _unknown(
             f"{BURST_HZ:g} Hz lies in moments far above the usual, and no function of position, "
             "velocity or command explains them"
         )
+    elif judged.coloured < COLOURED:
+        sentence = "what is left is more than noise, and no smooth function explains it"
     else:
         sentence = (
             f"what is left is coloured in time: {judged.coloured:.0f} times the noise at low "
@@ -325,11 +334,6 @@ def _sentence(
         return (
             f"The model lacks something ({change}), but this motion cannot tell what: "
             f"{missing[0].why if missing else names}."
-        )
-    if not missing:
-        return (
-            f"Something is missing ({change}), but no effect that was tried lowers the error on "
-            "rows that were held out: a longer recording with more varied motion is needed."
         )
     return (
         "Nothing beyond noise is left, but this motion could not have shown "

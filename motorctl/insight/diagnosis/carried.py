@@ -19,6 +19,21 @@ def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, s
     The electromagnetic effects bend the input map: where the commands are too small to determine
     the bend, its parameters take whatever noise and missing effects make of them.
     """
+    moved = {axis for s in frame.stretches for axis in s.others}
+    alone = {
+        effect.name: f"axis {', '.join(a for a in effect.other_axes if a not in moved)} did not "
+        "move, or is not in this recording"
+        for effect in declared.effects
+        if not moved.issuperset(effect.other_axes)
+    }
+    if alone:
+        declared = EffectList([e for e in declared.effects if e.name not in alone])
+    declared, dropped = _with_bend(frame, declared)
+    return declared, alone | dropped
+
+
+def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+    """Drop the electromagnetic effects where the recording does not determine them."""
     curved = [effect.name for effect in declared.effects if effect.electromagnetic]
     if not curved:
         return declared, {}

@@ -7,6 +7,7 @@ shifted.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,20 +29,29 @@ TRIALS = 48
 PLACES = ("cogging", "force_ripple")
 
 
-def error_on(test: Measured, found: Found, error: ModelError) -> tuple[ModelError, list[str]]:
-    """Give the errors before and after on `test`, and what was found again there."""
+def error_on(
+    test: Measured, others: Mapping[str, Measured], found: Found, error: ModelError
+) -> tuple[ModelError, list[str]]:
+    """Give the errors before and after on `test`, and what was found again there.
+
+    others are the other axes of the same recording.
+    """
     declared = found.final.bench.declared
     slopes = [e.options.slope_s_m for e in declared.effects if hasattr(e.options, "slope_s_m")]
-    frame = make_frame(test, {}, None, float(slopes[0]) if slopes else None).plain(REPORT_HZ)
+    frame = make_frame(test, dict(others), None, float(slopes[0]) if slopes else None).plain(
+        REPORT_HZ
+    )
     before, command = _rms(found.base, frame)
     after, _ = _rms(found.final, frame)
     notes = [f"errors are those on {test.source}, to which nothing was fitted"]
     shift = _shift(found.final, frame)
     if shift:
         shifted, _ = _rms(found.final, _shifted(frame, shift))
+        linear = test.position_unit == "m"
+        told = f"{1e3 * shift:.3f} mm" if linear else f"{shift:.3g} {test.position_unit}"
         if shifted < after:
             notes.append(
-                f"its position starts {1e3 * shift:.3f} mm elsewhere, found from the periodic "
+                f"its position starts {told} elsewhere, found from the periodic "
                 f"effects: without that the error would be {after:.3g} {error.unit}"
             )
             after = shifted

@@ -19,6 +19,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import lfilter
 
 from motorctl.errors import DataError
+from motorctl.insight.diagnosis.repetition import period_of
 from motorctl.insight.measured import Measured
 from motorctl.insight.noise import position_noise_density
 from motorctl.model import Effect, Spans
@@ -46,6 +47,9 @@ REST_SPEED = 3.0
 REST_RANGE = 14.0
 """Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
 within which friction's bristles bend unseen."""
+REST_PART = 1e-3
+"""Part of the top speed that creeping at rest stays below."""
+FEWEST_ROWS = 100
 QUIET_NOISE = 0.03
 """Noise of the velocity that friction depends on, in multiples of 1/slope."""
 NARROWEST_QUIET = 0.3
@@ -93,6 +97,8 @@ class Frame:
     """For each stretch, which of its rows are used."""
     position_noise: float
     """One-sided density of the measured position's noise [unit^2/Hz]."""
+    repeats_s: float = 0.0
+    """After what time the recording's one move begins again; 0 where it does not."""
     _gains: dict[int, Array] = field(default_factory=dict, repr=False)
 
     @property
@@ -173,7 +179,8 @@ class Frame:
             a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
             others = np.zeros((len(x), len(effect.other_axes), 3))
             for i, axis in enumerate(effect.other_axes):
-                others[:, i] = s.others[axis][::d]
+                if axis in s.others:  # else it stands still
+                    others[:, i] = s.others[axis][::d]
             columns.append(state_columns(effect, x, v, a, quiet, t, others))
         return self.filtered(columns, d)
 
@@ -279,22 +286,25 @@ def make_frame(
     noise = math.sqrt(density * (2.0 * math.pi) ** 2 * band**3 / 3.0)
     rms = math.sqrt(0.5 * density * rate)
     quiet_hz = _quiet_band_hz(density, band, slope_s_m)
-    stretches, kept = [], []
+    stretches, kept, enough = [], [], 0
     for rows in data.stretches(shortest):
         stretch = _stretch(data, others or {}, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
         stretches.append(stretch)
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True
+        enough += int(used.sum())
         resting = np.abs(stretch.v[::decimation]) < REST_SPEED * noise
-        resting |= _stays(stretch.x[::decimation], REST_RANGE * rms, data.period_s * decimation)
+        top = float(np.percentile(np.abs(stretch.v), 99.0))
+        within = min(REST_RANGE * rms, REST_PART * top * REST_S)
+        resting |= _stays(stretch.x[::decimation], within, data.period_s * decimation)
         used &= ~_at_rest(resting, data.period_s * decimation)
         kept.append(used)
-    if stretches and sum(int(k.sum()) for k in kept) < 100:
+    if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
         raise DataError(
             f"{data.place}: only noise: the position hardly ever goes further in {REST_S:g} s than "
             f"{REST_RANGE * rms:.3g} {data.position_unit}, which its own noise does"
         )
-    if not stretches:
+    if enough < FEWEST_ROWS:
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
             "a gap; longer motion is needed"
@@ -308,7 +318,17 @@ def make_frame(
         stretches=tuple(stretches),
         kept=tuple(kept),
         position_noise=density,
+        repeats_s=period_of(max((s.v for s in stretches), key=len), data.period_s),
     )
+
+
+def without(frame: Frame, begin_s: float, end_s: float) -> Frame:
+    """Give the rows that lie not between two times."""
+    kept = []
+    for s, used in zip(frame.stretches, frame.kept, strict=True):
+        time_s = s.time_s[:: frame.decimation]
+        kept.append(used & ~((time_s >= begin_s) & (time_s < end_s)))
+    return replace(frame, kept=tuple(kept), _gains={})
 
 
 def shortened(frame: Frame, longest_s: float) -> Frame:
@@ -323,11 +343,11 @@ def shortened(frame: Frame, longest_s: float) -> Frame:
     stretches, kept = [], []
     count = 0
     for s, used in zip(frame.stretches, frame.kept, strict=True):
-        for first in range(0, len(used) - length + 1, length):
+        for first in range(0, max(len(used) - length, 0) + 1, length):
             count += 1
             if count % every:
                 continue
-            rows = slice(first * d, (first + length) * d)
+            rows = slice(first * d, (first + length) * d)  # all of what is shorter
             stretches.append(
                 Stretch(
                     s.time_s[rows],
@@ -341,7 +361,7 @@ def shortened(frame: Frame, longest_s: float) -> Frame:
             )
             inner = used[first : first + length].copy()
             inner[:trim] = False
-            inner[length - trim :] = False
+            inner[len(inner) - trim :] = False
             kept.append(inner[: -(-len(stretches[-1].x) // d)])
     return replace(frame, stretches=tuple(stretches), kept=tuple(kept), _gains={})
 

@@ -32,14 +32,6 @@ MOST_PHYSICAL = 3
 PERIODIC = ("cogging", "force_ripple")
 
 
-REPEAT_STEP_S = 0.01
-LEAST_REPEAT_S = 0.3
-FEWEST_REPEATS = 3
-REPEATED = 0.9
-"""Correlation of the velocity with itself some time later, for a motion that repeats."""
-MOVING = 0.1
-TURNS_OF_ONE = 2.5
-"""Turns in a period of one move there and back, at most."""
 RESONANT = ("flexible_mode",)
 PREDICTED_BAND = 1.5
 """Band of the predicted acceleration, in multiples of the rows' band."""
@@ -75,7 +67,7 @@ class Bench:
     @cached_property
     def command_energy(self) -> float:
         """Sum of squares of the command in the rows, in the units of what is left over."""
-        whole = Hypothesis(self)
+        whole = Hypothesis(self).refreshed()
         column = -1 if self.side == "command" else 0
         command = whole.problem.columns[:, column]
         scale = 1.0 if self.side == "command" else float(whole.b[0]) ** 2
@@ -84,12 +76,7 @@ class Bench:
     @cached_property
     def declared_held_out(self) -> float:
         """Squared residuals that the declared model alone leaves of rows held out."""
-        return Hypothesis(self).held_out
-
-    @cached_property
-    def repeats_s(self) -> float:
-        """After what time the one move of the recording begins again; 0 where it does not."""
-        return repeats_s(self.frame)
+        return Hypothesis(self).refreshed().held_out
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
         """Give the command and the columns of input effects, (1 + p, m)."""
@@ -254,7 +241,8 @@ class Hypothesis:
                 a = np.zeros_like(s.x) if self.acceleration is None else self.acceleration[k]
                 others = np.zeros((len(s.x), len(e.other_axes), 3))
                 for j, axis in enumerate(e.other_axes):
-                    others[:, j] = s.others[axis]
+                    if axis in s.others:
+                        others[:, j] = s.others[axis]
                 columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, others)
                 if e.name not in RESONANT:
                     total = total + b[i : i + len(columns)] @ columns
@@ -262,31 +250,6 @@ class Hypothesis:
             # what is beyond the band would be folded into it where columns are formed more coarsely
             predictions.append(smoothed(total, PREDICTED_BAND * frame.band_hz, frame.period_s))
         return predictions
-
-
-def repeats_s(frame: Frame) -> float:
-    """Give the period [s] of one move, there and back, that is made again and again; else 0."""
-    longest = max(frame.stretches, key=lambda s: len(s.v))
-    v = longest.v[:: max(1, round(REPEAT_STEP_S / frame.period_s))]
-    size = 2 * len(v)
-    same = np.fft.irfft(np.abs(np.fft.rfft(v, size)) ** 2, size)[: len(v)]
-    power = np.cumsum(v**2)
-    lags = np.arange(int(LEAST_REPEAT_S / REPEAT_STEP_S), len(v) // FEWEST_REPEATS)
-    if len(lags) == 0:
-        return 0.0
-    # the overlapping parts' own energies: first ones without their end, last ones without the start
-    energy = np.sqrt(power[len(v) - 1 - lags] * (power[-1] - power[lags - 1]))
-    likeness = same[lags] / np.maximum(energy, 1e-300)
-    inner = (likeness[1:-1] >= likeness[:-2]) & (likeness[1:-1] >= likeness[2:])
-    again = np.flatnonzero(inner & (likeness[1:-1] > REPEATED)) + 1
-    if len(again) == 0:
-        return 0.0
-    way = np.sign(np.where(np.abs(v) > MOVING * np.abs(v).max(), v, 0.0))
-    ways = way[way != 0.0]
-    turns = int(np.sum(np.diff(ways) != 0.0))
-    period_s = float(lags[again[0]]) * REPEAT_STEP_S
-    periods = len(v) * REPEAT_STEP_S / period_s
-    return period_s if turns / periods < TURNS_OF_ONE else 0.0
 
 
 def acceleration_form(b: Array, side: Side) -> Array:

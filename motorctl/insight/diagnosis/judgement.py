@@ -144,7 +144,7 @@ def explained(before: float, after: float, floor: float) -> float:
 def ambiguous_with(found: Found, effect: Effect) -> list[str]:
     """Give the effects that could stand in an effect's place as well, the others being there."""
     same = []
-    for step in found.steps:
+    for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != effect.name:
             continue
         best = max(gain(step.before, step.taken.held_out), 1e-9)
@@ -177,7 +177,7 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
 
 def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, ...]:
     """Give what else was tried in an effect's place, and why it was not taken."""
-    for step in found.steps:
+    for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != name:
             continue
         best = max(gain(step.before, step.taken.held_out), 1e-9)

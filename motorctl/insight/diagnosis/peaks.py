@@ -46,6 +46,8 @@ def position_spectrum(frame: Frame, left_over: Array, weight: Array | None) -> t
     kappa = np.arange(len(line)) / (size * cell)
     used = (kappa >= FEWEST_CYCLES / travel) & (kappa <= finest)
     kappa, line = kappa[used], line[used]
+    if len(kappa) == 0:
+        return kappa, np.zeros(0)
     # linear sharing between cells damps short waves
     line = line / np.sinc(kappa * cell) ** 2
     gain = np.abs(line) ** 2 / np.maximum(_energy(frame, v, w, kappa), 1e-300)

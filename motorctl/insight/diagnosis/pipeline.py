@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError
 from motorctl.insight.diagnosis.assemble import assemble
 from motorctl.insight.diagnosis.carried import carried
-from motorctl.insight.diagnosis.frame import make_frame
+from motorctl.insight.diagnosis.frame import make_frame, without
 from motorctl.insight.diagnosis.motion_band import motion_band_hz
 from motorctl.insight.diagnosis.plausible import (
     check_explains,
@@ -21,7 +21,7 @@ from motorctl.insight.diagnosis.plausible import (
     too_plain,
 )
 from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
-from motorctl.insight.diagnosis.search import both_ways, nothing_sought
+from motorctl.insight.diagnosis.search import both_ways, nothing_sought, over_all
 from motorctl.insight.diagnosis.testable import coupled_motion
 from motorctl.insight.measured import Measured, check_usable, measured
 from motorctl.log import Recording
@@ -30,6 +30,8 @@ from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+Test = tuple[Measured, Mapping[str, Measured]]
+"""An axis of another recording, and the other axes there."""
 
 
 def diagnose_recording(
@@ -55,8 +57,8 @@ def diagnose_recording(
                 progress(f"axis {name}: {what}", k / len(models))
 
         others = {other: data for other, data in every.items() if other != name}
-        test = None if evaluate_on is None else _counterpart(evaluate_on, name)
         try:
+            test = None if evaluate_on is None else _counterpart(evaluate_on, name)
             axes[name] = diagnose_axis(every[name], model, others, tell, recording.segments, test)
         except DataError as error:
             refused[name] = str(error)
@@ -80,7 +82,7 @@ def diagnose_axis(
     others: Mapping[str, Measured] | None = None,
     tell: Callable[[str], None] | None = None,
     segments: Mapping[Part, tuple[float, float]] | None = None,
-    test: Measured | None = None,
+    test: Test | None = None,
 ) -> AxisDiagnosis:
     """Diagnose one axis. Raises DataError where the data cannot tell anything."""
     began = time.monotonic()
@@ -94,16 +96,22 @@ def diagnose_axis(
     check_motion(data, frame)
     model, dropped = carried(frame, declared)
     plain = too_plain(frame)
-    if not plain:
-        check_explains(data, frame, model)
+    check_explains(data, frame, model, bool(plain))
     band_hz = motion_band_hz(frame, model)
+    wide = frame
     if band_hz < frame.band_hz:
         frame = make_frame(data, beside, band_hz, slope)
     if plain:
         found = nothing_sought(frame, model)
     else:
         barred = frozenset(dropped) | coupled_motion(data, frame)
-        found = both_ways(frame, model, slope, tell, barred)
+        rows = frame, wide
+        if "held_out" in (segments or {}):
+            held_out = (segments or {})["held_out"]
+            rows = without(frame, *held_out), without(wide, *held_out)
+        found = both_ways(rows[0], model, slope, tell, barred, rows[1])
+        whole = frame if found.final.bench.side == "acceleration" else wide
+        found = over_all(found, whole, model, barred)
     tell("judging what was found")
     parts = {str(part): span for part, span in (segments or {}).items()}
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=beside)
@@ -115,10 +123,12 @@ def slope_of(model: EffectList) -> float | None:
     return float(slopes[0]) if slopes else None
 
 
-def _counterpart(recording: Recording, name: str) -> Measured:
+def _counterpart(recording: Recording, name: str) -> Test:
     if name in recording.axes:
-        return measured(recording, name)
+        axes = {axis: measured(recording, axis) for axis in recording.axes}
+        own = axes.pop(name)
+        return own, {axis: data for axis, data in axes.items() if np.ptp(data.position) > 0.0}
     if len(recording.axes) == 1:
-        return measured(recording, next(iter(recording.axes)))
+        return measured(recording, next(iter(recording.axes))), {}
     known = ", ".join(recording.axes)
     raise DataError(f"{recording.source}: no axis '{name}' to evaluate on; it has: {known}")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.insight.diagnosis.basis import VARIABLES, Rivals
 from motorctl.insight.diagnosis.families import (
+    OVER_TIME,
     Form,
     at_bound,
     best_form,
@@ -90,10 +91,12 @@ CLEARLY = 30.0
 """Density of the motion over that of the measurement's noise."""
 LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
 """Of what it leaves above the noise; less where a machine is not down to its noise anyway."""
-AS_GOOD = 0.8
+AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
 """Of the best form's gain: what comes so near is taken where the best is not acceptable."""
 AS_WELL = 1.05
 """Squared residual of one effect over that of two which counts as no worse."""
+LOSES = 0.1
+"""Less of the explainable error explained by a search than by another, for it not to count."""
 NEARLY = 0.05
 """Part of what both take that one of them may leave, where one move is repeated."""
 TRIES = 2
@@ -173,11 +176,13 @@ def search(
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
         forms = ranked(hypothesis, candidates(hypothesis, spans), spans, slope_s_m)
+        if side == "command":  # real machines have more than one thing without a name
+            forms = [f for f in forms if not at_bound(f.effect, spans)] or forms
         best = gain(hypothesis, forms[0].held_out) if forms else 0.0
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, slope_s_m))
-        near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD * best]
+        near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
         taken = next((f for f in near if acceptable(hypothesis, f, noise, spans, least)), None)
         steps.append(Step(tuple(forms), hypothesis, taken))
         if taken is None:
@@ -189,7 +194,7 @@ def search(
         if side == "acceleration":
             bench, noise = whitened(frame, declared, added, side, barred)
         hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
-        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name)
+        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, slope_s_m)
         hypothesis = backward(hypothesis, noise, spans)
         added = hypothesis.added
@@ -210,8 +215,12 @@ def both_ways(
     slope_s_m: float | None,
     progress: Progress | None = None,
     barred: frozenset[str] = frozenset(),
+    whole_band: Frame | None = None,
 ) -> Found:
     """Search with the acceleration on the left, and again with the command where that fits better.
+
+    whole_band has the same rows where `frame` was narrowed to the band of the motion, which is of
+    no use where forces, and not the measurement's noise, are what is left.
 
     The acceleration carries the measurement's noise, so it belongs on the left as long as that
     noise is what is left over. Where unexplained forces are, which the feedback answers to, the
@@ -228,13 +237,25 @@ def both_ways(
         return over_all(found, frame, declared, barred)
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
-    found = search(short, declared, slope_s_m, progress, "command", barred)
-    return over_all(found, frame, declared, barred)
+    wide = whole_band or frame
+    short = shortened(wide, LONGEST_SEARCH_S)
+    other = search(short, declared, slope_s_m, progress, "command", barred)
+    if explained_share(other) < explained_share(found) - LOSES:
+        # effects of the input cannot be sought there
+        return over_all(found, frame, declared, barred)
+    return over_all(other, wide, declared, barred)
+
+
+def explained_share(found: Found) -> float:
+    """Give the part of what is above the noise that the found effects take away."""
+    floor = min(found.final.noise_sse(found.force_noise), found.final.held_out)
+    above = max(found.base.held_out - floor, 1e-300)
+    return (found.base.held_out - found.final.held_out) / above
 
 
 def over_all(found: Found, frame: Frame, declared: EffectList, barred: frozenset[str]) -> Found:
     """Fit what was found in the pieces of a long recording to the whole of it."""
-    if len(frame.stretches) == len(found.final.bench.frame.stretches):
+    if frame.rows == found.final.bench.frame.rows:
         return found
     added = found.final.added
     bench, noise = whitened(frame, declared, added, found.final.bench.side, barred)
@@ -282,11 +303,13 @@ def acceptable(
         faint = frequency > BAND_END * before.bench.frame.band_hz
         if faint or not _moves_at(before, frequency):
             least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
+    elif form.effect.name in OVER_TIME and frequency > BAND_END * before.bench.frame.band_hz:
+        least = AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
     if taken < SMALL_PART * before.bench.declared_held_out:
         least = max(least, SMALL_SHARE)
-    if before.added and before.bench.repeats_s:
+    if before.added and before.bench.frame.repeats_s:
         if _repeats_with(before, form.effect):
             least = SAME_SHARE
         elif before.bench.side == "acceleration":
@@ -323,11 +346,12 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
 
 def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
     """Tell whether an effect repeats with the one move as what is there already does."""
-    if {"cogging", "position_force"} <= {effect.name, *(e.name for e in before.added)}:
+    over_place = {"cogging", "position_force"} <= {effect.name, *(e.name for e in before.added)}
+    if over_place and before.bench.side == "acceleration":
         return True
     if effect.name != "periodic_disturbance":
         return False
-    cycles = float(effect.options.model_dump()["frequency_hz"]) * before.bench.repeats_s
+    cycles = float(effect.options.model_dump()["frequency_hz"]) * before.bench.frame.repeats_s
     return abs(cycles - round(cycles)) < IN_STEP
 
 
@@ -371,6 +395,7 @@ def sideways(
     spans: Spans,
     slope_s_m: float | None,
     newest: str,
+    steps: list[Step],
 ) -> Hypothesis:
     """Exchange an added effect for one that came near where that now explains more.
 
@@ -384,6 +409,8 @@ def sideways(
         rest = hypothesis.without(effect.name)
         forms = ranked(rest, list(dict.fromkeys(classes)), spans, slope_s_m)
         if forms and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01):
+            old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+            steps.append(Step((*forms, old), rest, forms[0]))
             hypothesis = settled(rest.plus(forms[0].effect), spans)
             rivals[forms[0].effect.name] = [type(effect), *classes]
         else:
@@ -403,7 +430,7 @@ def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hyp
     rest = hypothesis.without("position_force").without("cogging")
     forms = ranked(rest, [type(cogging)], spans, slope_s_m)
     enough = hypothesis.held_out * AS_WELL
-    if hypothesis.bench.repeats_s:
+    if hypothesis.bench.frame.repeats_s:
         enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
     if not forms or forms[0].held_out > enough:
         return hypothesis

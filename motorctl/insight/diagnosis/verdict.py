@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,9 @@ def judge(found: Found) -> Judged:
             by, gained = _strongest(rival_gains(found.base))
             share = max(gained, 0.0) / explainable
             by = by if share > STRUCTURE else None
+            alone = replace(found, final=found.base)
+            colour, lumps = low_frequency_excess(alone), bursts(alone)
+            return Judged(verdict, kept, by, explainable, named_share, share, colour, lumps)
         return Judged(verdict, kept, by, explainable, named_share, share, coloured, bursting)
 
     if not names:
