@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from motorctl.insight.diagnosis.alignment import CommandPath, held_parts
 from motorctl.insight.diagnosis.frame import (
-    CommandPath,
-    held_parts,
     low_pass_response,
     make_frame,
     smoothed,

@@ -18,9 +18,10 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.insight.diagnosis.alignment import CommandPath, held_parts
 from motorctl.insight.diagnosis.carried import carried
 from motorctl.insight.diagnosis.families import candidates
-from motorctl.insight.diagnosis.frame import CommandPath, Stretch, held_parts, make_frame, spans_of
+from motorctl.insight.diagnosis.frame import Stretch, make_frame, spans_of
 from motorctl.insight.diagnosis.hypothesis import Hypothesis
 from motorctl.insight.diagnosis.pipeline import slope_of
 from motorctl.insight.diagnosis.search import ranked, whitened

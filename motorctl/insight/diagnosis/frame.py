@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
-from scipy.signal import lfilter
 
 from motorctl.errors import DataError
+from motorctl.insight.diagnosis.alignment import CommandPath, held_parts, later
 from motorctl.insight.diagnosis.repetition import period_of
 from motorctl.insight.measured import Measured
 from motorctl.insight.noise import position_noise_density
@@ -56,14 +56,6 @@ NARROWEST_QUIET = 0.3
 REST_S = 0.06
 REST_EDGE_S = 0.03
 """What of a rest is kept at each end: how friction lets go is seen there."""
-
-
-@dataclass(frozen=True)
-class CommandPath:
-    """What happens to the command before it acts."""
-
-    delay_s: float = 0.0
-    lag_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -232,7 +224,7 @@ class Frame:
 
     def history(self, shifts: Sequence[int]) -> Array:
         """Give the command so many samples later, filtered, (shifts, m)."""
-        columns = [np.stack([_later(s.command, shift) for shift in shifts]) for s in self.stretches]
+        columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
         return self.filtered(columns)
 
     def _filter(self, columns: Array, formed_at: int) -> Array:
@@ -437,63 +429,6 @@ def _second_difference(position: Array, period_s: float) -> Array:
     result[1:-1] = np.diff(position, 2) / period_s**2
     result[0], result[-1] = result[1], result[-2]
     return result
-
-
-def held_parts(command: Array, path: CommandPath, period_s: float) -> list[tuple[float, Array]]:
-    """Give what acts around each tick, as series (N,) with weights that add up to one.
-
-    A second difference around a tick is the acceleration averaged with a triangle of half-width
-    one period, so what belongs to it is the command that acts, averaged with the same triangle:
-    held for a period, delayed, then through the lag. The triangle cuts the held periods into
-    four pieces; each series is the triangle's mean over a piece, exact for what is linear.
-    """
-    u = command
-    whole = math.floor(path.delay_s / period_s)
-    part = path.delay_s / period_s - whole
-    weights = (
-        0.5 * part**2,
-        part * (1.0 - part) + 0.5 * (1.0 - part) ** 2,
-        part - 0.5 * part**2,
-        0.5 * (1.0 - part) ** 2,
-    )
-    if path.lag_s <= 0.0:
-        pieces = [(weights[0], 2), (weights[1] + weights[2], 1), (weights[3], 0)]
-        return [(w, _later(u, lag + whole)) for w, lag in pieces if w > 0.0]
-    rate = period_s / path.lag_s
-    decay = math.exp(-rate)
-    # i at the beginning of each held period, exactly
-    i, _ = lfilter([0.0, 1.0 - decay], [1.0, -decay], u, zi=u[:1])
-    rest = i - u
-    edge = 1.0 - part
-    # each piece: where in its held period it lies, and the triangle there, a + b s
-    pieces_ = [
-        (edge, 1.0, -edge, 1.0, 2),
-        (0.0, edge, part, 1.0, 1),
-        (edge, 1.0, 1.0 + edge, -1.0, 1),
-        (0.0, edge, edge, -1.0, 0),
-    ]
-    parts = []
-    for weight, (begin, end, a, b, lag) in zip(weights, pieces_, strict=True):
-        if weight <= 0.0:
-            continue
-        share = (_moment(begin, end, rate, a, b)) / weight
-        parts.append((weight, _later(u + share * rest, lag + whole)))
-    return parts
-
-
-def _moment(begin: float, end: float, rate: float, a: float, b: float) -> float:
-    """Integrate (a + b s) exp(-rate s) from begin to end."""
-
-    def primitive(s: float) -> float:
-        return -math.exp(-rate * s) * ((a + b * s) / rate + b / rate**2)
-
-    return primitive(end) - primitive(begin)
-
-
-def _later(u: Array, ticks: int) -> Array:
-    if ticks == 0:
-        return u
-    return np.concatenate([np.full(min(ticks, len(u)), u[0]), u[:-ticks]])
 
 
 def _columns(effect: Effect, u: Array, s: Stretch) -> Array:

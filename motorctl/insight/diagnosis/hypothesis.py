@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.insight.diagnosis.frame import CommandPath, Frame, held_parts, smoothed
+from motorctl.insight.diagnosis.alignment import CommandPath, held_parts
+from motorctl.insight.diagnosis.frame import Frame, smoothed
 from motorctl.insight.diagnosis.score import (
     Blocks,
     Problem,

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.insight.diagnosis.frame import CommandPath, Frame, make_frame
+from motorctl.insight.diagnosis.alignment import CommandPath
+from motorctl.insight.diagnosis.frame import Frame, make_frame
 from motorctl.insight.measured import Measured
 from motorctl.insight.noise import choose_band_hz
 from motorctl.model import EffectList

@@ -56,7 +56,7 @@ def estimates_of(model: EffectList, theta: Array, std_error: Array, sizes: Sizes
     amplitude = amplitudes(model, theta)
     effects = [effect for effect in model.effects for _ in effect.parameters]
     for k, (effect, parameter) in enumerate(zip(effects, model.parameters, strict=True)):
-        initial = rounded(min(max(float(theta[k]), parameter.lower), parameter.upper))
+        initial = rounded_within(parameter, float(theta[k]))
         spread = ERRORS * float(std_error[k]) if math.isfinite(std_error[k]) else 0.0
         if is_spline(effect):
             # Where there was little motion its heights are hardly known, and must not wander.
@@ -118,8 +118,8 @@ def sizes_of(model: EffectList, frame: Frame) -> Sizes:
 def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[float, float]:
     """Give bounds around a start value that the effect allows; the lower is always the smaller."""
     width = width or SHARE * (abs(parameter.initial) or 1e-3)
-    lower = max(rounded(initial - width, BOUND_DIGITS), parameter.lower)
-    upper = min(rounded(initial + width, BOUND_DIGITS), parameter.upper)
+    lower = rounded_within(parameter, rounded(initial - width, BOUND_DIGITS))
+    upper = rounded_within(parameter, rounded(initial + width, BOUND_DIGITS))
     # Rounding must not cut off the start value.
     return min(lower, initial), max(upper, initial)
 
@@ -133,6 +133,16 @@ def with_rounded_options(effect: Effect) -> Effect:
     """Give an effect whose options have no more digits than are worth writing."""
     options = effect.options.model_dump()
     return effect.with_options(**{name: _option(value) for name, value in options.items()})
+
+
+def rounded_within(parameter: Parameter, value: float) -> float:
+    """Round to a value that the effect allows."""
+    within = rounded(min(max(value, parameter.lower), parameter.upper))
+    if within > parameter.upper:
+        return rounded(parameter.upper - abs(parameter.upper) * 10.0 ** (1 - DIGITS))
+    if within < parameter.lower:
+        return rounded(parameter.lower + abs(parameter.lower) * 10.0 ** (1 - DIGITS))
+    return within
 
 
 def rounded(value: float, digits: int = DIGITS) -> float:

@@ -11,6 +11,9 @@ from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
 from motorctl.model.grids import log_grid, log_step
 
 PER_DECADE = 8
+STEEPEST = 0.9
+"""Depth over half width: nearer to one the inverse is so steep that the adaptation, which keeps the
+map monotonic, has no room left for the other parameters."""
 
 
 class DeadZoneOptions(EffectOptions):
@@ -41,7 +44,7 @@ class DeadZone(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """delta: what the zone takes from a command beyond it."""
-        deepest = 0.95 * self.options.half_width_v
+        deepest = STEEPEST * self.options.half_width_v
         return (Parameter("depth", "delta", "V", 0.0, deepest, 0.0, 1.0),)
 
     @property
