@@ -128,15 +128,14 @@ def solve_bounded(problem: Regression, start: Array, lower: Array, upper: Array)
     """
     R = np.linalg.qr(np.column_stack([problem.X, problem.y]), mode="r")
     size = np.maximum(np.abs(start), 1e-6)
-    inside = np.clip(start, lower + 1e-9 * size, upper - 1e-9 * size)
+    low, high = lower / size, upper / size
+    inside = np.clip(start / size, low, high)
 
     def residual(scaled: Array) -> Array:
         b = problem.coefficients(scaled * size)
         return np.asarray(R @ np.append(b, -1.0))
 
-    found = least_squares(
-        residual, inside / size, bounds=(lower / size, upper / size), xtol=1e-14, ftol=1e-14
-    )
+    found = least_squares(residual, inside, bounds=(low, high), xtol=1e-14, ftol=1e-14)
     theta = np.clip(found.x * size, lower, upper)
     # an interior method stops just short of a bound
     near = 1e-6 * size
