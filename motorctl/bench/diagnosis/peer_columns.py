@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from motorctl.insight.diagnosis.alignment import CommandPath, held_parts
 from motorctl.insight.diagnosis.carried import carried
 from motorctl.insight.diagnosis.families import candidates
-from motorctl.insight.diagnosis.frame import Stretch, make_frame, spans_of
+from motorctl.insight.diagnosis.frame import Stretch, make_frame, slope_of, spans_of
 from motorctl.insight.diagnosis.hypothesis import Hypothesis
-from motorctl.insight.diagnosis.pipeline import slope_of
 from motorctl.insight.diagnosis.search import ranked, whitened
 from motorctl.insight.fit_models import declared_models
 from motorctl.insight.measured import measured

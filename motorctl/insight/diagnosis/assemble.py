@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.insight.diagnosis.confidence import Evidence, confidence
 from motorctl.insight.diagnosis.elsewhere import error_on
-from motorctl.insight.diagnosis.frame import low_pass_response
+from motorctl.insight.diagnosis.frame import low_pass_response, slope_of
 from motorctl.insight.diagnosis.hypothesis import acceleration_form
 from motorctl.insight.diagnosis.judgement import (
     REPORT_HZ,
@@ -36,6 +36,7 @@ from motorctl.insight.diagnosis.outcome import (
     values_of,
 )
 from motorctl.insight.diagnosis.result import (
+    FRICTION,
     AxisDiagnosis,
     FoundEffect,
     MissingMotion,
@@ -53,16 +54,6 @@ from motorctl.model import Effect, EffectList, effect_class, make_effect
 
 Array = NDArray[np.float64]
 
-FRICTION = (
-    "viscous_friction",
-    "coulomb_friction",
-    "stribeck",
-    "asymmetric_friction",
-    "presliding",
-    "position_dependent_friction",
-    "quadratic_drag",
-    "residual_map",
-)
 MAP_FUNCTIONS = 7
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least."""
@@ -100,7 +91,7 @@ def assemble(
     if test is not None:
         error, tested = error_on(*test, found, error)
     effects = _effects(found, values, split, error)
-    slope = _slope(declared)
+    slope = slope_of(declared)
     hidden = untestable(found, slope)
     missing = _missing(data, found, effects, hidden)
     if too_plain:
@@ -145,11 +136,6 @@ def assemble(
         notes=(*tested, *_notes(found, judged, split, effects)),
     )
     return replace(diagnosis, seconds=time.monotonic() - began)
-
-
-def _slope(model: EffectList) -> float | None:
-    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
-    return float(slopes[0]) if slopes else None
 
 
 def _compensation(found: Found, judged: Judged) -> tuple[Effect, Problem, int] | None:

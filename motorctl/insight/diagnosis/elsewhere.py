@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from motorctl.insight.diagnosis.frame import Frame, make_frame
+from motorctl.insight.diagnosis.frame import Frame, make_frame, slope_of
 from motorctl.insight.diagnosis.hypothesis import Bench, Hypothesis
 from motorctl.insight.diagnosis.judgement import REPORT_HZ, explained
 from motorctl.insight.diagnosis.result import ModelError
@@ -37,10 +37,7 @@ def error_on(
     others are the other axes of the same recording.
     """
     declared = found.final.bench.declared
-    slopes = [e.options.slope_s_m for e in declared.effects if hasattr(e.options, "slope_s_m")]
-    frame = make_frame(test, dict(others), None, float(slopes[0]) if slopes else None).plain(
-        REPORT_HZ
-    )
+    frame = make_frame(test, dict(others), None, slope_of(declared)).plain(REPORT_HZ)
     before, command = _rms(found.base, frame)
     after, _ = _rms(found.final, frame)
     notes = [f"errors are those on {test.source}, to which nothing was fitted"]

@@ -22,7 +22,7 @@ from motorctl.insight.diagnosis.alignment import CommandPath, held_parts, later
 from motorctl.insight.diagnosis.repetition import period_of
 from motorctl.insight.measured import Measured
 from motorctl.insight.noise import position_noise_density
-from motorctl.model import Effect, Spans
+from motorctl.model import Effect, EffectList, Spans
 from motorctl.model.columns import input_columns, state_columns
 
 Array = NDArray[np.float64]
@@ -255,6 +255,12 @@ def low_pass_response(band_hz: float) -> Response:
         return np.asarray(0.5 * (1.0 + np.cos(np.pi * place)))
 
     return response
+
+
+def slope_of(model: EffectList) -> float | None:
+    """Give the slope at rest that the declared friction has; None without friction."""
+    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
+    return float(slopes[0]) if slopes else None
 
 
 def make_frame(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError
 from motorctl.insight.diagnosis.assemble import assemble
 from motorctl.insight.diagnosis.carried import carried
-from motorctl.insight.diagnosis.frame import make_frame, without
+from motorctl.insight.diagnosis.frame import make_frame, slope_of, without
 from motorctl.insight.diagnosis.motion_band import motion_band_hz
 from motorctl.insight.diagnosis.plausible import (
     check_explains,
@@ -92,6 +92,7 @@ def diagnose_axis(
     tell("reading its motion")
     beside = {n: o for n, o in (others or {}).items() if np.ptp(o.position) > 0.0}
     slope = slope_of(declared)
+    parts = {str(part): span for part, span in (segments or {}).items()}
     frame = make_frame(data, beside, slope_s_m=slope)
     check_motion(data, frame)
     model, dropped = carried(frame, declared)
@@ -106,21 +107,13 @@ def diagnose_axis(
     else:
         barred = frozenset(dropped) | coupled_motion(data, frame)
         rows = frame, wide
-        if "held_out" in (segments or {}):
-            held_out = (segments or {})["held_out"]
-            rows = without(frame, *held_out), without(wide, *held_out)
+        if "held_out" in parts:
+            rows = without(frame, *parts["held_out"]), without(wide, *parts["held_out"])
         found = both_ways(rows[0], model, slope, tell, barred, rows[1])
         whole = frame if found.final.bench.side == "acceleration" else wide
         found = over_all(found, whole, model, barred)
     tell("judging what was found")
-    parts = {str(part): span for part, span in (segments or {}).items()}
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=beside)
-
-
-def slope_of(model: EffectList) -> float | None:
-    """Give the slope at rest that the declared friction has; None without friction."""
-    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
-    return float(slopes[0]) if slopes else None
 
 
 def _counterpart(recording: Recording, name: str) -> Test:

@@ -8,23 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from motorctl.insight.diagnosis.result import AxisDiagnosis, FoundEffect, Traces
+from motorctl.insight.diagnosis.result import FRICTION, AxisDiagnosis, FoundEffect, Traces
 from motorctl.insight.diagnosis.values import pretty
 from motorctl.insight.measured import Array
 from motorctl.model import Effect, EffectList
 from motorctl.model.columns import input_columns, state_columns
-
-FRICTION = (
-    "viscous_friction",
-    "coulomb_friction",
-    "stribeck",
-    "asymmetric_friction",
-    "presliding",
-    "position_dependent_friction",
-    "quadratic_drag",
-    "residual_map",
-)
-"""Effects that are friction, declared or found."""
 
 MOST_NAMES = 2
 """More names than these do not fit into a legend."""

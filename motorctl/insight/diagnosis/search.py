@@ -159,17 +159,14 @@ def search(
     progress: Progress | None = None,
     side: Side = "acceleration",
     barred: frozenset[str] = frozenset(),
-    start: tuple[Effect, ...] = (),
 ) -> Found:
-    """Find the effects that the declared model lacks, beside those to start with."""
+    """Find the effects that the declared model lacks."""
     spans = spans_of(frame)
     tell = progress or (lambda _: None)
-    added = start
+    added: tuple[Effect, ...] = ()
     steps: list[Step] = []
     bench, noise = whitened(frame, declared, added, side, barred)
-    hypothesis = Hypothesis(bench, added).refreshed()
-    if added:
-        hypothesis = settled(hypothesis, spans)
+    hypothesis = Hypothesis(bench).refreshed()
     rivals: dict[str, list[type[Effect]]] = {}
     for _ in range(MOST_ROUNDS):
         if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):

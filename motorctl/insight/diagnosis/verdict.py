@@ -13,7 +13,13 @@ from motorctl.insight.diagnosis.basis import VARIABLES, Rivals
 from motorctl.insight.diagnosis.hypothesis import Hypothesis
 from motorctl.insight.diagnosis.result import Verdict
 from motorctl.insight.diagnosis.score import held_out_sse, residual, with_columns
-from motorctl.insight.diagnosis.search import NOISE_LIKE, Found, relevant_part, rival_gains
+from motorctl.insight.diagnosis.search import (
+    NOISE_LIKE,
+    Found,
+    explained_share,
+    relevant_part,
+    rival_gains,
+)
 from motorctl.insight.diagnosis.whitening import spectrum
 from motorctl.insight.fit_options import Side
 
@@ -77,7 +83,7 @@ def judge(found: Found) -> Judged:
     coloured = low_frequency_excess(found)
     bursting = bursts(found)
     names = tuple(effect.name for effect in found.final.added)
-    named_share = (base - final) / explainable if names else 0.0
+    named_share = explained_share(found) if names else 0.0
     rival_share = max(gain, 0.0) / explainable
     side = found.final.bench.side
     noisy = final <= NOISE_LIKE * noise
