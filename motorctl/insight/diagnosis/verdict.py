@@ -14,6 +14,7 @@ from motorctl.insight.diagnosis.hypothesis import Hypothesis
 from motorctl.insight.diagnosis.result import Verdict
 from motorctl.insight.diagnosis.score import held_out_sse, residual, with_columns
 from motorctl.insight.diagnosis.search import (
+    DOWN_TO_NOISE,
     NOISE_LIKE,
     Found,
     explained_share,
@@ -32,10 +33,16 @@ STRUCTURE = 0.08
 RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
 """Part of the explainable error that the named effects may leave to a smooth function: more where
 a machine is not down to its noise anyway."""
+SMOOTH_LEFT = 0.5
+"""Part of what the named effects leave: where a smooth function takes so much, they have not
+described what they were named for, on whichever side the command is."""
 SURE_BESIDE = 0.3
 """Part of it that named effects must take to be told beside unknown structure."""
 NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.82}
 """Part of the explainable error that named effects must take to be the answer."""
+BARELY_NAMED = 0.7
+"""Less than this part of the explainable error, and names are not the answer, however near to the
+noise the rest may be."""
 LEFT_OVER: dict[Side, float] = {"acceleration": 0.1, "command": 0.3}
 """Part of the explainable error that named effects may leave coloured in time: more where a
 machine is not down to its noise anyway."""
@@ -107,7 +114,8 @@ def judge(found: Found) -> Judged:
         if relevant and (coloured > COLOURED or bursting > BURSTS):
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
-    if structured and rival_share > RIVAL_SHARE[side]:
+    smooth_left = side == "command" and gain > SMOOTH_LEFT * final
+    if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
         kept = _standing(found, rival, names)
         share = _share_of(found, kept, explainable)
         if share < NAMED_ENOUGH[side]:
@@ -116,6 +124,8 @@ def judge(found: Found) -> Judged:
     shaped = structured or coloured > COLOURED or bursting > BURSTS
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
         return judged("unknown_structure", (), rival if structured else None)
+    if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise:
+        return judged("unknown_structure", (), None)
     if 1.0 - named_share > LEFT_OVER[side] and coloured > COLOURED and not noisy:
         return judged("unknown_structure", (), None)
     return judged("effect", names, None)
