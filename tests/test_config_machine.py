@@ -176,7 +176,7 @@ def test_an_infinite_slope_of_friction_survives_json(tmp_path):
 
 def test_a_log_is_read_where_its_driver_is_not_installed(bench):
     plain = json.loads(json.dumps(bench.resolved))
-    plain["drivers"]["line"] = {"type": "elsewhere:Driver", "ip": "10.0.0.1"}
+    plain["drivers"]["line"] |= {"type": "elsewhere:Driver", "ip": "10.0.0.1"}
     found = load_resolved(plain, "run.parquet")
     assert found.axes["x"].model.names == bench.axes["x"].model.names
     assert found.drivers == {}

@@ -19,7 +19,7 @@ def print_summary(console: Console, summary: Part) -> None:
         f"[bold]{escape(summary['name'])}[/bold]  {_number(summary['rate_hz'])} Hz, "
         f"Ts = {_number(period_us)} us  ({escape(summary['source'])})"
     )
-    console.print(_budgets(summary["drivers"], summary["rate_hz"]))
+    console.print(_budgets(summary["drivers"]))
     for name, axis in summary["axes"].items():
         console.print(_wiring(name, axis))
         console.print(_parameters(name, axis))
@@ -40,9 +40,10 @@ def _table(title: str, *columns: str, numbers: bool = True) -> Table:
     return table
 
 
-def _budgets(drivers: Part, rate_hz: float) -> Table:
+def _budgets(drivers: Part) -> Table:
     title = "Drivers and rate budgets"
-    table = _table(title, "driver", "type", "axes", "at most", "used", "because", numbers=False)
+    columns = ("driver", "type", "axes", "rate", "at most", "used", "because")
+    table = _table(title, *columns, numbers=False)
     for name, driver in drivers.items():
         used = "?" if driver["used"] is None else f"{100 * driver['used']:.0f} %"
         most = driver["max_rate_hz"]
@@ -50,6 +51,7 @@ def _budgets(drivers: Part, rate_hz: float) -> Table:
             name,
             driver["type"],
             ", ".join(driver["axes"]),
+            f"{_number(driver['rate_hz'])} Hz",
             "any" if most is None else f"{_number(most)} Hz",
             used,
             escape(driver["arithmetic"]),

@@ -22,7 +22,7 @@ from motorctl.config.machine import (
     LoopSettings,
     Machine,
 )
-from motorctl.config.shape import AxisShape, ConfigShape
+from motorctl.config.shape import AxisShape, ConfigShape, DriverShape
 from motorctl.motion import Program
 
 INFINITIES = {math.inf: ".inf", -math.inf: "-.inf"}
@@ -34,6 +34,7 @@ def freeze(
     drivers: Mapping[str, DriverSetup],
     models: Mapping[str, AxisModel],
     programs: Mapping[str, Program],
+    divisors: Mapping[str, int],
 ) -> Machine:
     """Put a machine together from parts that have been checked."""
     return Machine(
@@ -41,7 +42,10 @@ def freeze(
         source=source,
         rate_hz=shape.rate_hz,
         drivers=dict(drivers),
-        axes={name: _axis(name, axis, models[name]) for name, axis in shape.axes.items()},
+        axes={
+            name: _axis(name, axis, models[name], divisors[axis.driver])
+            for name, axis in shape.axes.items()
+        },
         programs=dict(programs),
         loop=LoopSettings(**shape.loop.model_dump()),
         log_directory=shape.recording.directory,
@@ -49,7 +53,7 @@ def freeze(
     )
 
 
-def _axis(name: str, shape: AxisShape, model: AxisModel) -> Axis:
+def _axis(name: str, shape: AxisShape, model: AxisModel, divisor: int) -> Axis:
     limits, homing, adaptation = shape.limits, shape.homing, shape.adaptation.model_dump()
     runs = model.declared if shape.controller == "C2" else model.declared.without_electromagnetic()
     if adaptation["rate_limit_1_s"] is None:
@@ -83,6 +87,7 @@ def _axis(name: str, shape: AxisShape, model: AxisModel) -> Axis:
             timeout_s=homing.timeout_s or 0.0,
         ),
         program=shape.program,
+        divisor=divisor,
     )
 
 
@@ -95,7 +100,8 @@ def _resolved(
     """Give the configuration with every default, in the file's own shape, fit for JSON."""
     plain: dict[str, Any] = shape.model_dump(mode="json")
     for name, driver in drivers.items():
-        plain["drivers"][name] = {"type": driver.type, **driver.options.model_dump(mode="json")}
+        common = {key: plain["drivers"][name][key] for key in DriverShape.model_fields}
+        plain["drivers"][name] = common | driver.options.model_dump(mode="json")
     for name, model in models.items():
         plain["axes"][name]["model"] = model.resolved
     for name, program in programs.items():

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from motorctl.config.document import Document
+from motorctl.config.document import Document, KeyPath, holds
 from motorctl.config.machine import Axis, DriverSetup
 from motorctl.config.shape import DriverShape, options_of
 from motorctl.config.validation import suggest, validate, validate_options
@@ -46,19 +47,35 @@ def channels_of(driver: str, wirings: Iterable[Wiring]) -> tuple[Channel, ...]:
     )
 
 
-def rate_budget(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> RateBudget:
-    """Ask a driver for its budget. Raises UsageError where it refuses options or channels."""
+@dataclass(frozen=True)
+class Exchange:
+    """What a driver says of its exchange with the device."""
+
+    problems: tuple[tuple[KeyPath, str], ...]
+    budget: RateBudget | None
+    """None where there are problems."""
+    delay_s: float
+    """How much later than in a direct exchange a command acts on what was read."""
+
+
+def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
+    """Ask a driver about its exchange; no I/O. Raises UsageError where it fails to answer."""
     try:
         driver: Driver = setup.cls(setup.options, channels, period_s)
-        return driver.rate_budget()
+        problems = tuple(driver.problems())
+        budget = None if problems else driver.rate_budget()
+        return Exchange(problems, budget, driver.exchange_delay_periods * period_s)
     except MotorctlError:
         raise
-    except Exception as error:
+    except Exception as error:  # a driver of a third party may fail in any way
         raise UsageError(f"{type(error).__name__}: {error}") from error
 
 
-def build_drivers(document: Document) -> dict[str, DriverSetup]:
-    """Find every driver and check its options; those with problems are noted and left out."""
+def build_drivers(document: Document, directory: Path) -> dict[str, DriverSetup]:
+    """Find every driver and check its options; those with problems are noted and left out.
+
+    Files that options name are looked for in `directory`.
+    """
     found: dict[str, DriverSetup] = {}
     parts = document.at(("drivers",))
     for name, part in (parts if isinstance(parts, dict) else {}).items():
@@ -71,9 +88,17 @@ def build_drivers(document: Document) -> dict[str, DriverSetup]:
         except UsageError as error:
             document.add((*path, "type"), str(error))
             continue
-        options = validate_options(document, path, cls.Options, options_of(shape), ["type"])
+        options = validate_options(
+            document,
+            path,
+            cls.Options,
+            options_of(shape),
+            DriverShape.model_fields,
+            {"directory": directory},
+        )
         if options is not None:
-            found[name] = DriverSetup(name, shape.type, cls, options)
+            late = shape.late
+            found[name] = DriverSetup(name, shape.type, cls, options, late.hold_ticks, late.predict)
     return found
 
 
@@ -103,6 +128,7 @@ def check_rates(
     drivers: Mapping[str, DriverSetup],
     wirings: Sequence[Wiring],
     rate_hz: float | None,
+    divisors: Mapping[str, int],
 ) -> None:
     """Check the rate against every driver's budget, where all of its axes could be read."""
     claimed = [driver for _, driver, _ in _claims(document)]
@@ -111,18 +137,24 @@ def check_rates(
         distinct = {channel.number for channel in channels}
         if not channels or not len(distinct) == len(channels) == claimed.count(name):
             continue
-        if rate_hz is None:
+        if rate_hz is None or name not in divisors:
             continue
+        own_rate_hz = rate_hz / divisors[name]
         try:
-            budget = rate_budget(setup, channels, 1.0 / rate_hz)
+            exchange = ask_exchange(setup, channels, 1.0 / own_rate_hz)
         except MotorctlError as error:
             document.add(("drivers", name), str(error))
             continue
-        if not rate_hz <= budget.max_rate_hz:
+        for path, message in exchange.problems:
+            document.add(("drivers", name, *path), message)
+        budget = exchange.budget
+        if budget and not own_rate_hz <= budget.max_rate_hz:
+            own = holds(document.at(("drivers", name)), "rate_hz")
             document.add(
-                ("rate_hz",),
-                f"found {rate_hz:g}, driver '{name}' carries at most {budget.max_rate_hz:.6g} Hz: "
-                f"{budget.arithmetic}",
+                ("drivers", name, "rate_hz") if own else ("rate_hz",),
+                f"found {own_rate_hz:g}, driver '{name}' carries at most "
+                f"{budget.max_rate_hz:.6g} Hz: {budget.arithmetic}"
+                + ("" if own else f"; give drivers.{name} a rate_hz of its own, or lower this one"),
             )
 
 

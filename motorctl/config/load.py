@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.document import Document, read_document
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.machine import Controller, Machine
 from motorctl.config.programs import build_programs, check_followed, check_programs
-from motorctl.config.shape import ConfigShape, LoopShape, Rate
+from motorctl.config.rates import axis_rate, loop_rate, read_divisors
+from motorctl.config.shape import ConfigShape, LoopShape
 from motorctl.config.shipped import locate
 from motorctl.config.validation import validate
 
@@ -52,19 +51,20 @@ def _build(
 ) -> Machine:
     _fill_in(document.data, controller)
     shape = validate(document, (), ConfigShape, document.data)
-    rate_hz = _rate(document)
+    rate_hz = loop_rate(document)
+    divisors = read_divisors(document, rate_hz)
     axes = document.at(("axes",))
     names = list(axes) if isinstance(axes, dict) else []
     parts = {name: read_axis(document, name) for name in names}
-    for part in parts.values():
-        check_axis(document, part, rate_hz)
+    for name, part in parts.items():
+        check_axis(document, part, axis_rate(document, name, rate_hz, divisors))
     _check_spin(document, rate_hz)
     check_claims(document)
     drivers = {}
     if hardware:
-        drivers = build_drivers(document)
+        drivers = build_drivers(document, directory)
         wirings = [wiring for part in parts.values() if (wiring := part.wiring(document))]
-        check_rates(document, drivers, wirings, rate_hz)
+        check_rates(document, drivers, wirings, rate_hz, divisors)
     programs = build_programs(document, directory)
     _compare(document, parts, programs)
     for name in names if hardware else ():
@@ -72,7 +72,7 @@ def _build(
     document.raise_problems()
     assert shape is not None
     models = {name: part.declared for name, part in parts.items() if part.declared}
-    return freeze(shape, source, drivers, models, programs)
+    return freeze(shape, source, drivers, models, programs, divisors)
 
 
 def _compare(
@@ -94,14 +94,6 @@ def _fill_in(data: dict[str, Any], controller: Controller | None) -> None:
         model = axis.get("model")
         if isinstance(model, dict):
             axis["model"] = {name: {} if e is None else e for name, e in model.items()}
-
-
-def _rate(document: Document) -> float | None:
-    rate = document.at(("rate_hz",))
-    try:
-        return TypeAdapter(Rate).validate_python(rate, strict=True)
-    except ValidationError:
-        return None
 
 
 def _check_spin(document: Document, rate_hz: float | None) -> None:

@@ -128,6 +128,8 @@ class Axis:
     homing: Homing
     program: str | None
     """Name of the program that the axis follows after `start`; None: hold."""
+    divisor: int = 1
+    """Ticks of the loop in one of the axis: the same for all axes of a driver."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,10 @@ class DriverSetup:
     type: str
     cls: builtins.type[Driver]
     options: DriverOptions
+    hold_ticks: int = 3
+    """So many of its ticks may find no new sample before its axes trip."""
+    predict: bool = False
+    """Whether the model moves the position on meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +177,10 @@ class Machine:
     def period_s(self) -> float:
         """Ts."""
         return 1.0 / self.rate_hz
+
+    def period_of(self, axis: str) -> float:
+        """Give the period of an axis [s]: the loop's, or a whole multiple."""
+        return self.period_s * self.axes[axis].divisor
 
     @property
     def most_parameters(self) -> int:

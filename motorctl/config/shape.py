@@ -36,10 +36,27 @@ class OpenShape(Shape):
     model_config = ConfigDict(extra="allow")
 
 
+class LateShape(Shape):
+    """What happens where a tick finds no new sample of the device."""
+
+    hold_ticks: Annotated[int, Field(ge=0, le=100_000)] = Field(
+        default=3, description="so many of its ticks pass before its axes trip"
+    )
+    predict: bool = Field(
+        default=False,
+        description="meanwhile the model moves the position on; else position and command are held",
+    )
+
+
 class DriverShape(OpenShape):
-    """A device; every key but `type` is an option of its driver."""
+    """A device; every key but these is an option of its driver."""
 
     type: str = Field(description="name of an installed driver, or package.module:Class")
+    rate_hz: Rate | None = Field(
+        default=None,
+        description="exchanges a second, and ticks of its axes: the loop's rate or a whole part",
+    )
+    late: LateShape = Field(default_factory=LateShape)
 
 
 class EncoderShape(Shape):

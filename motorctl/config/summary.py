@@ -17,7 +17,7 @@ from motorctl.config.analysis import (
     required_command,
     smallest_slope,
 )
-from motorctl.config.hardware import channels_of, rate_budget, wiring_of
+from motorctl.config.hardware import ask_exchange, channels_of, wiring_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError
@@ -31,7 +31,8 @@ COVERED_FRICTION = ("viscous_friction", "coulomb_friction")
 
 def summarise(machine: Machine) -> dict[str, Any]:
     """Give everything that `check` shows, fit for JSON; what is infinite becomes null."""
-    axes = {name: _axis(axis, machine.period_s) for name, axis in machine.axes.items()}
+    axes = {n: _axis(axis, machine.period_of(n)) for n, axis in machine.axes.items()}
+    drivers = dict(_drivers(machine))
     summary = {
         "name": machine.name,
         "source": str(machine.source),
@@ -39,7 +40,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "period_s": machine.period_s,
         "valid": True,
         "problems": [],
-        "drivers": dict(_drivers(machine)),
+        "drivers": drivers,
         "axes": axes,
         "programs": {n: _program(machine, p) for n, p in machine.programs.items()},
         "loop": asdict(machine.loop),
@@ -47,7 +48,10 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "notes": [
             note
             for name, axis in axes.items()
-            for note in _notes(name, axis, machine.axes[name].model)
+            for note in (
+                *_notes(name, axis, machine.axes[name].model),
+                *_exchange_notes(machine.axes[name], drivers[axis["driver"]]["delay_s"]),
+            )
         ],
         "resolved": dict(machine.resolved),
     }
@@ -59,19 +63,25 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
     wirings = [wiring_of(axis) for axis in machine.axes.values()]
     for name, setup in machine.drivers.items():
         channels = channels_of(name, wirings)
+        period_s = machine.period_of(channels[0].axis)
         told: dict[str, Any] = {
             "type": setup.type,
             "axes": [channel.axis for channel in channels],
             "supports_virtual_time": setup.cls.supports_virtual_time,
+            "rate_hz": 1.0 / period_s,
+            "late": {"hold_ticks": setup.hold_ticks, "predict": setup.predict},
         }
         try:
-            budget = rate_budget(setup, channels, machine.period_s)
+            exchange = ask_exchange(setup, channels, period_s)
+            budget = exchange.budget
+            assert budget is not None  # the configuration has been checked
         except MotorctlError as error:
-            told |= {"max_rate_hz": None, "used": None, "arithmetic": str(error)}
+            told |= {"max_rate_hz": None, "used": None, "arithmetic": str(error), "delay_s": 0.0}
         else:
             told |= {
+                "delay_s": exchange.delay_s,
                 "max_rate_hz": budget.max_rate_hz,
-                "used": machine.rate_hz / budget.max_rate_hz,
+                "used": 1.0 / period_s / budget.max_rate_hz,
                 "arithmetic": budget.arithmetic,
             }
         yield name, told
@@ -219,6 +229,16 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
     ]
     if beyond:
         yield f"axis {name}: condition and margins leave out {', '.join(beyond)}"
+
+
+def _exchange_notes(axis: Axis, delay_s: float) -> Iterator[str]:
+    declared_s = axis.model.delay_s + axis.adaptation.input_delay_s
+    if declared_s < delay_s * (1.0 - 1e-9):
+        yield (
+            f"axis {axis.name}: driver '{axis.driver}' brings a sample with the command, so "
+            f"a command acts {delay_s * 1e3:g} ms late, and the model declares "
+            f"{declared_s * 1e3:g} ms: add input_delay: {{time_s: {delay_s:g}}} to it"
+        )
 
 
 def _range(axis: Axis, name: str) -> tuple[float, float, float]:

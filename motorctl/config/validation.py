@@ -53,9 +53,16 @@ def validate(
 
 
 def validate_options(
-    document: Document, path: KeyPath, model: type[M], data: Any, also: Iterable[str]
+    document: Document,
+    path: KeyPath,
+    model: type[M],
+    data: Any,
+    also: Iterable[str],
+    context: Mapping[str, Any] | None = None,
 ) -> M | None:
     """Give the options of a driver or an effect, which a third party may have written.
+
+    Validators find in `context` the directory of the file, for names of files in the options.
 
     Its validators may expand what stands in the file, so they are not held to strict types; text
     and truth values where the file should have numbers are noted all the same. `also` names the
@@ -65,8 +72,8 @@ def validate_options(
     before = len(document.problems)
     options: M | None = None
     try:
-        options = model.model_validate_json(text)
-        model.model_validate_json(text, strict=True)
+        options = model.model_validate_json(text, context=context)
+        model.model_validate_json(text, strict=True, context=context)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             found = find(data, detail["loc"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from motorctl.hal import Status
 from motorctl.log.sample import FaultCause
 
 _WITH_LIMIT = {
@@ -23,11 +24,28 @@ _WITHOUT_LIMIT = {
 }
 
 
-def fault_message(cause: FaultCause, value: float, limit: float, time_s: float) -> str:
-    """Name the cause with its value, its limit and when it was [s since the first tick]."""
-    if cause in _WITH_LIMIT:
+_DEVICE = {
+    Status.BUS_OFF: "the bus or the port is gone",
+    Status.DEVICE_RESTARTED: "the device began anew",
+    Status.CORRUPT: "what came was refused: checksum, length or sequence",
+}
+"""What a driver may add to the cause."""
+
+
+def fault_message(
+    cause: FaultCause, value: float, limit: float, time_s: float, status: int = 0
+) -> str:
+    """Name the cause with its value, its limit and when it was [s since the first tick].
+
+    status is the driver's word at that time.
+    """
+    if cause is FaultCause.NO_NEW_SAMPLE:
+        text = f"no new sample from the device for {value:.0f} ticks, {limit:.0f} are allowed"
+    elif cause in _WITH_LIMIT:
         what, scale, unit = _WITH_LIMIT[cause]
         text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"
     else:
         text = _WITHOUT_LIMIT[cause]
+    if told := [words for bit, words in _DEVICE.items() if status & bit]:
+        text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"

@@ -24,8 +24,9 @@ def fault_of(status: np.void) -> dict[str, str] | None:
     if AxisState(int(status["state"])) is not AxisState.FAULT:
         return None
     cause = FaultCause(int(status["fault"]))
-    numbers = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
-    return {"cause": cause.name.lower(), "message": fault_message(cause, *numbers)}
+    value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
+    message = fault_message(cause, value, limit, time_s, int(status["fault_status"]))
+    return {"cause": cause.name.lower(), "message": message}
 
 
 class Report:

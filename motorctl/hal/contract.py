@@ -62,6 +62,16 @@ class Status(IntFlag):
     """An index mark was passed since the last read; ``Inputs.index_counts`` holds its count."""
     ESTOP = 1 << 7
     """The hardware's emergency-stop chain is open."""
+    STALE = 1 << 8
+    """No new sample has come since the last read, and the count repeats the last one. Not a fault:
+    the loop holds the position for as many periods as the configuration allows, then trips."""
+    CORRUPT = 1 << 9
+    """Something came and was refused: checksum, length, or sequence. Tells the cause of STALE."""
+    BUS_OFF = 1 << 10
+    """The controller is off the bus, or the port is gone. With COMMUNICATION_LOST."""
+    DEVICE_RESTARTED = 1 << 11
+    """The device began anew: its count and its enables are not what they were. With
+    ENCODER_LOST."""
 
 
 FAULT_BITS = Status.ENCODER_LOST | Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST | Status.ESTOP
@@ -138,6 +148,10 @@ class Driver(ABC):
 
     Options: ClassVar[type[DriverOptions]] = DriverOptions
     supports_virtual_time: ClassVar[bool] = False
+    exchange_delay_periods: float = 0.0
+    """How many periods later than in a direct exchange a command acts on what is read: 0 where
+    `read` brings what was sampled at its call and `write` takes effect at once; 1 where one
+    exchange a period carries both, so that what `read` brings was sampled at the last `write`."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 
@@ -151,6 +165,14 @@ class Driver(ABC):
     @abstractmethod
     def rate_budget(self) -> RateBudget:
         """Compute the highest possible rate from options and channels, without any I/O."""
+
+    def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
+        """Tell what is wrong between options and channels, without any I/O.
+
+        Each with the path of the option that is at fault, as in ``(("frames", "command"), "...")``.
+        What is wrong with the options alone is the business of their schema.
+        """
+        return ()
 
     def prepare(self) -> None:  # noqa: B027 (most drivers have nothing to prepare)
         """Compile and allocate, without any I/O, what would be slow once real time is entered."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,8 +97,10 @@ def measured(recording: Recording, axis: str) -> Measured:
         usable &= np.isin(record.state, IN_FORCE)
     if recording.lateness_s is not None:
         usable &= ~np.isnan(recording.lateness_s)  # rows filled in for skipped periods
+    if record.flags is not None:
+        usable &= (record.flags & SampleFlag.HELD) == 0
     force = record.force_per_command
-    return Measured(
+    data = Measured(
         source=recording.source,
         axis=axis,
         sample_rate_hz=recording.sample_rate_hz,
@@ -114,6 +117,40 @@ def measured(recording: Recording, axis: str) -> Measured:
         force_per_command=None if force is None else force.value,
         force_unit="N" if force is None else force.force_unit,
     )
+    return data if record.flags is None else _own_ticks(data, record.flags)
+
+
+def _own_ticks(data: Measured, flags: NDArray[np.int64]) -> Measured:
+    """Leave out the rows between the ticks of an axis that has fewer than its log has rows."""
+    own = np.flatnonzero((flags & SampleFlag.BETWEEN) == 0)
+    if len(own) in (0, 1, len(flags)):
+        return data
+    divisor = int(np.median(np.diff(own)))
+    return _picked(replace(data, sample_rate_hz=data.sample_rate_hz / divisor), own)
+
+
+def _picked(data: Measured, rows: NDArray[np.int64]) -> Measured:
+    length = len(data.position)
+    columns: dict[str, Any] = {
+        field.name: value[rows]
+        for field in fields(data)
+        if isinstance(value := getattr(data, field.name), np.ndarray) and len(value) == length
+    }
+    return replace(data, **columns)
+
+
+def beside(data: Measured, others: Mapping[str, Measured]) -> dict[str, Measured]:
+    """Give the other axes that move, at the times of `data`: they may have another rate."""
+    moving = {name: other for name, other in others.items() if np.ptp(other.position) > 0.0}
+    return {name: _at_times(other, data.time_s) for name, other in moving.items()}
+
+
+def _at_times(other: Measured, time_s: Array) -> Measured:
+    if np.array_equal(other.time_s, time_s):
+        return other
+    nearest = np.clip(np.searchsorted(other.time_s, time_s), 0, len(other.time_s) - 1)
+    position = np.interp(time_s, other.time_s, other.position)
+    return replace(_picked(other, nearest), time_s=time_s, position=position)
 
 
 def check_usable(data: Measured) -> None:

@@ -35,6 +35,10 @@ class SampleFlag(IntFlag):
     LIMIT_POSITIVE = 1 << 6
     HOME_SWITCH = 1 << 7
     INDEX = 1 << 8
+    HELD = 1 << 9
+    """The driver had no new sample: the position is the last one, or the model's prediction."""
+    BETWEEN = 1 << 10
+    """No tick of the axis, which has fewer than the loop: the row repeats its last."""
 
 
 class FaultCause(IntEnum):
@@ -54,6 +58,8 @@ class FaultCause(IntEnum):
     HOMING_FAILED = 11
     OVERRUN = 12
     SUPERVISOR_LOST = 13
+    NO_NEW_SAMPLE = 14
+    """The driver had no new sample for more ticks than the configuration allows."""
 
 
 TICK_SAMPLE = np.dtype(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ from motorctl.loop.safety import (
     COMMUNICATION_LOST,
     ENCODER_LOST,
     check_device,
+    check_freshness,
     check_motion,
     checked_voltage,
     count_is_ambiguous,
@@ -42,6 +44,9 @@ LIMIT_NEGATIVE = int(SampleFlag.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(SampleFlag.LIMIT_POSITIVE)
 HOME_SWITCH = int(SampleFlag.HOME_SWITCH)
 INDEX = int(SampleFlag.INDEX)
+HELD = int(SampleFlag.HELD)
+BETWEEN = int(SampleFlag.BETWEEN)
+STALE = int(Status.STALE)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
 DEVICE_LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 DEVICE_LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
@@ -102,11 +107,38 @@ def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
         axis.homed = 0
 
 
+@njit(error_model="numpy")
+def hold_position(
+    feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
+) -> None:
+    """Do without a new sample: the last position stands, or the model moves it on.
+
+    The prediction solves the force balance of the list, under the last virtual command, for the
+    acceleration: v + d0_hat = theta1 a + the rest of the list at the present x and v.
+    """
+    axis.held_ticks += elapsed
+    axis.blind_ticks += elapsed
+    if not axis.have_counts:  # there is no last position
+        axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
+    if not settings.predict or axis.state in (OFF, FAULT) or axis.fresh:
+        return
+    x, v, dt = axis.position_m, axis.velocity_m_s, elapsed * settings.period_s
+    rest = feedforward(x, v, 0.0, v, t, law.context, law.theta)
+    inertia = feedforward(x, v, 1.0, v, t, law.context, law.theta) - rest
+    a = (law.v + law.d0 - rest) / inertia
+    bound = settings.max_acceleration_m_s2
+    a = min(max(a, -bound), bound) if math.isfinite(a) else 0.0
+    axis.position_m = x + dt * (v + 0.5 * dt * a)
+    axis.velocity_m_s = v + dt * a
+
+
 @njit
 def axis_inputs(
     correct: Callable[..., float],
+    feedforward: Callable[..., float],
     settings: Any,
     axis: Any,
+    law: Any,
     raw: int,
     status: int,
     elapsed: int,
@@ -117,8 +149,14 @@ def axis_inputs(
     if axis.state != OFF:
         check_device(axis, t)
     if status & UNTRUSTED:
+        axis.held_ticks = 0
         lose_sight(settings, axis, elapsed)
+    elif status & STALE:
+        hold_position(feedforward, settings, axis, law, elapsed, t)
+        if axis.state != OFF:
+            check_freshness(settings, axis, t)
     else:
+        axis.held_ticks = 0
         read_position(correct, settings, axis, raw, elapsed, t)
 
 
@@ -188,34 +226,46 @@ def axis_step(
     """
     flags = SKIPPED if elapsed > 1 else 0
     u, v = 0.0, 0.0
+    if axis.held_ticks:
+        flags |= HELD
     if axis.state in (OFF, FAULT):
-        axis.fresh = 0
+        axis.fresh, axis.gap_ticks = 0, 0
         law.d0 = 0.0
     else:
         # What depends on position is learned only where the position is known.
         law.blind = 0 if axis.homed else 1
-        if axis.fresh:
-            start_law(feedforward, advance_context, law_settings, law, t, axis.position_m)
-            axis.fresh = 0
-        elif elapsed > 1:
-            carry_over_gap(
-                advance_context, law_settings, law, elapsed, axis.position_m, axis.reference_m
+        passed = elapsed + axis.gap_ticks
+        if axis.held_ticks and not (axis.fresh or settings.predict):
+            # Without news the last command stands, as it does where periods are skipped.
+            axis.gap_ticks = passed
+            u, law.flags = law.u, 0
+        else:
+            axis.gap_ticks = 0
+            if axis.fresh:
+                start_law(feedforward, advance_context, law_settings, law, t, axis.position_m)
+                axis.fresh = 0
+            elif passed > 1:
+                carry_over_gap(
+                    advance_context, law_settings, law, passed, axis.position_m, axis.reference_m
+                )
+            if axis.held_ticks:
+                law.blind = 1  # a prediction teaches nothing
+                law.steps = 0
+            u = law_step(
+                state_columns,
+                input_columns,
+                feedforward,
+                input_map,
+                input_slope,
+                advance_context,
+                law_settings,
+                law,
+                t,
+                axis.position_m,
+                axis.reference_m,
+                axis.reference_velocity_m_s,
+                axis.reference_acceleration_m_s2,
             )
-        u = law_step(
-            state_columns,
-            input_columns,
-            feedforward,
-            input_map,
-            input_slope,
-            advance_context,
-            law_settings,
-            law,
-            t,
-            axis.position_m,
-            axis.reference_m,
-            axis.reference_velocity_m_s,
-            axis.reference_acceleration_m_s2,
-        )
         u = checked_voltage(settings, axis, u, law.v, t)
         v = law.v
         if law.flags & LAW_SATURATED:
@@ -254,6 +304,25 @@ def axis_step(
 
 
 @njit
+def axis_between(axis: Any, last: Any, n: int, sample: Any) -> None:
+    """Fill the row of a tick that is none of the axis': its last one, with the state of now."""
+    sample.reference_m = last.reference_m
+    sample.reference_velocity_m_s = last.reference_velocity_m_s
+    sample.reference_acceleration_m_s2 = last.reference_acceleration_m_s2
+    sample.position_m = last.position_m
+    sample.velocity_m_s = last.velocity_m_s
+    sample.following_error_m = last.following_error_m
+    sample.command_v = last.command_v
+    sample.virtual_command_v = last.virtual_command_v
+    sample.d0_hat_v = last.d0_hat_v
+    for i in range(n):
+        sample.theta_hat[i] = last.theta_hat[i]
+    sample.state = axis.state
+    sample.fault = axis.fault
+    sample.flags = last.flags | BETWEEN
+
+
+@njit
 def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     """Copy what `status` shows of an axis."""
     status.fault = axis.fault
@@ -271,4 +340,5 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.fault_value = axis.fault_value
     status.fault_limit = axis.fault_limit
     status.fault_time_s = axis.fault_time_s
+    status.fault_status = axis.fault_status
     status.state = axis.state  # last: whoever sees FAULT finds its cause

@@ -9,7 +9,7 @@ from numba import njit
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import UNDECIDED, hold_where_it_is
-from motorctl.loop.safety import DEVICE_FAULTS, set_soft_limits, still_moves, trip
+from motorctl.loop.safety import DEVICE_FAULTS, is_overdue, set_soft_limits, still_moves, trip
 from motorctl.loop.shared import MAILBOX_SIZE, Reply, Verb
 
 OFF = int(AxisState.OFF)
@@ -87,6 +87,7 @@ def stop(axis: Any, cause: int, t: float) -> None:
         axis.fault = cause
         if cause:
             axis.fault_value, axis.fault_limit, axis.fault_time_s = 0.0, 0.0, t
+            axis.fault_status = axis.status
 
 
 @njit
@@ -102,7 +103,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
     if verb == RESET:
         if axis.state != FAULT:
             return WRONG_STATE
-        if axis.status & DEVICE_FAULTS:
+        if axis.status & DEVICE_FAULTS or is_overdue(settings, axis):
             return STILL_FAULTY
         axis.state, axis.fault = OFF, 0
         return OK
@@ -139,7 +140,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
 def _enable(settings: Any, axis: Any) -> int:
     if axis.state != OFF:
         return WRONG_STATE
-    if axis.status & DEVICE_FAULTS:
+    if axis.status & DEVICE_FAULTS or is_overdue(settings, axis):
         return STILL_FAULTY
     if still_moves(settings, axis):
         return STILL_MOVING

@@ -6,8 +6,10 @@ them to the common axis step. It is kept, readable, in the cache folder.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from textwrap import indent
 from types import ModuleType
+from typing import Any
 
 from motorctl.kernels import load_generated, source_digest
 from motorctl.log.sample import AxisState
@@ -20,7 +22,9 @@ HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""
 
 from numba import njit
 
-from motorctl.loop.axis import axis_inputs, axis_reference, axis_step, report_axis
+from motorctl.loop.axis import (
+    axis_between, axis_inputs, axis_reference, axis_step, report_axis,
+)
 from motorctl.loop.commands import take_commands
 from motorctl.loop.preview import fill_motion
 from motorctl.loop.supervision import supervise
@@ -34,8 +38,12 @@ def tick(
 ):
 '''
 
+PASSED = """    {passed} = number // {divisor} - (number - elapsed) // {divisor}
+"""
+
 INPUTS = """    axis_inputs(
-        {m}.correct, settings[{i}], axes[{i}], counts[{c}], words[{c}], elapsed, t,
+        {m}.correct, {m}.feedforward, settings[{i}], axes[{i}], laws[{i}], counts[{c}],
+        words[{c}], {passed}, t,
     )
 """
 
@@ -46,11 +54,13 @@ COMMANDS = """    supervise(watch[0], status[0], axes, elapsed, overran, t)
 REFERENCE = """    axis_reference(
         {m}.correct, {m}.feedforward, {m}.advance_context, settings[{i}], axes[{i}],
         law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}], index_counts[{c}],
-        elapsed, number, t,
+        {passed}, number, t,
     )
 """
 
-MOTION = """    fill_motion(law_settings, laws, axes, segments, segment_counts, beside, number, {i})
+MOTION = """    fill_motion(
+        law_settings, laws, settings, axes, segments, segment_counts, beside, number, {i},
+    )
 """
 
 COUNT = """    moving = 0
@@ -58,10 +68,16 @@ COUNT = """    moving = 0
 
 STEP = """    volts[{c}] = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
-        {m}.advance_context, settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], elapsed, t,
+        {m}.advance_context, settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], {passed}, t,
         samples[row, {i}],
     )
-    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
+"""
+
+BETWEEN = """    last = samples[row - 1, {i}]
+    axis_between(axes[{i}], last, law_settings[{i}].n, samples[row, {i}])
+"""
+
+REPORT = """    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
     moving += enable[{c}]
     report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[{i}])
 """
@@ -70,24 +86,50 @@ TAIL = """    return watch[0].shutdown != 0 and moving == 0
 """
 
 
-def compose_tick(models: Sequence[EffectList], channels: Sequence[int]) -> ModuleType:
+def compose_tick(
+    models: Sequence[EffectList], channels: Sequence[int], divisors: Sequence[int]
+) -> ModuleType:
     """Give the generated module whose `tick` serves these axes.
 
-    channels[i] is the place of axis i in the drivers' arrays. The references of all axes are moved
-    on before any law looks at one.
+    channels[i] is the place of axis i in the drivers' arrays, divisors[i] how many ticks of the
+    loop one of the axis lasts. The references of all axes are moved on before any law looks at
+    one. A channel's voltage stands between its axis' ticks.
     """
     lists = dict.fromkeys(model.kernels.__name__ for model in models)
     imports = "".join(f"import {name}\n" for name in lists)
     places = [
-        {"i": i, "c": channel, "m": model.kernels.__name__, "off": OFF, "fault": FAULT}
-        for i, (model, channel) in enumerate(zip(models, channels, strict=True))
+        {
+            "i": i,
+            "c": channel,
+            "m": model.kernels.__name__,
+            "off": OFF,
+            "fault": FAULT,
+            "divisor": divisor,
+            "passed": "elapsed" if divisor == 1 else f"passed{i}",
+        }
+        for i, (model, channel, divisor) in enumerate(zip(models, channels, divisors, strict=True))
     ]
     parts = [HEAD.format(axes=len(models), imports=imports)]
-    parts += [INPUTS.format(**place) for place in places] + [COMMANDS]
-    parts += [REFERENCE.format(**place) for place in places]
+    parts += [PASSED.format(**place) for place in places if place["divisor"] != 1]
+    parts += [_when_due(place, INPUTS) for place in places] + [COMMANDS]
+    parts += [_when_due(place, REFERENCE) for place in places]
     for place, model in zip(places, models, strict=True):
         if model.lag_s or model.delay_s or model.other_axes:
-            parts.append(MOTION.format(**place))
-    parts += [COUNT, *(STEP.format(**place) for place in places), TAIL]
+            parts.append(_when_due(place, MOTION))
+    parts.append(COUNT)
+    for place in places:
+        parts += [_when_due(place, STEP, BETWEEN), REPORT.format(**place)]
+    parts.append(TAIL)
     source = "".join(parts)
     return load_generated(f"tick_{source_digest(source)}", source)
+
+
+def _when_due(place: Mapping[str, Any], part: str, otherwise: str = "") -> str:
+    """Give what an axis does in its own ticks, and what in the others."""
+    text = part.format(**place)
+    if place["divisor"] == 1:
+        return text
+    text = f"    if {place['passed']}:\n{indent(text, '    ')}"
+    if otherwise:
+        text += f"    else:\n{indent(otherwise.format(**place), '    ')}"
+    return text

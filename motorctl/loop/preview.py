@@ -16,29 +16,38 @@ STOPPING = int(AxisState.STOPPING)
 
 @njit
 def fill_motion(
-    settings: Any, laws: Any, axes: Any, segments: Any, counts: Any, beside: Any, tick: int, i: int
+    law_settings: Any,
+    laws: Any,
+    settings: Any,
+    axes: Any,
+    segments: Any,
+    counts: Any,
+    beside: Any,
+    tick: int,
+    i: int,
 ) -> None:
     """Tell the law of axis i the desired motion that its effects depend on besides its own now.
 
-    settings are the laws'. beside[i] (axes) are the axes that its list names, -1 where no more.
+    beside[i] (axes) are the axes that its list names, -1 where no more. An axis of a slower driver
+    stands where its last tick put it.
     """
-    law, period_s = laws[i], settings[i].period_s
+    law, own_s, tick_s = laws[i], law_settings[i].period_s, settings[i].tick_s
     ahead_s = 0.0
-    if settings[i].previews:
-        ahead_s = settings[i].preview_s
-        _look_ahead(period_s, axes[i], segments[i], counts[i], tick, ahead_s - period_s, law.near)
-        _look_ahead(period_s, axes[i], segments[i], counts[i], tick, ahead_s, law.far)
+    if law_settings[i].previews:
+        ahead_s = law_settings[i].preview_s
+        _look_ahead(tick_s, axes[i], segments[i], counts[i], tick, ahead_s - own_s, law.near)
+        _look_ahead(tick_s, axes[i], segments[i], counts[i], tick, ahead_s, law.far)
     for k in range(beside.shape[1]):
         j = beside[i, k]
         if j < 0:
             break
-        _look_ahead(period_s, axes[j], segments[j], counts[j], tick, 0.0, law.others[k])
-        _look_ahead(period_s, axes[j], segments[j], counts[j], tick, ahead_s, law.others_far[k])
+        _look_ahead(tick_s, axes[j], segments[j], counts[j], tick, 0.0, law.others[k])
+        _look_ahead(tick_s, axes[j], segments[j], counts[j], tick, ahead_s, law.others_far[k])
 
 
 @njit
 def _look_ahead(
-    period_s: float, axis: Any, segments: Any, counts: Any, tick: int, ahead_s: float, motion: Any
+    tick_s: float, axis: Any, segments: Any, counts: Any, tick: int, ahead_s: float, motion: Any
 ) -> None:
     """Give desired x, v, a `ahead_s` from now, so far as it is decided now.
 
@@ -48,7 +57,7 @@ def _look_ahead(
     x, v, a = axis.reference_m, axis.reference_velocity_m_s, axis.reference_acceleration_m_s2
     if ahead_s > 0.0 and axis.state == RUNNING:
         table, count = segments[axis.slot], counts[axis.slot]
-        passed_s = ahead_s - max(axis.start_tick - tick, 0) * period_s
+        passed_s = ahead_s - max(axis.start_tick - tick, 0) * tick_s
         if passed_s > 0.0:
             index, time_s, done = advance(table, count, axis.segment, axis.segment_time_s, passed_s)
             x, v, a = evaluate(table, count, index, time_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motorctl.config.machine import Axis
+from motorctl.config.machine import Axis, DriverSetup
 
 AXIS_SETTINGS = np.dtype(
     [
@@ -30,6 +30,10 @@ AXIS_SETTINGS = np.dtype(
         ("latch_velocity_m_s", "f8"),
         ("home_position_m", "f8"),
         ("homing_ticks", "i8"),  # timeout
+        ("divisor", "i8"),  # ticks of the loop in one of the axis
+        ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
+        ("hold_ticks", "i8"),  # ticks without a new sample before it trips
+        ("predict", "i8"),  # the model moves the position on meanwhile
     ],
     align=True,
 )
@@ -41,11 +45,14 @@ AXIS_STATE = np.dtype(
         ("fault_value", "f8"),
         ("fault_limit", "f8"),
         ("fault_time_s", "f8"),
+        ("fault_status", "i8"),  # the driver's status word then
         ("fresh", "i8"),  # just enabled: the law starts in this tick
         ("homed", "i8"),
         ("have_counts", "i8"),
         ("raw_counts", "i8"),  # as last read
-        ("blind_ticks", "i8"),  # since when the count cannot be trusted
+        ("blind_ticks", "i8"),  # since when the count cannot be trusted, or no new one came
+        ("held_ticks", "i8"),  # since when no new one came
+        ("gap_ticks", "i8"),  # periods that the law has not seen
         ("counts", "i8"),  # unwrapped
         ("shift_m", "f8"),  # found by homing
         ("position_m", "f8"),
@@ -85,10 +92,13 @@ STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5
 
 
-def fill_axis_settings(record: np.void, axis: Axis, period_s: float) -> None:
-    """Write an axis' settings into `record` (of AXIS_SETTINGS)."""
+def fill_axis_settings(record: np.void, axis: Axis, setup: DriverSetup, tick_s: float) -> None:
+    """Write an axis' settings into `record` (of AXIS_SETTINGS); tick_s is the loop's period."""
     limits, homing, encoder = axis.limits, axis.homing, axis.encoder
+    period_s = tick_s * axis.divisor
     record["period_s"] = period_s
+    record["divisor"], record["tick_s"] = axis.divisor, tick_s
+    record["hold_ticks"], record["predict"] = setup.hold_ticks, setup.predict
     record["metres_per_count"] = encoder.direction * encoder.resolution_m
     record["offset_m"] = encoder.offset_m
     record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0

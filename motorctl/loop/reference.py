@@ -88,8 +88,8 @@ def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elap
     if tick < axis.start_tick:
         return
     table, count = segments[axis.slot], counts[axis.slot]
-    # After skipped periods the start may lie between the last tick and this one.
-    passed_s = min(elapsed, tick - axis.start_tick) * settings.period_s
+    # The start may lie between the axis' last tick and this one. Starts count the loop's ticks.
+    passed_s = min(elapsed * settings.divisor, tick - axis.start_tick) * settings.tick_s
     index, time_s, done = advance(table, count, axis.segment, axis.segment_time_s, passed_s)
     axis.segment, axis.segment_time_s = index, time_s
     x, v, a = evaluate(table, count, axis.segment, axis.segment_time_s)

@@ -35,6 +35,7 @@ CAUSE_ENCODER_LOST = int(FaultCause.ENCODER_LOST)
 CAUSE_ENCODER_JUMP = int(FaultCause.ENCODER_JUMP)
 CAUSE_AMPLIFIER = int(FaultCause.AMPLIFIER)
 CAUSE_COMMUNICATION = int(FaultCause.COMMUNICATION)
+CAUSE_NO_NEW_SAMPLE = int(FaultCause.NO_NEW_SAMPLE)
 CAUSE_ESTOP = int(FaultCause.ESTOP)
 CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
 
@@ -51,6 +52,7 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
             axis.fault_value = value
             axis.fault_limit = limit
             axis.fault_time_s = t
+            axis.fault_status = axis.status
         axis.state = FAULT
         axis.slot = -1
 
@@ -67,6 +69,19 @@ def check_device(axis: Any, t: float) -> None:
         trip(axis, CAUSE_ESTOP, float(status), 0.0, t)
     elif status & AMPLIFIER_FAULT:
         trip(axis, CAUSE_AMPLIFIER, float(status), 0.0, t)
+
+
+@njit
+def check_freshness(settings: Any, axis: Any, t: float) -> None:
+    """Trip where no new sample has come for longer than the configuration allows."""
+    if is_overdue(settings, axis):
+        trip(axis, CAUSE_NO_NEW_SAMPLE, float(axis.held_ticks), float(settings.hold_ticks), t)
+
+
+@njit
+def is_overdue(settings: Any, axis: Any) -> bool:
+    """Tell whether the last sample is older than an axis may be driven by."""
+    return axis.held_ticks > settings.hold_ticks  # type: ignore[no-any-return]
 
 
 @njit

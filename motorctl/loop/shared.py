@@ -121,6 +121,7 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("fault_value", "f8"),  # what tripped the limit
             ("fault_limit", "f8"),
             ("fault_time_s", "f8"),
+            ("fault_status", "i8"),  # the driver's status word then
         ],
         align=True,
     )

@@ -44,7 +44,8 @@ def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> 
             if axis.driver == name
         ]
         if channels:
-            drivers[name] = (driver_class or setup.cls)(setup.options, channels, machine.period_s)
+            period_s = machine.period_of(channels[0].axis)
+            drivers[name] = (driver_class or setup.cls)(setup.options, channels, period_s)
     return drivers
 
 
@@ -83,7 +84,8 @@ class Tick:
         self.beside = axes_beside(machine)
         self.laws = np.zeros(len(axes), law_state(parameters, remembered, self.beside.shape[1]))
         for i, axis in enumerate(axes):
-            fill_axis_settings(self.settings[i], axis, machine.period_s)
+            setup = machine.drivers[axis.driver]
+            fill_axis_settings(self.settings[i], axis, setup, machine.period_s)
             self.axes[i]["slot"] = -1
             self.axes[i]["homed"] = self.settings[i]["absolute"]
             adaptation, estimates = axis.adaptation, axis.estimates
@@ -91,7 +93,7 @@ class Tick:
             fill_settings(
                 self.law_settings[i],
                 axis.model,
-                period_s=machine.period_s,
+                period_s=machine.period_of(axis.name),
                 k1_1_s=axis.gains.k1_1_s,
                 ks_v_s_m=axis.gains.ks_v_s_m,
                 gamma_d=axis.gains.gamma_d,
@@ -141,13 +143,15 @@ class Tick:
             inputs.counts, inputs.index_counts = counts[first:last], index_counts[first:last]
             inputs.status = words[first:last]
             outputs.volts, outputs.enable = volts[first:last], enable[first:last]
-            reads.append((driver.read, inputs))
-            writes.append((driver.write, outputs))
-            advances.append(driver.advance)
+            divisor = self.machine.axes[driver.channels[0].axis].divisor
+            reads.append((driver.read, inputs, divisor))
+            writes.append((driver.write, outputs, divisor))
+            advances.append((driver.advance, divisor))
             first = last
         module = compose_tick(
             [axis.model for axis in axes],
             [place[name] for name in self.machine.axes],
+            [axis.divisor for axis in axes],
         )
         memory = self.memory
         inputs_outputs = (counts, index_counts, words, volts, enable)
@@ -169,8 +173,9 @@ class Tick:
         def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
             nonlocal written
             row = written % rows
-            for read, inputs in reads:
-                read(inputs)
+            for read, inputs, divisor in reads:
+                if divisor == 1 or number // divisor != (number - elapsed) // divisor:
+                    read(inputs)
             t1 = now()
             may_end: bool = kernel(
                 counts, index_counts, words, volts, enable, elapsed, overran, number,
@@ -178,8 +183,9 @@ class Tick:
                 law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
             )  # fmt: skip
             t2 = now()
-            for write, outputs in writes:
-                write(outputs)
+            for write, outputs, divisor in writes:
+                if divisor == 1 or number // divisor != (number - elapsed) // divisor:
+                    write(outputs)
             t3 = now()
             written += 1
             finish(
@@ -187,8 +193,9 @@ class Tick:
                 scheduled_ns, woke_ns, t1, t2, t3,
             )  # fmt: skip
             if virtual:
-                for advance in advances:
-                    advance()
+                for advance, divisor in advances:
+                    if divisor == 1 or (number + 1) % divisor == 0:
+                        advance()
             return may_end
 
         return step

@@ -23,7 +23,7 @@ from motorctl.insight.diagnosis.plausible import (
 from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.insight.diagnosis.search import both_ways, nothing_sought, over_all
 from motorctl.insight.diagnosis.testable import coupled_motion
-from motorctl.insight.measured import Measured, check_usable, measured
+from motorctl.insight.measured import Measured, beside, check_usable, measured
 from motorctl.log import Recording
 from motorctl.log.recording import Part
 from motorctl.model import EffectList
@@ -90,10 +90,10 @@ def diagnose_axis(
     check_usable(data)
     check_magnitude(data)
     tell("reading its motion")
-    beside = {n: o for n, o in (others or {}).items() if np.ptp(o.position) > 0.0}
+    moving = beside(data, others or {})
     slope = slope_of(declared)
     parts = {str(part): span for part, span in (segments or {}).items()}
-    frame = make_frame(data, beside, slope_s_m=slope)
+    frame = make_frame(data, moving, slope_s_m=slope)
     check_motion(data, frame)
     model, dropped = carried(frame, declared)
     plain = too_plain(frame)
@@ -101,7 +101,7 @@ def diagnose_axis(
     band_hz = motion_band_hz(frame, model)
     wide = frame
     if band_hz < frame.band_hz:
-        frame = make_frame(data, beside, band_hz, slope)
+        frame = make_frame(data, moving, band_hz, slope)
     if plain:
         found = nothing_sought(frame, model)
     else:
@@ -113,14 +113,14 @@ def diagnose_axis(
         whole = frame if found.final.bench.side == "acceleration" else wide
         found = over_all(found, whole, model, barred)
     tell("judging what was found")
-    return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=beside)
+    return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
 
 
 def _counterpart(recording: Recording, name: str) -> Test:
     if name in recording.axes:
         axes = {axis: measured(recording, axis) for axis in recording.axes}
         own = axes.pop(name)
-        return own, {axis: data for axis, data in axes.items() if np.ptp(data.position) > 0.0}
+        return own, beside(own, axes)
     if len(recording.axes) == 1:
         return measured(recording, next(iter(recording.axes))), {}
     known = ", ".join(recording.axes)

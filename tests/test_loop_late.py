@@ -1,0 +1,145 @@
+"""A tick that finds no new sample: what is held, what is predicted, and when the axis trips."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from loop_bench import TS, Rig, gantry, with_axes, with_sim
+
+from motorctl.hal import Inputs, Status
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.loop import Reply, Verb
+from motorctl_sim import SimDriver, SimOptions
+
+HOLD = 5
+
+
+class Deaf(SimDriver):
+    """A simulated gantry that hears nothing new in the reads of `deaf`."""
+
+    def __init__(self, options, channels, period_s):
+        super().__init__(SimOptions.model_validate({"preset": "published_gantry_clean"}), channels,
+                         period_s)  # fmt: skip
+        self.deaf: set[int] = set()
+        self.reads = 0
+        self.heard = Inputs(len(self.channels))
+
+    def read(self, inputs: Inputs) -> None:
+        self.reads += 1
+        if self.reads - 1 not in self.deaf:
+            super().read(self.heard)
+            inputs.counts[:], inputs.status[:] = self.heard.counts, self.heard.status
+        else:
+            inputs.counts[:] = self.heard.counts
+            inputs.status[:] = self.heard.status | Status.STALE
+
+
+def rig_of(*, predict: bool = False, hold_ticks: int = HOLD) -> Rig:
+    machine = with_sim(gantry())
+    setup = dataclasses.replace(
+        machine.drivers["gantry"], cls=Deaf, hold_ticks=hold_ticks, predict=predict
+    )
+    return Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
+
+
+def run(missing, *, predict: bool, seconds: float = 0.4) -> Rig:
+    """Let x move; `missing` are the ticks of the move's middle without a sample."""
+    rig = rig_of(predict=predict, hold_ticks=40)
+    with rig:
+        rig.start()
+        rig.move("x", 0.2, 0.8)
+        rig.driver.deaf = {rig.ticks + round(0.15 / TS) + k for k in missing}
+        rig.seconds(seconds)
+    return rig
+
+
+def test_the_last_position_and_the_last_command_are_held_while_no_sample_comes():
+    rows = run(range(4), predict=False).rows("x")
+    held = np.flatnonzero(rows["flags"] & SampleFlag.HELD)
+    assert len(held) == 4
+    before = rows[held[0] - 1]
+    assert (rows["position_m"][held] == before["position_m"]).all()
+    assert (rows["command_v"][held] == before["command_v"]).all()
+    assert (rows["state"][held] == AxisState.RUNNING).all()
+
+
+def test_the_first_sample_after_a_pause_is_no_kick():
+    pause, quiet = run(range(4), predict=False).rows("x"), run((), predict=False).rows("x")
+    last = np.flatnonzero(pause["flags"] & SampleFlag.HELD)[-1]
+    after = slice(last + 1, last + 40)
+    # Read as one period's, four periods' motion would be some 100 V of feedback.
+    assert np.abs(pause["command_v"][after] - quiet["command_v"][after]).max() < 1.0
+    assert pause["velocity_m_s"][last + 1] == pytest.approx(quiet["velocity_m_s"][last], abs=0.01)
+
+
+@pytest.mark.parametrize("pause", [3, 15, 30])
+def test_the_model_predicts_where_the_axis_is(pause):
+    predicted = run(range(pause), predict=True).rows("x")
+    true = run((), predict=True).rows("x")
+    held = np.flatnonzero(predicted["flags"] & SampleFlag.HELD)
+    assert len(held) == pause
+    moved = true["position_m"][held[-1]] - true["position_m"][held[0] - 1]
+    missed = np.abs(predicted["position_m"] - true["position_m"])[held].max()
+    assert moved > 0.3e-3
+    # One count of the encoder more or less is 2.5 mm/s, which the prediction starts from.
+    assert missed < 0.01 * moved + 2.5e-3 * pause * TS
+
+
+def test_a_prediction_teaches_nothing():
+    rows = run(range(20), predict=True).rows("x")
+    held = (rows["flags"] & SampleFlag.HELD) > 0
+    assert not (rows["flags"][held] & SampleFlag.ADAPTING).any()
+    first, last = np.flatnonzero(held)[[0, -1]]
+    assert (rows["theta_hat"][last] == rows["theta_hat"][first - 1]).all()
+
+
+@pytest.mark.parametrize("predict", [False, True])
+def test_samples_that_stay_away_trip_the_axis_after_the_configured_ticks(predict):
+    rig = rig_of(predict=predict)
+    with rig:
+        rig.start()
+        rig.move("x", 0.2, 0.8)
+        rig.seconds(0.15)
+        silent = rig.ticks
+        rig.driver.deaf = set(range(silent, silent + 10_000))
+        rig.seconds(0.05)
+        assert rig.state_of("x") is AxisState.FAULT
+        assert rig.fault_of("x") is FaultCause.NO_NEW_SAMPLE
+        status = rig.state("x")
+        assert (status["fault_value"], status["fault_limit"]) == (HOLD + 1, HOLD)
+        rows = rig.rows("x")[silent:]
+        assert (rows["state"][:HOLD] == AxisState.RUNNING).all()
+        assert (rows["command_v"][HOLD:] == 0.0).all()
+        assert not rig.driver._states["enable"].any()
+
+
+def test_an_axis_without_news_is_not_started_and_not_reset():
+    rig = rig_of()
+    with rig:
+        rig.seconds(0.01)
+        rig.driver.deaf = set(range(rig.ticks, rig.ticks + 100))
+        rig.advance(HOLD + 1)
+        assert rig.ask(Verb.START) is Reply.STILL_FAULTY
+        rig.advance(100)
+        assert rig.ask(Verb.START) is Reply.OK
+
+
+def test_an_axis_that_never_had_a_sample_is_not_started():
+    rig = rig_of()
+    with rig:
+        rig.driver.deaf = set(range(50))
+        rig.advance(1)
+        assert rig.ask(Verb.START) is Reply.STILL_FAULTY
+
+
+def test_a_pause_that_may_hide_a_turn_of_the_counter_is_a_fault():
+    machine = with_axes(with_sim(gantry()), ["x"], encoder={"counter_bits": 12})
+    setup = dataclasses.replace(machine.drivers["gantry"], cls=Deaf, hold_ticks=10_000)
+    rig = Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
+    with rig:
+        rig.start()
+        rig.move("x", 0.2, 0.8)
+        rig.seconds(0.15)
+        rig.driver.deaf = set(range(rig.ticks, rig.ticks + 40))  # 6 mm; the counter wraps at 2
+        rig.advance(60)
+        assert rig.state_of("x") is AxisState.FAULT
