@@ -114,9 +114,11 @@ def _commands(config: str, refinement: Refinement) -> list[str]:
     if not simulated:
         return [f"motorctl check {out}", f"motorctl run {out}"]
     before = shlex.quote(config)
+    stem = refinement.out.stem
+    logs = [shlex.quote(f"{stem}_{when}.parquet") for when in ("before", "after")]
     return [
         f"motorctl check {out}",
-        *([f"motorctl simulate {before} --log before.parquet"] if before != out else []),
-        f"motorctl simulate {out} --log after.parquet",
-        "motorctl compare before.parquet after.parquet",
+        *([f"motorctl simulate {before} --log {logs[0]}"] if before != out else []),
+        f"motorctl simulate {out} --log {logs[1]}",
+        f"motorctl compare {' '.join(logs)}",
     ]

@@ -59,6 +59,8 @@ HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least."""
 UNNAMED = 0.3
 """Confidence below which the most important name is no answer."""
+ABOVE_NOISE = 1.3
+"""Rms of what is left over that of noise alone, from which the sentence says so."""
 NAMED_WORD = "{} explains {:.0f} % of what the declared model leaves unexplained"
 
 
@@ -309,7 +311,9 @@ def _sentence(
         )
     names = " and ".join(effect.name for effect in effects)
     if verdict == "effect":
-        return f"The model lacks {names}: {change}."
+        over = error.held_out_after_rms / max(error.noise_floor_rms, 1e-300)
+        left = f"; what is left is {over:.2g} times the noise" if over > ABOVE_NOISE else ""
+        return f"The model lacks {names}: {change}{left}."
     if verdict == "unknown_structure":
         assert unknown is not None
         beside = f" Beside it, {names} was found." if effects else ""

@@ -194,6 +194,8 @@ def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, .
                 f"leaves {100 * left:.2g} % of the squared error where {name} leaves "
                 f"{100 * taken:.2g} %"
             )
+            if left < taken:
+                why += ", but explains less beside the other effects that were found"
             rows.append(Alternative(form.effect.name, why, float(share)))
         return tuple(rows)
     return ()
