@@ -1,10 +1,11 @@
 """A tick that finds no new sample: what is held, what is predicted, and when the axis trips."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
-from loop_bench import TS, Rig, gantry, with_axes, with_sim
+from loop_bench import TS, Hand, Rig, gantry, with_axes, with_sim
 
 from motorctl.hal import Inputs, Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
@@ -143,3 +144,38 @@ def test_a_pause_that_may_hide_a_turn_of_the_counter_is_a_fault():
         rig.driver.deaf = set(range(rig.ticks, rig.ticks + 40))  # 6 mm; the counter wraps at 2
         rig.advance(60)
         assert rig.state_of("x") is AxisState.FAULT
+
+
+class Paused(Deaf):
+    """A simulated gantry whose next read takes as long as the test says."""
+
+    pause_s = 0.0
+
+    def read(self, inputs: Inputs) -> None:
+        time.sleep(self.pause_s)
+        self.pause_s = 0.0
+        super().read(inputs)
+
+
+def test_a_pause_between_waking_and_reading_is_no_speed():
+    machine = with_sim(gantry())
+    setup = dataclasses.replace(machine.drivers["gantry"], cls=Paused, hold_ticks=500, predict=True)
+    with Hand(dataclasses.replace(machine, drivers={"gantry": setup})) as hand:
+        hand.steps(5)
+        assert hand.ask(Verb.START) is Reply.OK
+        assert hand.ask(Verb.START, "y") is Reply.OK
+        hand.steps(5)
+        hand.driver.pause_s = 3.5 * TS
+        for _ in range(3):
+            hand.driver.advance()  # the machine goes on while the loop pauses
+        now = time.monotonic_ns()
+        hand.number += 1
+        hand.driver.advance()
+        hand.tick.step(hand.number, 1, False, now, now)
+        assert hand.row()["flags"] & SampleFlag.HELD
+        hand.driver.advance()
+        now = time.monotonic_ns()
+        hand.number += 4
+        hand.tick.step(hand.number, 4, True, now - round(3 * TS * 1e9), now)
+        assert not hand.row()["flags"] & SampleFlag.HELD
+        assert AxisState(int(hand.status()["state"])) is AxisState.IDLE

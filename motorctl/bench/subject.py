@@ -41,9 +41,16 @@ def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings
     return diagnosis_findings(progress, campaign or CampaignOptions())
 
 
+def _buses(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+    from motorctl.bench.buses.figures import bus_findings
+
+    return bus_findings(progress)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, CampaignOptions | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
+    "buses": _buses,
 }
 
 

@@ -23,6 +23,7 @@ GROUPS = (
     "refine",
     "compare",
     "close_loop",
+    "gantry_device",
     "latency",
     "bench",
 )

@@ -28,7 +28,9 @@ class SizeChoice(StrEnum):
 
 
 def bench(
-    subject: Annotated[str, typer.Argument(help="What to measure: speed, diagnosis.")] = "speed",
+    subject: Annotated[
+        str, typer.Argument(help="What to measure: speed, diagnosis, buses.")
+    ] = "speed",
     cases: Annotated[
         int | None, typer.Option(min=1, help="diagnosis: so many cases in each group.")
     ] = None,
@@ -58,7 +60,9 @@ def bench(
 
     speed: the law, the tick and virtual time, as ratios to peers in the same run. diagnosis: a
     blind campaign on simulated machines with known causes, beside PySINDy and SysIdentPy where
-    these are installed; what was wrong is listed with the key that runs it again.
+    these are installed; what was wrong is listed with the key that runs it again. buses: C2 in
+    wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
+    simulation.
 
     The exit status is 0 whether or not the targets are met: what is not met is told.
 

@@ -121,14 +121,16 @@ def _note(
     loc = tuple(part for part in detail["loc"] if part != "[key]")
     where: list[int | str] = []
     value = data
-    for part in loc:  # some name no place in the file, such as the branch of a union
+    for key in loc:  # some name no place in the file, such as the branch of a union
+        # keys of a file are text, of a model they may be numbers
+        part = str(key) if isinstance(value, Mapping) else key
         if holds(value, part):
             value = value[part]
             where.append(part)
     if detail["type"] == "missing" and not holds(value, loc[-1]):
         where.append(loc[-1])
     message = _message(model, detail, loc, also)
-    if loc and (not where or where[-1] != loc[-1]):
+    if loc and (not where or str(where[-1]) != str(loc[-1])):
         message += f" (at {dotted(loc)})"
     document.add((*path, *where), message)
 

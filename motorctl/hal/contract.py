@@ -29,7 +29,8 @@ at once and through arrays that are made before the first tick. A complete examp
                 self.line.send_zero_and_disable()
 
 It is found by the name under which its package registers it in the entry-point group
-``motorctl.drivers``, or in YAML as ``type: package.module:Class``.
+``motorctl.drivers``, or in YAML as ``type: package.module:Class``. Whether it keeps the contract is
+checked by `motorctl.hal.conformance`.
 """
 
 from __future__ import annotations
@@ -142,8 +143,10 @@ class Driver(ABC):
     """One device, serving `channels` in their order at one exchange a period.
 
     `read` and `write` are called once a tick in the real-time loop: they may not allocate
-    memory that grows, log, wait beyond the period, or raise. Trouble is told through
-    `Inputs.status`. `open` may raise `motorctl.errors.RunError` with one clear message.
+    memory that grows, log, wait beyond the period, or raise, not even before `open` or after
+    `close`. They fill and read slices of arrays that other drivers share. Trouble is told through
+    `Inputs.status`. `open` may raise `motorctl.errors.RunError` with one clear message that names
+    the device; the driver may then be opened again, as after `close`.
     """
 
     Options: ClassVar[type[DriverOptions]] = DriverOptions

@@ -12,6 +12,7 @@ from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.homing import home
+from motorctl.loop.records import DRIFT_WEIGHT
 from motorctl.loop.reference import brake, follow, hold_where_it_is
 from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,
@@ -93,6 +94,8 @@ def read_position(
     axis.raw_counts = raw
     axis.counts += step
     axis.velocity_m_s = settings.metres_per_count * step / (settings.period_s * elapsed)
+    drift = axis.velocity_m_s - axis.reference_velocity_m_s
+    axis.drift_m_s += DRIFT_WEIGHT * (drift - axis.drift_m_s)
     locate(correct, settings, axis)
 
 
@@ -108,28 +111,45 @@ def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
 
 
 @njit(error_model="numpy")
-def hold_position(
+def predict_motion(
     feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
-) -> None:
-    """Do without a new sample: the last position stands, or the model moves it on.
+) -> tuple[float, float]:
+    """Give the position and the velocity that the model expects now.
 
-    The prediction solves the force balance of the list, under the last virtual command, for the
-    acceleration: v + d0_hat = theta1 a + the rest of the list at the present x and v.
+    It solves the force balance of the list, under the last virtual command, for the acceleration:
+    v + d0_hat = theta1 a + the rest of the list at the last x and v.
     """
-    axis.held_ticks += elapsed
-    axis.blind_ticks += elapsed
-    if not axis.have_counts:  # there is no last position
-        axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
-    if not settings.predict or axis.state in (OFF, FAULT) or axis.fresh:
-        return
-    x, v, dt = axis.position_m, axis.velocity_m_s, elapsed * settings.period_s
+    dt = elapsed * settings.period_s
+    x, v = axis.position_m, axis.velocity_m_s
+    if not axis.held_ticks:
+        v = axis.reference_velocity_m_s + axis.drift_m_s
     rest = feedforward(x, v, 0.0, v, t, law.context, law.theta)
     inertia = feedforward(x, v, 1.0, v, t, law.context, law.theta) - rest
     a = (law.v + law.d0 - rest) / inertia
     bound = settings.max_acceleration_m_s2
     a = min(max(a, -bound), bound) if math.isfinite(a) else 0.0
-    axis.position_m = x + dt * (v + 0.5 * dt * a)
-    axis.velocity_m_s = v + dt * a
+    return x + dt * (v + 0.5 * dt * a), v + dt * a
+
+
+@njit
+def predicts(settings: Any, axis: Any) -> bool:
+    """Tell whether the model stands in for samples that do not come."""
+    moving = axis.state not in (OFF, FAULT) and not axis.fresh
+    return settings.predict and axis.have_counts and moving
+
+
+@njit
+def hold_position(
+    feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
+) -> None:
+    """Do without a new sample: the last position stands, or the model moves it on."""
+    if predicts(settings, axis):
+        x, v = predict_motion(feedforward, settings, axis, law, elapsed, t)
+        axis.position_m, axis.velocity_m_s = x, v
+    axis.held_ticks += elapsed
+    axis.blind_ticks += elapsed
+    if not axis.have_counts:  # there is no last position
+        axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
 
 
 @njit
@@ -142,19 +162,37 @@ def axis_inputs(
     raw: int,
     status: int,
     elapsed: int,
+    behind: int,
     t: float,
 ) -> None:
-    """Take what the driver read, before any command is looked at."""
+    """Take what the driver read, before any command is looked at.
+
+    elapsed counts the axis' periods since its last tick, behind the loop's whole periods by which
+    the read ended too late.
+    """
     axis.status = status
+    if settings.exchange:
+        # After skipped periods one exchange a period brings what was sampled before them.
+        old = elapsed > 1
+    else:
+        # A pause between waking and reading: nobody knows when in it the sample was taken.
+        old = behind >= settings.divisor
     if axis.state != OFF:
         check_device(axis, t)
     if status & UNTRUSTED:
         axis.held_ticks = 0
         lose_sight(settings, axis, elapsed)
-    elif status & STALE:
+    elif status & STALE or old:
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if axis.state != OFF:
             check_freshness(settings, axis, t)
+    elif axis.held_ticks and predicts(settings, axis):
+        # What the prediction missed is an error of the position, not a speed.
+        expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
+        axis.held_ticks = 0
+        read_position(correct, settings, axis, raw, elapsed, t)
+        law.y1 += axis.position_m - expected
+        law.y2 += axis.position_m - expected
     else:
         axis.held_ticks = 0
         read_position(correct, settings, axis, raw, elapsed, t)

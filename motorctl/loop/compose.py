@@ -32,7 +32,7 @@ from motorctl.loop.supervision import supervise
 
 @njit(cache=True)
 def tick(
-    counts, index_counts, words, volts, enable, elapsed, overran, number, t, watch, status,
+    counts, index_counts, words, volts, enable, elapsed, behind, overran, number, t, watch, status,
     mailbox, replies, settings, axes, law_settings, laws, beside, segments, segment_counts,
     samples, row, axis_status,
 ):
@@ -43,7 +43,7 @@ PASSED = """    {passed} = number // {divisor} - (number - elapsed) // {divisor}
 
 INPUTS = """    axis_inputs(
         {m}.correct, {m}.feedforward, settings[{i}], axes[{i}], laws[{i}], counts[{c}],
-        words[{c}], {passed}, t,
+        words[{c}], {passed}, behind, t,
     )
 """
 

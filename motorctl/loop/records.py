@@ -34,6 +34,7 @@ AXIS_SETTINGS = np.dtype(
         ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
         ("hold_ticks", "i8"),  # ticks without a new sample before it trips
         ("predict", "i8"),  # the model moves the position on meanwhile
+        ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
     ],
     align=True,
 )
@@ -53,6 +54,7 @@ AXIS_STATE = np.dtype(
         ("blind_ticks", "i8"),  # since when the count cannot be trusted, or no new one came
         ("held_ticks", "i8"),  # since when no new one came
         ("gap_ticks", "i8"),  # periods that the law has not seen
+        ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there
         ("counts", "i8"),  # unwrapped
         ("shift_m", "f8"),  # found by homing
         ("position_m", "f8"),
@@ -87,18 +89,28 @@ JUMP_SPEED_RATIO = 4.0
 # axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
 # grow by a fifth of a period in each of five ticks without a whole period being skipped.
 OVERSPEED_RATIO = 1.2
+# A prediction starts from the last velocities, each with this weight: one sample that came late
+# reads as up to twice the speed.
+DRIFT_WEIGHT = 0.1
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5
 
 
-def fill_axis_settings(record: np.void, axis: Axis, setup: DriverSetup, tick_s: float) -> None:
-    """Write an axis' settings into `record` (of AXIS_SETTINGS); tick_s is the loop's period."""
+def fill_axis_settings(
+    record: np.void, axis: Axis, setup: DriverSetup, tick_s: float, exchange_delay: float
+) -> None:
+    """Write an axis' settings into `record` (of AXIS_SETTINGS).
+
+    tick_s is the loop's period, exchange_delay how many of the axis' periods its driver's sample
+    is older than the tick.
+    """
     limits, homing, encoder = axis.limits, axis.homing, axis.encoder
     period_s = tick_s * axis.divisor
     record["period_s"] = period_s
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
     record["hold_ticks"], record["predict"] = setup.hold_ticks, setup.predict
+    record["exchange"] = exchange_delay >= 1.0
     record["metres_per_count"] = encoder.direction * encoder.resolution_m
     record["offset_m"] = encoder.offset_m
     record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0

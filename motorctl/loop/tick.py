@@ -13,6 +13,7 @@ from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.hal import Channel, Driver, Inputs, Outputs
 from motorctl.kernels import kernels_cached, specialise
+from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
 from motorctl.loop.records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
@@ -22,7 +23,9 @@ with kernels_cached():
     from motorctl.loop.publish import publish
 
 Step = Callable[[int, int, bool, int, int], bool]
-"""step(number, elapsed, overran, scheduled_ns, woke_ns) -> whether the loop may end."""
+"""step(number, elapsed, overran, scheduled_ns, woke_ns) -> whether the loop may end.
+
+scheduled_ns is the deadline that was missed, `elapsed` - 1 periods ago; 0: there is no clock."""
 
 
 def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> dict[str, Driver]:
@@ -85,7 +88,8 @@ class Tick:
         self.laws = np.zeros(len(axes), law_state(parameters, remembered, self.beside.shape[1]))
         for i, axis in enumerate(axes):
             setup = machine.drivers[axis.driver]
-            fill_axis_settings(self.settings[i], axis, setup, machine.period_s)
+            delay = self.drivers[axis.driver].exchange_delay_periods
+            fill_axis_settings(self.settings[i], axis, setup, machine.period_s, delay)
             self.axes[i]["slot"] = -1
             self.axes[i]["homed"] = self.settings[i]["absolute"]
             adaptation, estimates = axis.adaptation, axis.estimates
@@ -158,7 +162,18 @@ class Tick:
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
         records = (self.settings, self.axes, self.law_settings, self.laws, self.beside)
         programs = (memory.segments, memory.segment_counts)
-        before = (*inputs_outputs, 1, False, 0, 0.0, *commands, *records, *programs, memory.samples)
+        before = (
+            *inputs_outputs,
+            1,
+            0,
+            False,
+            0,
+            0.0,
+            *commands,
+            *records,
+            *programs,
+            memory.samples,
+        )
         kernel = specialise(module.tick, *before, 0, memory.axis_status)
         rows_out = (memory.status, memory.ticks, self.measured_s)
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
@@ -168,6 +183,7 @@ class Tick:
         samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status
         measured, rows = self.measured_s, memory.ring_rows
         period_s, now = self.machine.period_s, time.monotonic_ns
+        period_ns = round(period_s * NS_PER_S)
         written = 0
 
         def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
@@ -177,8 +193,9 @@ class Tick:
                 if divisor == 1 or number // divisor != (number - elapsed) // divisor:
                     read(inputs)
             t1 = now()
+            behind = (t1 - scheduled_ns) // period_ns - elapsed + 1 if scheduled_ns else 0
             may_end: bool = kernel(
-                counts, index_counts, words, volts, enable, elapsed, overran, number,
+                counts, index_counts, words, volts, enable, elapsed, behind, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
                 law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
             )  # fmt: skip

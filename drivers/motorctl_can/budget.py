@@ -1,0 +1,153 @@
+"""How long frames take on a bus, and so how many periods a second it carries.
+
+The worst case of bit stuffing is counted everywhere: a stuff bit after every four bits that follow
+the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from motorctl.hal import RateBudget
+from motorctl_can.layout import Layout
+from motorctl_can.options import CanOptions
+
+SHARE_OF_BUS = 0.8
+WHY_SHARE = "the rest is for repeating a disturbed frame within its period and for jitter"
+SHARE_OF_HOST = 0.5
+# Sending or receiving one frame and its part of the codec, measured on one core of a virtual
+# machine at about half of that.
+HOST_COST_S = {"virtual": 15e-6, "udp_multicast": 40e-6}
+BITS_A_CHARACTER = 10  # 8N1
+ANSWER_CHARACTERS = 2  # of a slcan adapter to a frame sent
+
+# classic: start, identifier, remote, extension, reserved, length, CRC are stuffed
+CLASSIC_STUFFED = {False: 34, True: 54}
+CLASSIC_UNSTUFFED = 13  # CRC delimiter, acknowledge and its delimiter, end, interframe space
+# FD: start, identifier, remote, extension, format, reserved, rate switch at the nominal rate
+FD_ARBITRATION = {False: 17, True: 36}
+FD_CONTROL = 5  # error state, length
+FD_CHECK = {False: 4 + 17 + 6, True: 4 + 21 + 7}  # stuff count, CRC, their fixed stuff bits
+
+
+@dataclass(frozen=True)
+class Wire:
+    """The rates of a bus, and whether its frames are CAN FD."""
+
+    bitrate: int
+    fd: bool = False
+    data_bitrate: int | None = None
+
+    def frame_s(self, length: int, extended: bool = False) -> float:
+        """Give the longest time that a frame occupies the bus, interframe space included."""
+        if not self.fd:
+            return classic_bits(length, extended) / self.bitrate
+        nominal, data = fd_bits(length, extended)
+        return nominal / self.bitrate + data / (self.data_bitrate or self.bitrate)
+
+
+def classic_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
+    """Count the bits of a classic frame, with the most stuff bits or with none."""
+    open_to_stuffing = CLASSIC_STUFFED[extended] + 8 * length
+    stuff = (open_to_stuffing - 1) // 4 if stuffed else 0
+    return open_to_stuffing + stuff + CLASSIC_UNSTUFFED
+
+
+def fd_bits(length: int, extended: bool = False) -> tuple[int, int]:
+    """Count the most bits of an FD frame at the nominal rate and at the data rate."""
+    arbitration = FD_ARBITRATION[extended]
+    stuff_before = (arbitration - 1) // 4
+    stuff = (arbitration + FD_CONTROL + 8 * length - 1) // 4
+    nominal = arbitration + stuff_before + CLASSIC_UNSTUFFED
+    return nominal, FD_CONTROL + 8 * length + stuff - stuff_before + FD_CHECK[length > 16]
+
+
+def slcan_characters(length: int, extended: bool = False) -> int:
+    """Count the characters in which an adapter writes a frame, with its line end."""
+    return (1 + 8 if extended else 1 + 3) + 1 + 2 * length + 1
+
+
+def answer_s(options: CanOptions, layout: Layout) -> float:
+    """Give the time that SYNC and all answers take on the bus, at worst."""
+    wire = _wire(options)
+    total = sum(wire.frame_s(f.length, f.extended) for f in layout.states)
+    return total + (wire.frame_s(0, options.sync.extended) if options.sync else 0.0)
+
+
+def rate_budget(options: CanOptions, layout: Layout) -> RateBudget:
+    """Compute the highest rate at which all frames of a period fit."""
+    if options.interface in HOST_COST_S:
+        budget = _host_budget(options, layout)
+    else:
+        budget = _bus_budget(options, layout)
+        if options.interface == "slcan":
+            line = _line_budget(options, layout)
+            lower = line if line.max_rate_hz < budget.max_rate_hz else budget
+            both = f"{budget.arithmetic}; {line.arithmetic}"
+            budget = RateBudget(lower.max_rate_hz, both)
+    if options.sync is None:
+        return budget
+    rate = SHARE_OF_BUS / options.sync.wait_s
+    if rate >= budget.max_rate_hz:
+        return budget
+    text = (
+        f"a read may wait sync.wait_s = {options.sync.wait_s * 1e6:g} us for answers, and that at "
+        f"most {SHARE_OF_BUS:.0%} of a period, makes {rate:.0f} Hz; {budget.arithmetic}"
+    )
+    return RateBudget(rate, text)
+
+
+def _wire(options: CanOptions) -> Wire:
+    return Wire(options.bitrate, options.fd, options.data_bitrate)
+
+
+def _bus_budget(options: CanOptions, layout: Layout) -> RateBudget:
+    wire = _wire(options)
+    parts, total_s = [], 0.0
+    if options.sync is not None:
+        time_s = wire.frame_s(0, options.sync.extended)
+        parts.append(f"SYNC (0 B) {time_s * 1e6:.1f} us")
+        total_s += time_s
+    for frame in layout.frames:
+        time_s = wire.frame_s(frame.length, frame.extended)
+        parts.append(f"{frame.name} ({frame.length} B) {time_s * 1e6:.1f} us")
+        total_s += time_s
+    rate = SHARE_OF_BUS / total_s
+    kind = f"CAN{' FD' if options.fd else ''} at {options.bitrate / 1e6:g}"
+    if options.fd and options.data_bitrate:
+        kind += f"/{options.data_bitrate / 1e6:g}"
+    text = (
+        f"{kind} Mbit/s, worst-case stuffing: {' + '.join(parts)} = {total_s * 1e6:.1f} us a "
+        f"period, and may take {SHARE_OF_BUS:.0%} of one ({WHY_SHARE}), makes {rate:.0f} Hz; a "
+        "USB adapter collects frames for up to 1 ms, which is not counted"
+    )
+    return RateBudget(rate, text)
+
+
+def _line_budget(options: CanOptions, layout: Layout) -> RateBudget:
+    out = [slcan_characters(f.length, f.extended) for f in layout.commands]
+    if options.sync is not None:
+        out.append(slcan_characters(0, options.sync.extended))
+    sent = sum(out)
+    received = sum(slcan_characters(f.length, f.extended) for f in layout.states)
+    received += ANSWER_CHARACTERS * len(out)
+    total_s = max(sent, received) * BITS_A_CHARACTER / options.tty_baudrate
+    rate = SHARE_OF_BUS / total_s
+    text = (
+        f"slcan writes {sent} characters a period and gets {received}, of 10 bits at "
+        f"{options.tty_baudrate} baud: {total_s * 1e6:.0f} us, {SHARE_OF_BUS:.0%} of a period "
+        f"makes {rate:.0f} Hz"
+    )
+    return RateBudget(rate, text)
+
+
+def _host_budget(options: CanOptions, layout: Layout) -> RateBudget:
+    frames = len(layout.frames) + (options.sync is not None)
+    cost_s = HOST_COST_S[options.interface]
+    rate = SHARE_OF_HOST / (frames * cost_s)
+    text = (
+        f"no bus ({options.interface}); the host itself takes about {cost_s * 1e6:.0f} us a frame "
+        f"x {frames} frames = {frames * cost_s * 1e6:.0f} us a period, and may take "
+        f"{SHARE_OF_HOST:.0%} of one, makes {rate:.0f} Hz"
+    )
+    return RateBudget(rate, text)

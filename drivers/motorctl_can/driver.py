@@ -1,0 +1,373 @@
+"""The driver of axes on CAN: one exchange of frames a period."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import can
+import numpy as np
+
+from motorctl.hal import (
+    Channel,
+    Driver,
+    DriverOptions,
+    Inputs,
+    Outputs,
+    RateBudget,
+    RunError,
+    Status,
+    kernels_cached,
+    specialise,
+)
+from motorctl_can import budget
+from motorctl_can.layout import Frame, Means
+from motorctl_can.link import Link, now_s
+from motorctl_can.options import ALL, CanOptions
+from motorctl_can.records import channels_of, frames_of, signals_of
+
+with kernels_cached(Path(__file__).parent):
+    from motorctl_can import kernels
+
+AGE_PERIODS = 10
+SAFE_REPEATS = 3
+OPENING_PERIOD_S = 0.01
+EXTENDED = 1 << 29  # above every identifier
+CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
+BABBLE = int(Status.CORRUPT)
+
+
+class CanDriver(Driver):
+    """Amplifiers and encoders on a CAN bus; see `CanOptions` and docs/drivers/can.md."""
+
+    Options: ClassVar[type[DriverOptions]] = CanOptions
+
+    def __init__(
+        self, options: DriverOptions, channels: Sequence[Channel], period_s: float
+    ) -> None:
+        super().__init__(options, channels, period_s)
+        assert isinstance(options, CanOptions)
+        self._can = options
+        self._layout = options.layout
+        self.exchange_delay_periods = 0.0 if options.sync else 0.5
+        age = options.max_age_s
+        self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
+        self._link: Link | None = None
+        self._took: Callable[..., int] = kernels.take
+        self._refuse: Callable[..., None] = kernels.refuse
+        self._sync_sent: Callable[..., None] = kernels.sync_sent
+        self._settle: Callable[..., None] = kernels.settle
+        self._deliver: Callable[..., None] = kernels.deliver
+        self._encode: Callable[..., None] = kernels.encode
+
+    def rate_budget(self) -> RateBudget:
+        """Compute the rate that bus and layout carry; docs/drivers/can.md has the arithmetic."""
+        return budget.rate_budget(self._can, self._layout)
+
+    def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
+        """Tell where layout and axes do not fit together."""
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        axes = [channel.axis for channel in self.channels]
+        where = "frames" if self._can.frames is not None else "signals"
+        if ALL in axes:
+            found.append(((where,), "an axis on CAN cannot be named 'all'"))
+        for axis in self._layout.axes:
+            if axis not in axes:
+                key = next(s.key for s in self._layout.signals() if s.axis == axis)
+                key = (*key, "axis") if where == "frames" else ("signals", axis)
+                text = f"names axis '{axis}', but this driver serves: {', '.join(axes)}"
+                found.append((key, text))
+        for channel in self.channels:
+            found += self._misfits(channel, where)
+        found += self._impatient()
+        return found
+
+    def _misfits(self, channel: Channel, where: str) -> list[tuple[tuple[str | int, ...], str]]:
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        axis = channel.axis
+        volts = self._layout.find(Means.VOLTS, axis)
+        counts = self._layout.find(Means.COUNTS, axis)
+        if volts is None or counts is None:
+            found.append(((where,), f"has no volts and counts for axis '{axis}'"))
+            return found
+        if counts.place.bits != channel.counter_bits:
+            text = (
+                f"found {counts.place.bits} bits of counts, but axis '{axis}' has "
+                f"encoder.counter_bits {channel.counter_bits}: the two must be equal"
+            )
+            found.append(((*counts.key, "bits") if where == "frames" else counts.key, text))
+        low, high = volts.limits
+        step = abs(volts.scale)
+        if channel.max_voltage_v > min(-low, high) + step:
+            text = (
+                f"carries {low:g} to {high:g} V, but axis '{axis}' has limits.max_voltage_v "
+                f"{channel.max_voltage_v:g}"
+            )
+            found.append(((*volts.key, "bits") if where == "frames" else volts.key, text))
+        return found
+
+    def _impatient(self) -> list[tuple[tuple[str | int, ...], str]]:
+        sync = self._can.sync
+        if sync is None or self._can.interface in budget.HOST_COST_S:
+            return []
+        least_s = budget.answer_s(self._can, self._layout)
+        if sync.wait_s >= least_s:
+            return []
+        text = (
+            f"found {sync.wait_s * 1e6:g} us, but SYNC and its answers take up to "
+            f"{least_s * 1e6:.1f} us on the bus alone"
+        )
+        return [(("sync", "wait_s"), text)]
+
+    def prepare(self) -> None:
+        """Make tables and messages, and compile the codec or take it from the cache."""
+        options, layout = self._can, self._layout
+        states, commands = layout.states, layout.commands
+        self._state_signals = signals_of(states, self.channels, 0.0)
+        self._states = frames_of(states)
+        self._records = channels_of(layout, self.channels)
+        self._command_signals = signals_of(commands, self.channels, options.watchdog_s or 0.0)
+        self._commands = frames_of(commands)
+        self._numbers = {_key(f.identifier, f.extended): i for i, f in enumerate(states)}
+        self._lengths = [frame.length for frame in states]
+        self._rows = [np.zeros(frame.length, np.uint8) for frame in states]
+        self._views = [row.data for row in self._rows]
+        self._all_states = (1 << len(states)) - 1
+        self._messages = [self._message(f.identifier, f.extended, f.length) for f in commands]
+        self._payloads = [np.frombuffer(m.data, np.uint8) for m in self._messages]
+        if options.sync is not None:
+            self._sync = self._message(options.sync.id, options.sync.extended, 0)
+            self._wait_s = options.sync.wait_s
+        self._nothing = Outputs(len(self.channels))
+        self._shown = Inputs(len(self.channels))
+        self._compile()
+        self._hold_sync = False
+        self._late = 0
+
+    def _compile(self) -> None:
+        seen, asked = self._shown, self._nothing
+        row = np.zeros(1, np.uint8)
+        signals, states, records = self._state_signals, self._states, self._records
+        self._took = specialise(kernels.take, signals, states, records, 0, row, 0)
+        self._refuse = specialise(kernels.refuse, states, 0)
+        self._sync_sent = specialise(kernels.sync_sent, states, records)
+        self._settle = specialise(kernels.settle, states)
+        shown = (seen.counts, seen.index_counts, seen.status)
+        self._deliver = specialise(kernels.deliver, states, records, 0, *shown)
+        asked_for = (asked.volts, asked.enable, row)
+        sent = (self._command_signals, self._commands, 0)
+        self._encode = specialise(kernels.encode, *sent, *asked_for)
+
+    def _message(self, identifier: int, extended: bool, length: int) -> can.Message:
+        return can.Message(
+            arbitration_id=identifier,
+            is_extended_id=extended,
+            is_fd=self._can.fd,
+            bitrate_switch=self._can.data_bitrate is not None,
+            data=bytearray(length),
+            is_rx=False,
+        )
+
+    def open(self) -> None:
+        """Open the bus, set every amplifier to zero, and wait for the first of every state frame.
+
+        Raises RunError, naming interface, channel and the frame that did not come.
+        """
+        if self._link is not None:
+            self.close()
+        self.prepare()
+        self._link = Link(self._can, self._layout)
+        try:
+            self.safe()
+            self._await_device(self._link)
+        except BaseException:
+            self.close()
+            raise
+
+    def _await_device(self, link: Link) -> None:
+        deadline = time.monotonic() + self._can.open_timeout_s
+        while True:
+            self._send_all(link, self._nothing)
+            if self._can.sync is not None:
+                link.send(self._sync)
+            self._drain_for(link, OPENING_PERIOD_S)
+            missing = [
+                frame
+                for frame, record in zip(self._layout.states, self._states, strict=False)
+                if not record["known"]
+            ]
+            if not missing:
+                break
+            if time.monotonic() > deadline:
+                raise RunError(self._not_there(missing, link))
+        # answers to the last SYNC have come or never will
+        if self._can.sync is not None:
+            self._drain_for(link, OPENING_PERIOD_S)
+        self._settle(self._states)
+        self._start_over()
+
+    def _drain_for(self, link: Link, time_s: float) -> None:
+        deadline = time.monotonic() + time_s
+        while (left := deadline - time.monotonic()) > 0:
+            message = link.receive(left)
+            if message is not None:
+                self._take(link, message, kernels.FREE, 0.0)
+            elif link.lost:
+                time.sleep(min(left, 1e-3))
+
+    def _start_over(self) -> None:
+        """Forget marks, news and troubles of the time before the first period."""
+        self._records["event"] = 0
+        self._records["news"] = 0
+        self._records["shown"] = self._records["count"]
+        self._states["refused"] = 0
+        link = self._link
+        assert link is not None
+        link.lost = link.passing = 0
+
+    def _not_there(self, missing: Sequence[Frame], link: Link) -> str:
+        names = ", ".join(f"'{f.name}' ({f.address}, {f.length} B)" for f in missing)
+        came = [f for i, f in enumerate(self._layout.states) if self._states[i]["refused"]]
+        why = f"; of a wrong length came {', '.join(f.address for f in came)}" if came else ""
+        if link.complaint is not None:
+            why += f"; the bus says: {link.complaint}"
+        rate = f", at {self._can.bitrate} bit/s" if link_has_rate(self._can) else ""
+        sync = f" and answering SYNC 0x{self._can.sync.id:X}" if self._can.sync else ""
+        return (
+            f"CAN: {self._can.interface} channel '{self._can.channel}': no state frame {names} "
+            f"within open_timeout_s = {self._can.open_timeout_s:g} s{why}; is the device "
+            f"on{rate}{sync}?"
+        )
+
+    def close(self) -> None:
+        """Zero and disable every amplifier and release the bus."""
+        self.safe()
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+
+    def read(self, inputs: Inputs) -> None:
+        """Fill `inputs` with the newest whole sample of each channel."""
+        link = self._link
+        if link is None:
+            inputs.status[:] = CLOSED
+            return
+        now = now_s()
+        if self._can.sync is None:
+            self._drain(link, kernels.FREE, now, self._can.max_frames_per_read)
+        else:
+            self._exchange(link, now)
+        common = link.status
+        link.passing = 0
+        self._deliver(
+            self._states,
+            self._records,
+            common,
+            inputs.counts,
+            inputs.index_counts,
+            inputs.status,
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Send every command frame."""
+        link = self._link
+        if link is not None:
+            self._send_all(link, outputs)
+
+    def safe(self) -> None:
+        """Send 0 V and disable a few times."""
+        link = self._link
+        if link is None:
+            return
+        with contextlib.suppress(Exception):
+            for _ in range(SAFE_REPEATS):
+                self._send_all(link, self._nothing)
+
+    def _send_all(self, link: Link, outputs: Outputs) -> None:
+        volts, enable = outputs.volts, outputs.enable
+        for i, message in enumerate(self._messages):
+            signals, frames = self._command_signals, self._commands
+            self._encode(signals, frames, i, volts, enable, self._payloads[i])
+            link.send(message)
+
+    def _drain(self, link: Link, phase: int, now: float, room: int) -> int:
+        """Take what is waiting, at most `room` frames; give the room that is left."""
+        while room > 0:
+            message = link.receive(0)
+            if message is not None:
+                self._take(link, message, phase, now)
+            elif not link.more():
+                return room
+            room -= 1
+        link.passing |= BABBLE
+        return 0
+
+    def _exchange(self, link: Link, now: float) -> None:
+        """Send SYNC and take the answers."""
+        room = self._drain(link, kernels.BEFORE_SYNC, now, self._can.max_frames_per_read)
+        if self._hold_sync:
+            # a period without SYNC: whatever was on its way has come
+            self._hold_sync = False
+            self._settle(self._states)
+            return
+        if not link.send(self._sync):
+            return
+        self._sync_sent(self._states, self._records)
+        deadline = time.monotonic() + self._wait_s
+        missing = self._all_states
+        self._late = 0
+        while missing:
+            if room <= 0:
+                link.passing |= BABBLE
+                break
+            left = deadline - time.monotonic()
+            message = link.receive(left if left > 0 else 0)
+            if message is not None:
+                room -= 1
+                missing &= ~self._take(link, message, kernels.AFTER_SYNC, now)
+            elif left <= 0 or link.lost:
+                break
+        self._hold_sync = self._late & missing != 0
+
+    def _take(self, link: Link, message: can.Message, phase: int, now: float) -> int:
+        """Take one frame in; give the bit of the state frame that brought a sample."""
+        if message.is_error_frame:
+            link.error_frame(message)
+            return 0
+        identifier = message.arbitration_id
+        if message.is_extended_id:
+            identifier |= EXTENDED
+        number = self._numbers.get(identifier)
+        if number is None or message.is_remote_frame:
+            return 0
+        data = message.data
+        length = self._lengths[number]
+        if len(data) != length or message.dlc != length:
+            self._refuse(self._states, number)
+            return 0
+        stamp = message.timestamp
+        if stamp and now - stamp > self._max_age_s:
+            self._refuse(self._states, number)
+            return 0
+        self._views[number][:] = data
+        row = self._rows[number]
+        found = self._took(self._state_signals, self._states, self._records, number, row, phase)
+        if found == kernels.ACCEPTED:
+            link.lost = 0
+            return 1 << number
+        if found == kernels.LATE:
+            link.lost = 0
+            self._late |= 1 << number
+        return 0
+
+
+def link_has_rate(options: CanOptions) -> bool:
+    """Tell whether a wrong bit rate could be why nothing is heard."""
+    return options.interface not in budget.HOST_COST_S
+
+
+def _key(identifier: int, extended: bool) -> int:
+    return identifier | EXTENDED if extended else identifier

@@ -1,0 +1,243 @@
+"""One python-can bus whose troubles become status instead of exceptions."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import time
+from typing import Any
+
+import can
+
+from motorctl.hal import RunError, Status
+from motorctl_can.layout import Frame, Layout
+from motorctl_can.options import CanOptions
+
+GONE = int(Status.BUS_OFF | Status.COMMUNICATION_LOST)
+NOT_SENT = int(Status.COMMUNICATION_LOST)
+GARBAGE = int(Status.CORRUPT)
+
+# Classes of linux/can/error.h, in the identifier of an error frame
+ERROR_BUS_OFF = 0x40
+ERROR_RESTARTED = 0x100
+FULL = (None, errno.ENOBUFS, errno.EAGAIN)
+# Longer than any line of slcan: 29-bit identifier and 64 bytes
+NOISE_CHARACTERS = 200
+
+
+class Link:
+    """A bus that is open.
+
+    What went wrong is kept in two words, for all channels: `lost` until a state frame is accepted,
+    `passing` until the end of the read. The driver clears both.
+    """
+
+    def __init__(self, options: CanOptions, layout: Layout) -> None:
+        """Open the bus. Raises RunError, naming interface and channel."""
+        where = f"{options.interface} channel '{options.channel}'"
+        try:
+            self._bus = _open(options, layout)
+        except Exception as error:  # backends raise errors of their own kinds
+            hint = _hint(options, error)
+            raise RunError(f"CAN: {where} cannot be opened: {_said(error)}{hint}") from error
+        self.lost = 0
+        self.passing = 0
+        self.complaint: Exception | None = None
+        self._unsent = 0
+        self._sockets = options.interface == "socketcan"
+        self._poll, self._fd = _poller(self._bus)
+        self._slcan = options.interface == "slcan"
+        self._lines = _Lines(self._fd) if self._slcan else None
+        # what has come of a line; python-can keeps noise without a line end for ever
+        self._begun: bytearray = getattr(self._bus, "_buffer", bytearray())
+
+    @property
+    def status(self) -> int:
+        """Give what is wrong for all channels."""
+        return self.lost | self.passing | self._unsent
+
+    def receive(self, timeout_s: float) -> can.Message | None:
+        """Give the next frame, or None where none came in time or it was no frame."""
+        try:
+            message = self._bus.recv(timeout_s)
+        except Exception as error:
+            self._failed(error)
+            return None
+        if len(self._begun) > NOISE_CHARACTERS:
+            self._forget()
+        return message
+
+    def more(self) -> bool:
+        """Tell whether something is waiting after `receive` gave None."""
+        if self._poll is None:
+            return False
+        try:
+            events = self._poll.poll(0)
+        except OSError:
+            self.lost = GONE
+            return False
+        if not events:
+            return False
+        if events[0][1] & (select.POLLHUP | select.POLLNVAL):
+            self.lost = GONE
+            return False
+        return True
+
+    def send(self, message: can.Message) -> bool:
+        """Hand a frame over without waiting; False where it was not taken."""
+        try:
+            if self._lines is not None:
+                taken = self._lines.send(message)
+            else:
+                self._bus.send(message, 0)
+                taken = True
+        except Exception as error:
+            taken = False
+            self.complaint = error.with_traceback(None)
+            cause = error.__cause__ if isinstance(error, can.CanError) else error
+            if getattr(cause, "errno", None) not in FULL:
+                self.lost = GONE
+        self._unsent = 0 if taken else NOT_SENT
+        return taken
+
+    def error_frame(self, message: can.Message) -> None:
+        """Take in what an error frame tells."""
+        if not self._sockets or message.arbitration_id & ERROR_BUS_OFF:
+            self.lost = GONE
+        elif message.arbitration_id & ERROR_RESTARTED:
+            self.lost = 0
+        else:
+            self.passing |= GARBAGE
+
+    def close(self) -> None:
+        """Release the bus, whatever state it is in."""
+        try:
+            self._bus.shutdown()
+        except Exception:
+            # slcan writes a farewell first; where the port is gone, it is left open by that
+            port = getattr(self._bus, "serialPortOrig", None)
+            if port is not None:
+                port.close()
+
+    def _failed(self, error: Exception) -> None:
+        gone = isinstance(error, OSError) or (
+            isinstance(error, can.CanError)
+            and (error.__cause__ is None or isinstance(error.__cause__, OSError))
+        )
+        if gone:
+            self.lost = GONE
+            self.complaint = error.with_traceback(None)
+            return
+        # A line or datagram that is no frame: backends parse, and fail each in its own way.
+        self.passing |= GARBAGE
+        if self._slcan and (
+            isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError)
+        ):
+            self._forget()
+
+    def _forget(self) -> None:
+        """Drop what has come of a line, and what waits behind it."""
+        self.passing |= GARBAGE
+        bus: Any = self._bus
+        try:
+            bus.flush()
+        except (can.CanError, OSError):
+            self.lost = GONE
+
+
+class _Lines:
+    """Writes frames as slcan lines; python-can's own way waits until all bits have left."""
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        self._torn = b""
+
+    def send(self, message: can.Message) -> bool:
+        kind = "t"
+        if message.is_fd:
+            kind = "b" if message.bitrate_switch else "d"
+        if message.is_extended_id:
+            head = f"{kind.upper()}{message.arbitration_id:08X}"
+        else:
+            head = f"{kind}{message.arbitration_id:03X}"
+        length = can.util.len2dlc(message.dlc)
+        text = f"{head}{length:X}{message.data.hex().upper()}\r"
+        line = self._torn + text.encode()
+        try:
+            written = os.write(self._fd, line)
+        except BlockingIOError:
+            return False
+        if written < len(line):
+            # end the torn line before the next, so that nothing is read into both
+            self._torn = b"\r"
+            return False
+        self._torn = b""
+        return True
+
+
+def _open(options: CanOptions, layout: Layout) -> can.BusABC:
+    common: dict[str, Any] = {"interface": options.interface, "channel": options.channel}
+    if options.interface == "socketcan":
+        filters = [_filter(frame) for frame in layout.states]
+        return can.Bus(**common, fd=options.fd, can_filters=filters, ignore_config=True)
+    # Without a kernel's help python-can filters in recv, which then gives up at the first frame
+    # that does not match though others wait behind it; so these give everything.
+    if options.interface == "udp_multicast":
+        return can.Bus(**common, fd=options.fd, port=options.port, ignore_config=True)
+    if options.interface == "virtual":
+        return can.Bus(**common, ignore_config=True)
+    rate = None if options.fd else options.bitrate
+    bus: Any = can.Bus(
+        **common,
+        bitrate=rate,
+        tty_baudrate=options.tty_baudrate,
+        sleep_after_open=options.settle_s,
+        timeout=0,
+        ignore_config=True,
+    )
+    if options.fd:
+        try:
+            bus.set_bitrate(options.bitrate, options.data_bitrate)
+        except Exception:
+            bus.shutdown()
+            raise
+    opened: can.BusABC = bus
+    return opened
+
+
+def _filter(frame: Frame) -> Any:
+    mask = 0x1FFFFFFF if frame.extended else 0x7FF
+    return {"can_id": frame.identifier, "can_mask": mask, "extended": frame.extended}
+
+
+def _poller(bus: can.BusABC) -> tuple[select.poll | None, int]:
+    try:
+        fd = bus.fileno()
+    except NotImplementedError:
+        return None, -1
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return poll, fd
+
+
+def _said(error: Exception) -> str:
+    cause = error.__cause__
+    text = str(error) or type(error).__name__
+    return f"{text} ({cause})" if isinstance(cause, OSError) and str(cause) not in text else text
+
+
+def _hint(options: CanOptions, error: Exception) -> str:
+    if options.interface == "socketcan":
+        return (
+            f"; is it there and up? ip link set {options.channel} up type can bitrate "
+            f"{options.bitrate}"
+        )
+    if "msgpack" in str(error):
+        return "; pip install msgpack"
+    return ""
+
+
+def now_s() -> float:
+    """Give the clock of the frames' time stamps."""
+    return time.time()

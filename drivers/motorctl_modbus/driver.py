@@ -1,0 +1,321 @@
+"""The driver: one exchange of function code 23 a period, collected in the next."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from motorctl.hal import Channel, Driver, DriverOptions, Inputs, Outputs, RateBudget, Status
+from motorctl_modbus import budget
+from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
+from motorctl_modbus.exchange import (
+    EXCEPTION,
+    FRESH,
+    NOTHING,
+    REFUSED,
+    Exchange,
+    RtuExchange,
+    TcpExchange,
+)
+from motorctl_modbus.layout import InputBlock, OutputBlock
+from motorctl_modbus.line import LOST, SENT, Line
+from motorctl_modbus.opening import (
+    Client,
+    connect,
+    first_exchange,
+    line_of,
+    release,
+    switch_off,
+)
+from motorctl_modbus.options import ModbusOptions
+from motorctl_modbus.registers import block, input_claims, output_claims
+
+TIMEOUT_SHARE = 0.9
+"""Share of the period that a reply on RTU has, where the options do not tell."""
+DRAINS = 4
+"""Reads of the line in one tick at most: four outstanding replies fit into the first."""
+SAFE_ANSWER_S = 0.05
+SAFE_CONNECT_S = 0.25
+
+STALE = np.uint32(Status.STALE)
+CORRUPT = np.uint32(Status.CORRUPT | Status.STALE)
+TRIPPED = np.uint32(Status.COMMUNICATION_LOST | Status.CORRUPT | Status.STALE)
+GONE = np.uint32(Status.BUS_OFF | Status.COMMUNICATION_LOST | Status.STALE)
+RESTARTED = np.uint32(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
+REPEATED = np.uint32(0xFFFFFFFF & ~int(Status.INDEX_LATCHED))
+
+
+class ModbusDriver(Driver):
+    """An amplifier and encoder coupler on Modbus TCP or RTU; see `ModbusOptions`.
+
+    `write` sends the request with the commands, `read` collects its reply in the next period.
+    Neither waits. docs/drivers/modbus.md tells what each failure looks like.
+    """
+
+    Options: ClassVar[type[DriverOptions]] = ModbusOptions
+    exchange_delay_periods: float = 1.0
+
+    def __init__(
+        self, options: DriverOptions, channels: Sequence[Channel], period_s: float
+    ) -> None:
+        super().__init__(options, channels, period_s)
+        assert isinstance(options, ModbusOptions)
+        self._modbus = options
+        self._client: Client | None = None
+        self._line: Line | None = None
+        self._exchange: Exchange | None = None
+        self._outputs: OutputBlock | None = None
+        self._inputs: InputBlock | None = None
+        self._lost = False
+        self._unread = False
+        self._wrote = False
+        self._sequence = 0
+        self._boot_id = 0
+        self._latched = np.uint32(0)
+
+    def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
+        """Tell what is wrong between options, channels and period."""
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        for channel in self.channels:
+            found += self._problems_of(channel)
+        if found:
+            return found
+        rtu, options = self._modbus.rtu, self._modbus
+        if rtu is not None and rtu.timeout_s is not None and rtu.timeout_s >= self.period_s:
+            message = f"found {rtu.timeout_s:g} s, expected less than the period, {self.period_s:g}"
+            found.append((("rtu", "timeout_s"), message))
+        elif rtu is not None and rtu.timeout_s is not None:
+            needed_s = budget.rtu_exchange_s(rtu, *self._sizes(), options.device_turnaround_s)
+            if rtu.timeout_s < needed_s - rtu.t35_s:
+                message = (
+                    f"found {rtu.timeout_s:g} s, but a reply takes {needed_s - rtu.t35_s:.3g} s "
+                    "from the start of its request"
+                )
+                found.append((("rtu", "timeout_s"), message))
+        if options.watchdog_s is not None and options.watchdog_s <= 2 * self.period_s:
+            message = (
+                f"found {options.watchdog_s:g} s, expected more than two periods, "
+                f"{2 * self.period_s:g} s: every late reply would trip it"
+            )
+            found.append((("watchdog_s",), message))
+        return found
+
+    def _problems_of(self, channel: Channel) -> list[tuple[tuple[str | int, ...], str]]:
+        part = self._modbus.channels.get(channel.number)
+        if part is None:
+            message = f"has no entry {channel.number}, which axis '{channel.axis}' uses"
+            return [(("channels",), message)]
+        key = ("channels", channel.number)
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        if part.counts.bits != channel.counter_bits:
+            message = (
+                f"found {part.counts.bits}, but axis '{channel.axis}' has counter_bits "
+                f"{channel.counter_bits}"
+            )
+            found.append(((*key, "counts", "bits"), message))
+        volts = part.volts
+        lowest = (volts.lowest - volts.zero_count) * volts.volts_per_count
+        highest = (volts.highest - volts.zero_count) * volts.volts_per_count
+        reach = min(-lowest, highest) + volts.volts_per_count
+        if reach < channel.max_voltage_v:
+            message = (
+                f"carries {lowest:g} to {highest:g} V, but axis '{channel.axis}' has "
+                f"max_voltage_v {channel.max_voltage_v:g}"
+            )
+            found.append(((*key, "volts"), message))
+        return found
+
+    def rate_budget(self) -> RateBudget:
+        """Compute the rate at which one exchange fills nine tenths of the period."""
+        options = self._modbus
+        if options.rtu is not None:
+            return budget.rtu_budget(options.rtu, *self._sizes(), options.device_turnaround_s)
+        return budget.tcp_budget(*self._sizes(), options.device_turnaround_s)
+
+    def _sizes(self) -> tuple[int, int]:
+        """Registers written and read."""
+        options = self._modbus
+        maps = {c.number: options.channels[c.number] for c in self.channels}
+        _, written = block(output_claims(maps, options.sequence))
+        _, read = block(input_claims(maps, options.sequence, options.boot_id))
+        return written, read
+
+    def prepare(self) -> None:
+        """Lay out the registers and make the request."""
+        options = self._modbus
+        outputs = OutputBlock(options, self.channels)
+        inputs = InputBlock(options, self.channels)
+        if options.rtu is None:
+            self._exchange = TcpExchange(options.unit, outputs, inputs)
+        else:
+            timeout_s = options.rtu.timeout_s or TIMEOUT_SHARE * self.period_s
+            numbered = options.sequence is not None
+            self._exchange = RtuExchange(options.unit, outputs, inputs, timeout_s, numbered)
+        self._outputs, self._inputs = outputs, inputs
+
+    def open(self) -> None:
+        """Connect, arm the coupler's watchdog, and exchange once with every output disabled.
+
+        Raises RunError where that fails, naming key and device.
+        """
+        self.close()
+        self.prepare()
+        assert self._outputs is not None
+        assert self._inputs is not None
+        client = connect(self._modbus, self._modbus.connect_timeout_s)
+        try:
+            arm_watchdog(client, self._modbus)
+            self._sequence = 1
+            registers = first_exchange(
+                client, self._modbus, self._outputs, self._inputs, self._sequence
+            )
+            line = line_of(client)
+            line.forget()
+        except BaseException:
+            release(client)
+            raise
+        self._inputs.decode(registers)
+        self._boot_id = self._inputs.boot_id(registers)
+        self._latched = np.uint32(0)
+        self._client, self._line = client, line
+        self._lost, self._unread = False, True
+
+    def close(self) -> None:
+        """Release the connection."""
+        client, line, exchange = self._client, self._line, self._exchange
+        self._client = self._line = None
+        self._unread = False
+        if client is None or line is None or exchange is None:
+            return
+        # A socket closed over unread replies is reset, and the last request may be lost with it.
+        for _ in range(DRAINS):
+            if line.receive(memoryview(bytearray(4096))) <= 0:
+                break
+        release(client)
+
+    def read(self, inputs: Inputs) -> None:
+        """Collect the reply to the request of the last `write`, if it is there."""
+        block = self._inputs
+        if block is None:
+            inputs.status[:] = GONE
+            return
+        verdict = self._collect(time.monotonic())
+        if self._unread:
+            self._unread = False
+            inputs.counts[:] = block.counts
+            inputs.index_counts[:] = block.index_counts
+            np.bitwise_or(block.status, self._latched, out=inputs.status)
+            return
+        if self._lost or self._line is None:
+            flags = GONE
+        elif verdict == NOTHING:
+            flags = STALE
+        elif verdict == EXCEPTION and self._tripped():
+            flags = TRIPPED
+        else:
+            flags = CORRUPT
+        inputs.counts[:] = block.counts
+        inputs.index_counts[:] = block.index_counts
+        np.bitwise_and(block.status, REPEATED, out=inputs.status)
+        np.bitwise_or(inputs.status, flags | self._latched, out=inputs.status)
+
+    def _collect(self, now_s: float) -> int:
+        """Take everything that has come; a new sample is decoded and marked unread."""
+        line, exchange, block = self._line, self._exchange, self._inputs
+        if line is None or exchange is None or block is None or self._lost:
+            return NOTHING
+        best = NOTHING
+        for _ in range(DRAINS):
+            space = exchange.space()
+            size = line.receive(space)
+            if size == LOST:
+                self._lost = True
+                break
+            exchange.received(size)
+            verdict = exchange.judge(now_s)
+            if verdict == FRESH:
+                verdict = self._take(exchange.registers, block)
+            best = max(best, verdict)
+            if size < len(space):
+                break
+        return best
+
+    def _take(self, registers: tuple[int, ...], block: InputBlock) -> int:
+        if not block.answers(registers, self._sequence):
+            return REFUSED
+        if not self._wrote:  # the newest request is older than one period, and so is its sample
+            return NOTHING
+        if block.boot_id(registers) != self._boot_id:
+            self._latched = RESTARTED
+        block.decode(registers)
+        self._unread = True
+        return FRESH
+
+    def _tripped(self) -> bool:
+        exchange = self._exchange
+        return (
+            self._modbus.watchdog_s is not None
+            and exchange is not None
+            and exchange.exception_code == DEVICE_FAILURE
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Send the commands, unless the line has to be left alone."""
+        now_s = time.monotonic()
+        self._wrote = False
+        if self._exchange is not None and not self._lost and self._exchange.may_send(now_s):
+            self._wrote = self._send(outputs, now_s)
+
+    def _send(self, outputs: Outputs, now_s: float) -> bool:
+        line, exchange, block = self._line, self._exchange, self._outputs
+        if line is None or exchange is None or block is None:
+            return False
+        sequence = self._sequence % 0xFFFF + 1
+        block.encode(exchange.request, exchange.data_at, outputs, sequence)
+        exchange.seal()
+        line.forget()
+        done = line.send(exchange.request)
+        if done == SENT:
+            self._sequence = sequence
+            exchange.sent(now_s)
+        elif done == LOST:
+            self._lost = True
+        return done == SENT
+
+    def safe(self) -> None:
+        """Zero and disable every axis: on the open connection, else on one made for it."""
+        with contextlib.suppress(Exception):
+            if self._line is not None and not self._lost and self._safe_on_line():
+                return
+            self._safe_on_own_connection()
+
+    def _safe_on_line(self) -> bool:
+        line, exchange, block = self._line, self._exchange, self._outputs
+        if line is None or exchange is None or block is None:
+            return False
+        deadline_s = time.monotonic() + SAFE_ANSWER_S
+        while not exchange.may_send(time.monotonic()) and time.monotonic() < deadline_s:
+            line.wait(1e-3)
+            self._collect(time.monotonic())
+        # The last word counts more than order on the line: it goes out whatever is outstanding.
+        if not self._send(block.off, time.monotonic()):
+            return False
+        deadline_s = time.monotonic() + SAFE_ANSWER_S
+        verdict = NOTHING
+        while verdict == NOTHING and not self._lost and time.monotonic() < deadline_s:
+            line.wait(deadline_s - time.monotonic())
+            verdict = self._collect(time.monotonic())
+        return not self._lost
+
+    def _safe_on_own_connection(self) -> None:
+        options = self._modbus
+        outputs = OutputBlock(options, self.channels)
+        client = connect(options, SAFE_CONNECT_S)
+        try:
+            switch_off(client, options, outputs, InputBlock(options, self.channels))
+        finally:
+            release(client)

@@ -1,0 +1,106 @@
+"""The figures of the buses: tracking beside the direct simulation, turnaround, bus use."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from motorctl.bench.buses.session import Measured, measure_transport
+from motorctl.bench.buses.transports import transports
+from motorctl.bench.figure import Figure, Target
+from motorctl.bench.findings import Findings
+from motorctl.bench.interleave import Progress, part_of
+from motorctl.errors import MotorctlError
+
+DURATION_S = 60.0
+TRACKING = Target("ratio", ">=", 0.9)
+"""As good as the direct simulation within a tenth."""
+
+
+def bus_findings(progress: Progress, duration_s: float = DURATION_S) -> Findings:
+    """Run C2 over each transport in turn; one that fails is told and hinders no other."""
+    figures: list[Figure] = []
+    notes: list[str] = []
+    rows: list[dict[str, Any]] = []
+    chosen = transports()
+    for k, transport in enumerate(chosen):
+        part = part_of(progress, k / len(chosen), (k + 1) / len(chosen))
+        with tempfile.TemporaryDirectory(prefix="motorctl-") as folder:
+            try:
+                measured = measure_transport(transport, duration_s, Path(folder), part)
+            except MotorctlError as error:
+                notes.append(f"{transport.name}: {error}")
+                continue
+        figures += _figures(measured)
+        rows.append(_row(measured))
+        notes += [f"{transport.name}: {refusal}" for refusal in measured.refusals]
+    notes.append(
+        f"Two published axes under C2 for {duration_s:g} s each, the gantry in a process of its "
+        "own. eF is the largest error of the last two cycles. The direct simulation has the same "
+        "rate, gains and motion, and its commands act as late as the exchange makes them."
+    )
+    return Findings(tuple(figures), tuple(notes), data={"buses": rows})
+
+
+def _figures(measured: Measured) -> list[Figure]:
+    key = measured.transport.name.replace(" ", "_")
+    title = f"{measured.transport.name}, {measured.transport.rate_hz:g} Hz"
+    figures = []
+    for axis, over in measured.over_bus.items():
+        own, direct = 1e6 * over.eF_m, 1e6 * measured.direct[axis].eF_m
+        figures.append(
+            Figure(
+                f"{key}_eF_{axis}",
+                f"{title}: eF of {axis}",
+                own,
+                "um",
+                "direct",
+                direct,
+                direct / own,
+                TRACKING,
+            )
+        )
+    turnaround = measured.timing.turnaround
+    if turnaround is not None:
+        for name, value in (
+            ("median", turnaround.median_s),
+            ("p99", turnaround.p99_s),
+            ("max", turnaround.worst_s),
+        ):
+            figures.append(
+                Figure(
+                    f"{key}_turnaround_{name}", f"{title}: turnaround, {name}", 1e6 * value, "us"
+                )
+            )
+    return figures
+
+
+def _row(measured: Measured) -> dict[str, Any]:
+    turnaround = measured.timing.turnaround
+    return {
+        "transport": measured.transport.name,
+        "rate_hz": measured.transport.rate_hz,
+        "max_rate_hz": measured.max_rate_hz,
+        "used": measured.used,
+        "arithmetic": measured.arithmetic,
+        "exchange_delay_s": measured.delay_s,
+        "turnaround_median_s": turnaround.median_s if turnaround else None,
+        "turnaround_p99_s": turnaround.p99_s if turnaround else None,
+        "turnaround_max_s": turnaround.worst_s if turnaround else None,
+        "held_share": measured.held_share,
+        "skipped_share": measured.skipped_share,
+        "axes": {
+            axis: {
+                "eM_m": over.eM_m,
+                "eF_m": over.eF_m,
+                "L2_m": over.L2_m,
+                "uM_V": over.uM_V,
+                "direct_eM_m": measured.direct[axis].eM_m,
+                "direct_eF_m": measured.direct[axis].eF_m,
+                "direct_L2_m": measured.direct[axis].L2_m,
+                "direct_uM_V": measured.direct[axis].uM_V,
+            }
+            for axis, over in measured.over_bus.items()
+        },
+    }

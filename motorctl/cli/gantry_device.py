@@ -1,0 +1,42 @@
+"""`motorctl gantry-device`: the simulated gantry behind a bus, in a process of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def gantry_device(
+    device: Annotated[Path, typer.Argument(metavar="DEVICE", help="A YAML file of a device.")],
+    link: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Make a symbolic link to its serial port.", show_default=False
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON line on stdout at the end.")
+    ] = False,
+) -> None:
+    """Serve the simulated gantry over CAN, serial or Modbus, with faults to order.
+
+    One line tells the endpoint when it is ready; SIGTERM or Ctrl-C ends it.
+
+    Example: motorctl gantry-device box.yaml --link /tmp/box
+    """
+    from motorctl.gantry_device import run_device
+
+    def ready(endpoint: str) -> None:
+        typer.echo(f"ready: {endpoint}")
+
+    told = run_device(device, link, ready)
+    if as_json:
+        typer.echo(json.dumps(told))
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("gantry-device")(gantry_device)

@@ -1,0 +1,197 @@
+"""A device file becomes a device, or all its problems at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from motorctl.config.document import Document, KeyPath, read_document
+from motorctl.config.validation import validate, validate_options
+from motorctl.errors import UsageError
+from motorctl.gantry_device import modbus_layout
+from motorctl.gantry_device.can_bus import CanBus, LibraryBus, SlcanAdapter
+from motorctl.gantry_device.can_layout import CanShape, FrameLayout, LayoutError, layouts
+from motorctl.gantry_device.can_node import CanNode
+from motorctl.gantry_device.device import Device
+from motorctl.gantry_device.endpoint import Endpoint
+from motorctl.gantry_device.machine import Machine
+from motorctl.gantry_device.modbus_image import Coupler, Image
+from motorctl.gantry_device.modbus_layout import ModbusShape
+from motorctl.gantry_device.modbus_server import ModbusEndpoint, ModbusRtu, ModbusTcp
+from motorctl.gantry_device.schedule import Schedule
+from motorctl.gantry_device.serial_box import SerialBox, SerialShape, Traits
+from motorctl.gantry_device.shape import DeviceShape
+from motorctl.hal import Channel, driver_class
+
+
+def load_device(path: Path, link: Path | None = None) -> Device:
+    """Read a device file and build the device, not opened yet.
+
+    `link` becomes a symbolic link to the device's serial port. Raises ConfigError with every
+    problem of the file, UsageError where there is no port to link to.
+    """
+    document = read_document(path)
+    shape = validate(document, (), DeviceShape, document.data)
+    sim = driver_class("sim")
+    gantry = document.data.get("gantry", {})
+    options = None
+    if isinstance(gantry, dict):
+        options = validate_options(document, ("gantry",), sim.Options, gantry, ())
+    found = _layout_problems(document, shape, path.parent) if shape is not None else []
+    document.raise_problems()
+    assert shape is not None
+    assert options is not None
+
+    # The machine wraps the counters itself, so that it can put them near their ends.
+    channels = [
+        Channel(c.axis or f"axis{i}", i, c.resolution_m, 64, c.max_voltage_v)
+        for i, c in enumerate(shape.channels)
+    ]
+    machine = Machine(
+        sim(options, channels, 1.0 / shape.rate_hz),
+        [c.counter_bits for c in shape.channels],
+        shape.watchdog_s,
+        _wraps(shape),
+        _signed(shape, found),
+    )
+    schedule = Schedule(shape.faults, shape.seed)
+    serve = shape.serve
+    _check_link(shape, link)
+    endpoint: Endpoint[Any]
+    if serve.can is not None:
+        endpoint = _can(serve.can, found, machine, schedule, shape.rate_hz, link)
+    elif serve.serial is not None:
+        endpoint = SerialBox(machine, schedule.faults, _traits(shape, serve.serial), link)
+    else:
+        assert serve.modbus is not None
+        endpoint = _modbus(serve.modbus, machine, schedule, link)
+    return Device(machine, endpoint, schedule, shape.spin_s)
+
+
+def _layout_problems(document: Document, shape: DeviceShape, folder: Path) -> list[FrameLayout]:
+    """Note what does not fit between bus and channels; give the frames of a CAN bus."""
+    bits = [channel.counter_bits for channel in shape.channels]
+    names = _axes(shape)
+    if len(set(names)) < len(names):
+        document.add(("channels",), f"two channels have the same axis: {', '.join(names)}")
+    for number, order in enumerate(shape.faults):
+        if order.channel is not None and order.channel >= len(bits):
+            message = f"found {order.channel}, the device has {len(bits)} channels, from 0"
+            document.add(("faults", number, "channel"), message)
+    if shape.serve.modbus is not None:
+        for where, message in modbus_layout.problems(shape.serve.modbus, bits):
+            document.add(("serve", "modbus", *where), message)
+    elif shape.serve.serial is not None:
+        if len(set(bits)) > 1 or max(bits) > 32:
+            message = "the serial box tells one width for all counters, of at most 32 bits"
+            document.add(("channels",), message)
+    elif shape.serve.can is not None:
+        return _frames(document, shape.serve.can, names, bits, folder)
+    return []
+
+
+def _frames(
+    document: Document, can: CanShape, names: Sequence[str], bits: Sequence[int], folder: Path
+) -> list[FrameLayout]:
+    top: KeyPath = ("serve", "can")
+    try:
+        found = layouts(can, names, folder)
+    except LayoutError as error:
+        document.add((*top, *error.where), str(error))
+        return []
+    for layout in found:
+        for meant in layout.meant:
+            if meant.means not in ("counts", "index_counts") or meant.channel is None:
+                continue
+            if meant.bits != bits[meant.channel]:
+                message = f"{meant.signal} has {meant.bits} bits, the channel's counter_bits are"
+                where = "frames" if can.frames is not None else "signals"
+                document.add((*top, where), f"{message} {bits[meant.channel]}")
+    return found
+
+
+def _check_link(shape: DeviceShape, link: Path | None) -> None:
+    serve = shape.serve
+    has_port = (
+        serve.serial is not None
+        or (serve.modbus is not None and serve.modbus.rtu is not None)
+        or (serve.can is not None and serve.can.interface == "slcan")
+    )
+    if link is not None and not has_port:
+        raise UsageError("--link: this device has no serial port to link to")
+
+
+def _axes(shape: DeviceShape) -> list[str]:
+    return [channel.axis or f"axis{i}" for i, channel in enumerate(shape.channels)]
+
+
+def _wraps(shape: DeviceShape) -> list[int | None]:
+    wraps: list[int | None] = [None] * len(shape.channels)
+    for order in shape.faults:
+        if order.kind == "counter_wrap":
+            hit = range(len(wraps)) if order.channel is None else (order.channel,)
+            for channel in hit:
+                wraps[channel] = order.counts
+    return wraps
+
+
+def _signed(shape: DeviceShape, found: Sequence[FrameLayout]) -> list[bool]:
+    """Tell which counters the wire shows as signed numbers, so where they wrap."""
+    signed = [True] * len(shape.channels)
+    if shape.serve.modbus is not None:
+        for number, channel in shape.serve.modbus.channels.items():
+            signed[number] = channel.counts.signed
+    for layout in found:
+        for meant in layout.meant:
+            if meant.means == "counts" and meant.channel is not None:
+                signal = layout.message.get_signal_by_name(meant.signal)
+                signed[meant.channel] = signal.is_signed
+    return signed
+
+
+def _can(
+    can: CanShape,
+    found: Sequence[FrameLayout],
+    machine: Machine,
+    schedule: Schedule,
+    rate_hz: float,
+    link: Path | None,
+) -> CanNode:
+    bus: CanBus
+    if can.interface == "slcan":
+        bus = SlcanAdapter(link)
+    else:
+        assert can.channel is not None
+        settings: dict[str, Any] = {}
+        if can.interface == "socketcan":
+            settings = {"fd": can.fd}
+        elif can.interface == "udp_multicast":
+            settings = {"fd": can.fd, "port": can.port}
+        bus = LibraryBus(can.interface, can.channel, **settings)
+    return CanNode(machine, schedule.faults, bus, found, can.sync, rate_hz, can.fd)
+
+
+def _traits(shape: DeviceShape, serial: SerialShape) -> Traits:
+    return Traits(
+        serial,
+        shape.channels[0].counter_bits,
+        max(channel.max_voltage_v for channel in shape.channels),
+        serial.max_rate_hz or min(65535, int(shape.rate_hz)),
+        int(serial.longest_watchdog_s * 1000),
+    )
+
+
+def _modbus(
+    modbus: ModbusShape, machine: Machine, schedule: Schedule, link: Path | None
+) -> ModbusEndpoint:
+    endpoint: ModbusEndpoint
+    echoes = modbus.sequence is not None
+    if modbus.tcp is not None:
+        host, port = modbus.tcp.host, modbus.tcp.port
+        endpoint = ModbusTcp(machine, schedule.faults, modbus.unit, echoes, host, port)
+    else:
+        endpoint = ModbusRtu(machine, schedule.faults, modbus.unit, echoes, link)
+    make = Image if modbus.coupler is None else Coupler
+    endpoint.image = make(modbus, machine, endpoint.time_ns, endpoint.echo)
+    return endpoint

@@ -1,0 +1,140 @@
+"""From open to close, again and again, and for a long time."""
+
+from __future__ import annotations
+
+import gc
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from motorctl.hal import RunError, Status
+from motorctl.hal.conformance.bench import Bench, opened
+from motorctl.hal.conformance.rig import Rig, needs, offers
+
+WARM_UP = 300
+FREE_BYTES = 4096
+"""Growth that one pass of the garbage collector more or less explains."""
+BYTES_AN_EXCHANGE = 1.0
+"""The smallest thing that can be kept for each exchange takes 8 bytes."""
+
+
+class LifeChecks:
+    """Opening, closing, safety, endurance, virtual time."""
+
+    def test_open_names_the_device_that_is_absent(self, rig: Rig) -> None:
+        """One line that a person can act on, soon; and nothing is left in the way of a retry."""
+        if rig.absent is None:
+            pytest.skip(f"{type(rig).__name__} does not say what is `absent`")
+        bench = Bench(rig)
+        start = time.monotonic()
+        with pytest.raises(RunError) as refused:
+            bench.open()
+        took_s = time.monotonic() - start
+        assert rig.absent in str(refused.value)
+        assert "\n" not in str(refused.value)
+        assert took_s < 10.0, f"open took {took_s:.1f} s to fail"
+        bench.safe()
+        needs(rig, "start")
+        rig.start()
+        bench.open()
+        bench.until_fresh()
+        bench.safe()
+        bench.close()
+
+    def test_safe_ends_at_zero_and_disabled(self, rig: Rig) -> None:
+        """Once, twice, and in between a write."""
+        needs(rig, "start", "received")
+        with opened(rig) as bench:
+            for times in (1, 2):
+                bench.until_obeyed(bench.volts(0.5))
+                for _ in range(times):
+                    bench.safe()
+                bench.until_at_rest()
+
+    def test_safe_after_vanishing_never_raises(self, rig: Rig) -> None:
+        """Nothing can be sent, which is no reason to fail or to linger."""
+        needs(rig, "start", "vanish")
+        with opened(rig) as bench:
+            rig.vanish()
+            bench.safe()
+            bench.until(lambda: bench.all_have(Status.COMMUNICATION_LOST), "COMMUNICATION_LOST")
+            bench.safe()
+            bench.close()
+            bench.safe()
+
+    def test_closing_leaves_the_device_at_zero_and_disabled(self, rig: Rig) -> None:
+        """After `close` nothing raises, and nothing can move the machine."""
+        needs(rig, "start", "received")
+        with opened(rig) as bench:
+            bench.until_obeyed(bench.volts(0.5))
+            bench.safe()
+            bench.close()
+            bench.until_at_rest()
+            bench.safe()
+            bench.read()
+            bench.write()
+            bench.safe()
+            bench.until_at_rest()
+
+    def test_it_opens_again_after_closing(self, rig: Rig) -> None:
+        """With the same object, disabled as the first time."""
+        with opened(rig) as bench:
+            for _ in range(3):
+                bench.exchange(3)
+                bench.safe()
+                bench.close()
+                bench.open()
+                bench.ask(0.0, 0)
+                bench.until_fresh()
+
+    def test_memory_does_not_grow(self, rig: Rig) -> None:
+        """A daemon runs for months; `Rig.exchanges` says how many exchanges this makes."""
+        needs(rig, "start")
+        with opened(rig) as bench:
+            gc.collect()
+            tracemalloc.start()
+            try:
+                bench.exchange(WARM_UP)
+                gc.collect()
+                before, _ = tracemalloc.get_traced_memory()
+                bench.exchange(rig.exchanges)
+                gc.collect()
+                after, _ = tracemalloc.get_traced_memory()
+            finally:
+                tracemalloc.stop()
+            grown = after - before
+            said = f"{rig.exchanges} exchanges made memory grow by {grown} bytes"
+            print(said)
+            assert grown <= FREE_BYTES + BYTES_AN_EXCHANGE * rig.exchanges, said
+
+    def test_virtual_time_gives_the_same_run_twice(self, rig: Rig) -> None:
+        """Bit for bit, however busy the machine is."""
+        if not rig.driver_class.supports_virtual_time:
+            pytest.skip("it does not support virtual time")
+        needs(rig, "start")
+        rig.start()
+        first, second = _virtual_run(rig, 0.0), _virtual_run(rig, 2e-3)
+        assert np.array_equal(first, second)
+
+
+def _virtual_run(rig: Rig, pause_s: float) -> NDArray[np.int64]:
+    """Give counts and status of a run with random volts, a row a period."""
+    bench = Bench(rig)
+    bench.driver.start_virtual_time()
+    bench.driver.open()
+    volts = bench.volts() if offers(rig, "received") else np.zeros(bench.size)
+    rows = np.zeros((300, 2 * bench.size), np.int64)
+    for row in rows:
+        bench.read()
+        row[: bench.size], row[bench.size :] = bench.inputs.counts, bench.inputs.status
+        bench.ask(bench.random.uniform(-1.0, 1.0, bench.size) * volts, int(volts.any()))
+        bench.write()
+        if bench.random.random() < 0.03:
+            time.sleep(pause_s)
+        bench.driver.advance()
+    bench.driver.safe()
+    bench.driver.close()
+    return rows

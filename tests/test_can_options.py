@@ -1,0 +1,365 @@
+"""Whatever is wrong with the options of the CAN driver is told with the key that is at fault."""
+
+import copy
+import pickle
+
+import pytest
+from can_bench import bits, channels, frames_apart, frames_of_both, options
+from pydantic import ValidationError
+
+from motorctl.hal import Channel
+from motorctl_can import CanDriver, CanOptions
+
+DBC = """VERSION ""
+BU_: host device
+BO_ 512 Command: 6 host
+ SG_ VoltsX : 0|16@1- (0.0005,0) [-16.384|16.3835] "V" device
+ SG_ VoltsY : 16|16@1- (0.0005,0) [-12|12] "V" device
+ SG_ EnableX : 32|1@1+ (1,0) [0|1] "" device
+ SG_ EnableY : 33|1@1+ (1,0) [0|1] "" device
+ SG_ Sequence : 40|8@1+ (1,0) [0|255] "" device
+BO_ 2147484032 Positions: 8 device
+ SG_ CountX : 7|24@0- (0.0005,3) [0|0] "mm" host
+ SG_ CountY : 31|24@0- (1,0) [0|0] "" host
+ SG_ ChainClosed : 48|1@1+ (1,0) [0|1] "" host
+ SG_ Sequence : 56|8@1+ (1,0) [0|255] "" host
+BO_ 385 Muxed: 8 device
+ SG_ Which M : 0|8@1+ (1,0) [0|0] "" host
+ SG_ First m0 : 8|24@1- (1,0) [0|0] "" host
+BO_ 386 Floats: 8 device
+ SG_ Metres : 0|32@1- (1,0) [0|0] "m" host
+SIG_VALTYPE_ 386 Metres : 1;
+"""
+POINTERS = {
+    "x": {"volts": "Command.VoltsX", "enable": "Command.EnableX", "counts": "Positions.CountX"},
+    "y": {"volts": "Command.VoltsY", "enable": "Command.EnableY", "counts": "Positions.CountY"},
+    "all": {
+        "sequence": ["Command.Sequence", "Positions.Sequence"],
+        "estop": {"signal": "Positions.ChainClosed", "inverted": True},
+    },
+}
+
+
+def edited(*path_and_value, base=frames_of_both):
+    """Change one entry of a good layout; None takes it away."""
+    *path, last, value = path_and_value
+    frames = copy.deepcopy(base())
+    place = frames
+    for key in path:
+        place = place[key]
+    if value is None:
+        del place[last]
+    else:
+        place[last] = value
+    return {"frames": frames}
+
+
+def signal(frame, name, value):
+    return edited(frame, "signals", name, value)
+
+
+CASES = {
+    "signals that overlap": (
+        edited("positions", "signals", "counts_y", "start", 20),
+        "frames.positions.signals.counts_y.start",
+        "overlaps 'positions.counts_x'",
+    ),
+    "a signal beyond its frame": (
+        edited("positions", "length", 7),
+        "frames.positions.signals.sequence.start",
+        "goes to byte 7",
+    ),
+    "a big-endian signal beyond its frame": (
+        signal("positions", "boot", bits("boot", 57, 4, byte_order="big")),
+        "frames.positions.signals.boot.start",
+        "goes to byte 8",
+    ),
+    "a length that no frame has": (
+        {**edited("positions", "length", 9), "fd": True},
+        "frames.positions.length",
+        "no length of a frame",
+    ),
+    "an FD length on a classic bus": (
+        edited("positions", "length", 12),
+        "frames.positions.length",
+        "needs fd: true",
+    ),
+    "a length below 0": (edited("command", "length", -1), "frames.command.length", "no length"),
+    "two frames of one identifier": (
+        edited("positions", "id", 0x200),
+        "frames.positions.id",
+        "is that of 'command'",
+    ),
+    "SYNC with a frame's identifier": (
+        {"sync": {"id": 0x180, "wait_s": 1e-4}},
+        "sync.id",
+        "identifier of frame 'positions'",
+    ),
+    "an identifier of more than 11 bits": (
+        edited("positions", "id", 0x800),
+        "frames.positions.id",
+        "extended: true",
+    ),
+    "a SYNC identifier of more than 29 bits": (
+        {"sync": {"id": 1 << 29, "extended": True, "wait_s": 1e-4}},
+        "sync.id",
+        "29 bits",
+    ),
+    "a meaning given twice": (
+        signal("positions", "chain", bits("encoder_lost", 50, 1, "x")),
+        "frames.positions.signals.chain.means",
+        "given twice for axis 'x'",
+    ),
+    "a meaning given for all and for one": (
+        signal("positions", "chain", bits("amplifier_fault", 50, 1)),
+        "frames.positions.signals.chain.means",
+        "given twice",
+    ),
+    "two sequences in a frame": (
+        signal("positions", "boot", bits("sequence", 52, 4)),
+        "frames.positions.signals.sequence.means",
+        "given twice for frame 'positions'",
+    ),
+    "an axis without volts": (edited("command", "signals", "volts_y", None), "frames", "no volts"),
+    "an axis without enable": (
+        edited("command", "signals", "enable_y", None),
+        "frames",
+        "axis 'y' has no enable",
+    ),
+    "an axis without counts": (
+        edited("positions", "signals", "counts_y", None),
+        "frames",
+        "axis 'y' has no counts",
+    ),
+    "counts in a command": (
+        signal("command", "more", bits("counts", 34, 4, "x")),
+        "frames.command.signals.more.means",
+        "not for a command frame",
+    ),
+    "volts in a state frame": (
+        signal("positions", "boot", bits("volts", 52, 4, "x")),
+        "frames.positions.signals.boot.means",
+        "not for a state frame",
+    ),
+    "counts of all axes": (
+        signal("positions", "counts_y", bits("counts", 24, 24)),
+        "frames.positions.signals.counts_y.axis",
+        "should name one axis",
+    ),
+    "a sequence of an axis": (
+        signal("positions", "sequence", bits("sequence", 56, 8, "x")),
+        "frames.positions.signals.sequence.axis",
+        "should be absent",
+    ),
+    "a sequence too short": (
+        signal("positions", "sequence", bits("sequence", 56, 3)),
+        "frames.positions.signals.sequence.bits",
+        "at least 4",
+    ),
+    "a scale of 0": (
+        edited("command", "signals", "volts_x", "scale", 0.0),
+        "frames.command.signals.volts_x.scale",
+        "other than 0",
+    ),
+    "counts with a scale": (
+        edited("positions", "signals", "counts_x", "scale", 2.0),
+        "frames.positions.signals.counts_x.scale",
+        "taken raw",
+    ),
+    "volts that cannot be 0": (
+        edited("command", "signals", "volts_x", "offset", 100.0),
+        "frames.command.signals.volts_x.offset",
+        "cannot say 0 V",
+    ),
+    "inverted counts": (
+        edited("positions", "signals", "counts_x", "inverted", True),
+        "frames.positions.signals.counts_x.inverted",
+        "not for counts",
+    ),
+    "an index mark without its count": (
+        signal("positions", "boot", bits("index_latched", 52, 1, "x")),
+        "frames.positions.signals.boot.means",
+        "needs index_counts",
+    ),
+    "a frame without signals": (
+        edited("spare", {"id": 1, "direction": "state", "length": 0, "signals": {}}),
+        "frames.spare.signals",
+        "at least one",
+    ),
+    "an unknown meaning": (
+        signal("positions", "chain", bits("stop", 50, 1)),
+        "frames.positions.signals.chain.means",
+        "'estop'",
+    ),
+    "an unknown direction": (
+        edited("positions", "direction", "in"),
+        "frames.positions.direction",
+        "'state'",
+    ),
+    "an unknown interface": ({"interface": "socketcam"}, "interface", "'socketcan'"),
+    "an impossible bitrate": ({"bitrate": 2000000}, "bitrate", "1000000"),
+    "a bitrate that slcan has not": (
+        {"interface": "slcan", "bitrate": 123456},
+        "bitrate",
+        "none of slcan's",
+    ),
+    "slcan with FD but no data rate": (
+        {"interface": "slcan", "fd": True},
+        "data_bitrate",
+        "2000000 or 5000000",
+    ),
+    "a data rate without FD": ({"data_bitrate": 5000000}, "data_bitrate", "needs fd"),
+    "a data rate below the bitrate": (
+        {"fd": True, "data_bitrate": 500000},
+        "data_bitrate",
+        "below the bitrate",
+    ),
+    "no layout at all": ({"frames": None}, "frames", "one of the two"),
+    "a layout and a DBC file": ({"dbc": "some.dbc"}, "frames", "one of the two"),
+    "signals beside frames": ({"signals": POINTERS}, "signals", "belongs to dbc"),
+    "an empty layout": ({"frames": {}}, "frames", "not be empty"),
+    "an unknown key": ({"baudrate": 1}, "baudrate", "not permitted"),
+    "a watchdog that cannot be sent": ({"watchdog_s": 0.1}, "watchdog_s", "no way to the device"),
+    "a watchdog signal without its time": (
+        signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.001)),
+        "watchdog_s",
+        "is missing",
+    ),
+    "a watchdog beyond its signal": (
+        {
+            **signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.001)),
+            "watchdog_s": 0.1,
+        },
+        "watchdog_s",
+        "0.001 to 0.063 s",
+    ),
+    "a multicast address that is none": (
+        {"interface": "udp_multicast", "channel": "10.0.0.1"},
+        "channel",
+        "multicast group",
+    ),
+    "a wait of nothing": ({"sync": {"id": 1, "wait_s": 0}}, "sync.wait_s", "greater than 0"),
+    "no channel": ({"channel": ""}, "channel", "at least 1"),
+}
+
+
+def told(given, context=None):
+    with pytest.raises(ValidationError) as caught:
+        CanOptions.model_validate(given, context=context)
+    return [(".".join(map(str, e["loc"])), e["msg"]) for e in caught.value.errors()]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_wrong_option_is_refused_with_its_key(case):
+    change, key, words = CASES[case]
+    good = {"interface": "virtual", "channel": "here", "frames": frames_of_both()}
+    CanOptions.model_validate(good)
+    assert any(loc == key and words in text for loc, text in told({**good, **change})), told(
+        {**good, **change}
+    )
+
+
+def test_several_problems_are_told_at_once():
+    frames = edited("positions", "id", 0x200)["frames"]
+    frames["command"]["length"] = 9
+    assert len(told({"interface": "virtual", "channel": "here", "frames": frames})) >= 2
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "bench.dbc").write_text(DBC)
+    return tmp_path
+
+
+def dbc_options(**pointers):
+    signals = {axis: {**POINTERS.get(axis, {}), **more} for axis, more in pointers.items()}
+    return {
+        "interface": "virtual",
+        "channel": "here",
+        "dbc": "bench.dbc",
+        "signals": {**POINTERS, **signals},
+    }
+
+
+def test_a_dbc_file_stands_beside_the_yaml_file_and_its_absolute_path_is_kept(folder, monkeypatch):
+    chosen = CanOptions.model_validate(dbc_options(), context={"directory": folder})
+    assert chosen.dbc == folder / "bench.dbc"
+    command, positions = chosen.layout.frames
+    assert (command.identifier, command.extended, command.command) == (512, False, True)
+    assert (positions.identifier, positions.extended, positions.command) == (384, True, False)
+    assert not CanDriver(chosen, channels(), 1e-3).problems()
+    assert pickle.loads(pickle.dumps(chosen)).layout == chosen.layout
+    again = CanOptions.model_validate(chosen.model_dump(mode="json"))
+    assert (again, again.layout) == (chosen, chosen.layout)
+    monkeypatch.chdir(folder)
+    assert CanOptions.model_validate(dbc_options()).dbc == folder / "bench.dbc"
+
+
+@pytest.mark.parametrize(
+    ("more", "key", "words"),
+    [
+        ({"x": {"counts": "Positions.ContX"}}, "signals.x.counts", "did you mean 'Positions.Count"),
+        ({"x": {"counts": "Muxed.First"}}, "signals.x.counts", "multiplexed"),
+        ({"x": {"counts": "Floats.Metres"}}, "signals.x.counts", "floating-point"),
+        ({"y": {"counts": "Positions.CountX"}}, "signals.y.counts", "signals.x.counts already"),
+        ({"x": {"volts": "Positions.CountX"}}, "signals.x.counts", "already"),
+        ({"x": {"encoder_lost": "Command.Sequence"}}, "signals.all.sequence.0", "already"),
+        ({"x": {"stop": "Command.Sequence"}}, "signals.x.stop.[key]", "estop"),
+        ({"z": {"volts": "Command.Sequence"}}, "signals.z.volts", "already"),
+    ],
+)
+def test_a_wrong_pointer_into_a_dbc_file_is_refused(folder, more, key, words):
+    found = told(dbc_options(**more), {"directory": folder})
+    assert any(loc == key and words in text for loc, text in found), found
+
+
+def test_an_axis_that_dbc_pointers_leave_incomplete_is_refused(folder):
+    given = dbc_options()
+    given["signals"] = {**POINTERS, "y": {"counts": "Positions.CountY"}}
+    found = told(given, {"directory": folder})
+    assert ("signals", "axis 'y' has no volts; every axis needs volts, enable and counts") in found
+
+
+@pytest.mark.parametrize("text", [None, "", "BO_ nonsense", DBC.replace("31|24@0-", "23|24@0-")])
+def test_a_dbc_file_that_is_missing_or_broken_is_refused(tmp_path, text):
+    assert text != DBC
+    if text is not None:
+        (tmp_path / "bench.dbc").write_text(text)
+    found = told(dbc_options(), {"directory": tmp_path})
+    assert {loc.split(".")[0] for loc, _ in found} <= {"dbc", "signals"}
+
+
+def test_a_dbc_file_limits_the_volts_that_are_sent(folder):
+    chosen = CanOptions.model_validate(dbc_options(), context={"directory": folder})
+    wide = [Channel(a, i, 1e-6, 24, 13.0) for i, a in enumerate("xy")]
+    ((key, text),) = CanDriver(chosen, wide, 1e-3).problems()
+    assert key == ("signals", "y", "volts")
+    assert "-12 to 12 V" in text
+
+
+def test_counts_must_be_as_wide_as_the_counter():
+    driver = CanDriver(options(frames=frames_apart()), channels(24), 1e-3)
+    keys = [key for key, _ in driver.problems()]
+    assert keys == [("frames", f"state_{a}", "signals", f"counts_{a}", "bits") for a in "xy"]
+    assert "counter_bits 24" in driver.problems()[0][1]
+
+
+def test_an_axis_that_is_not_in_the_layout_or_not_in_the_machine_is_told():
+    ((key, text),) = CanDriver(options(), channels(axes="xyz"), 1e-3).problems()
+    assert (key, "'z'" in text) == (("frames",), True)
+    ((key, text),) = CanDriver(options(), channels(axes="x"), 1e-3).problems()
+    assert key == ("frames", "command", "signals", "volts_y", "axis")
+    assert "serves: x" in text
+
+
+def test_volts_that_the_frame_cannot_carry_are_told():
+    high = [Channel(a, i, 1e-6, 24, 20.0) for i, a in enumerate("xy")]
+    keys = [key for key, _ in CanDriver(options(), high, 1e-3).problems()]
+    assert keys == [("frames", "command", "signals", f"volts_{a}", "bits") for a in "xy"]
+
+
+def test_a_wait_shorter_than_the_bus_needs_is_told():
+    chosen = options(interface="socketcan", channel="can0", sync={"id": 1, "wait_s": 150e-6})
+    ((key, text),) = CanDriver(chosen, channels(), 1e-3).problems()
+    assert key == ("sync", "wait_s")
+    assert "190.0 us" in text

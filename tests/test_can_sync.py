@@ -1,0 +1,164 @@
+"""SYNC: which answer is of this period, and what is told where none is."""
+
+import threading
+import time
+
+from can_bench import (
+    STATE,
+    STATE_Y,
+    bus,
+    frames_apart,
+    lone_bytes,
+    message,
+    on_sync,
+    opened,
+    state_bytes,
+)
+
+from motorctl.hal import Status
+
+STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
+
+
+def test_each_read_brings_the_sample_of_its_own_sync():
+    with on_sync() as (bench, device):
+        for _ in range(50):
+            (x, y), status = bench.read()
+            assert (x, y, status) == (10 * device.samples, 20 * device.samples, [0, 0])
+
+
+def test_a_read_waits_for_every_state_frame():
+    def answer(k):
+        return [message(lone_bytes(k, k), STATE), message(lone_bytes(-k, k), STATE_Y)]
+
+    with on_sync(answer, frames=frames_apart()) as (bench, device):
+        for _ in range(20):
+            assert bench.read() == ([device.samples, -device.samples], [0, 0])
+
+
+def test_a_device_that_does_not_answer_holds_a_read_no_longer_than_wait_s():
+    mute = threading.Event()
+
+    def answer(k):
+        return [] if mute.is_set() else [message(state_bytes(k, k, k))]
+
+    with on_sync(answer, wait_s=0.02) as (bench, _):
+        mute.set()
+        took = []
+        for _ in range(10):
+            start = time.monotonic()
+            assert bench.read()[1] == [STALE, STALE]
+            took.append(time.monotonic() - start)
+        assert min(took) >= 0.02
+        assert sorted(took)[5] < 0.03
+
+
+def test_an_axis_whose_answer_is_missing_is_stale_and_the_other_is_not():
+    def answer(k):
+        out = [message(lone_bytes(k, k), STATE)]
+        return out if k % 5 == 0 else [*out, message(lone_bytes(k, k), STATE_Y)]
+
+    with on_sync(answer, wait_s=0.1, frames=frames_apart()) as (bench, device):
+        for _ in range(20):
+            (x, y), status = bench.read()
+            k = device.samples
+            lost = k % 5 == 0
+            assert (x, y) == (k, k - 1 if lost else k)
+            assert status == [0, STALE if lost else 0]
+
+
+def test_an_answer_after_the_wait_is_no_sample_of_this_period_nor_of_the_next():
+    may_answer = threading.Event()
+
+    def answer(k):
+        may_answer.wait(5.0)
+        return [message(state_bytes(k, k, k))]
+
+    may_answer.set()
+    with on_sync(answer, wait_s=0.1) as (bench, device):
+        assert bench.read()[1] == [0, 0]
+        fresh = device.samples
+        with bus(bench.driver.options.channel) as spy:
+            for _ in range(4):
+                may_answer.clear()
+                counts, status = bench.read()
+                assert counts == [fresh, fresh]
+                assert status == [STALE, STALE]
+                may_answer.set()
+                while spy.recv(5.0).arbitration_id != STATE:
+                    pass
+        assert bench.read() == ([device.samples] * 2, [0, 0])
+
+
+def test_where_the_answer_to_an_earlier_sync_comes_first_the_right_one_is_waited_for():
+    held = []
+
+    def answer(k):
+        held.append(message(state_bytes(k, k, k)))
+        if keeps and k % 2:
+            return []
+        out = held[:]
+        held.clear()
+        return out
+
+    keeps = False
+    with on_sync(answer, wait_s=0.1) as (bench, device):
+        keeps = True
+        for _ in range(10):
+            counts, status = bench.read()
+            k = device.samples
+            even = k - k % 2
+            assert counts == [even, even]
+            assert status == [STALE if k % 2 else 0] * 2
+
+
+def test_after_a_lost_sync_the_samples_are_taken_again():
+    """The device misses one SYNC: its sequence falls behind what was asked, and that is settled."""
+
+    class Deaf:
+        misses = 0
+
+    def answer(k):
+        if Deaf.misses:
+            Deaf.misses -= 1
+            device.samples -= 1
+            return []
+        return [message(state_bytes(k, k, k))]
+
+    with on_sync(answer, wait_s=0.1) as (bench, device):
+        assert bench.read()[1] == [0, 0]
+        Deaf.misses = 1
+        stale = [bool(bench.read()[1][0] & STALE) for _ in range(8)]
+        assert stale[0]
+        assert stale.index(False) <= 3
+        assert not any(stale[stale.index(False) :])
+        assert bench.read() == ([device.samples] * 2, [0, 0])
+
+
+def test_flags_of_a_late_answer_count_though_its_position_does_not():
+    with on_sync(wait_s=0.05) as (bench, device):
+        assert bench.read()[1] == [0, 0]
+        k = device.samples
+        device.answer = lambda _: []
+        bench.peer.send(message(state_bytes(999, 999, k + 1, chain=0)))
+        counts, status = bench.read()
+        assert counts == [10 * k, 20 * k]
+        assert status == [STALE | int(Status.ESTOP)] * 2
+
+
+def test_commands_reach_the_device_and_sync_alone_asks_for_samples():
+    with on_sync() as (bench, device):
+        before = device.samples
+        for _ in range(5):
+            bench.driver.write(bench.outputs)
+        for _ in range(3):
+            bench.read()
+        assert device.samples == before + 3
+        assert len(device.commands) >= 5
+
+
+def test_the_loop_is_told_when_samples_are_older_than_the_read():
+    with on_sync() as (bench, _):
+        assert bench.driver.exchange_delay_periods == 0.0
+    with opened() as bench:
+        assert bench.driver.exchange_delay_periods == 0.5

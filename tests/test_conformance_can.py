@@ -1,0 +1,111 @@
+"""The CAN driver passes the conformance suite: CAN FD with SYNC, and classic CAN free-running."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+import pytest
+from can_peer import ClassicPeer, FdPeer, Peer, classic_options, fd_options
+
+from motorctl.hal import Channel, Driver
+from motorctl.hal.conformance import DriverConformance, Received, Rig
+from motorctl_can import CanDriver
+
+NUMBERS = itertools.count()
+
+
+class CanRig(Rig):
+    """The driver on a virtual bus of its own."""
+
+    driver_class = CanDriver
+    type_name = "can"
+    volts_tolerance_v = 0.5 * 0.0005 + 1e-9
+    full_scale_v = 32768 * 0.0005
+    exchanges = 1000
+    peer_class: type[Peer]
+    peer: Peer | None = None
+    samples_a_fault = 1
+
+    def stop(self) -> None:
+        if self.peer:
+            self.peer.end()
+
+    def start(self) -> None:
+        self.peer = self.peer_class(self.absent, self.period_s)
+
+    def move_to(self, counts) -> None:
+        self.peer.counts = counts.tolist()
+
+    def received(self) -> Received:
+        return Received(self.peer.volts, self.peer.enabled)
+
+    def lose_next_reply(self) -> None:
+        self.peer.faults.extend([None] * self.samples_a_fault)
+
+    def garble_next_reply(self, random) -> None:
+        self.peer.faults.extend([random] * self.samples_a_fault)
+
+    def go_silent(self) -> None:
+        self.peer.silent = True
+
+    def speak_again(self) -> None:
+        self.peer.silent = False
+
+    def restart(self) -> None:
+        self.peer.restart()
+
+    def vanish(self) -> None:
+        self.peer.go_off_the_bus()
+
+    def come_back(self) -> None:
+        self.peer.restart()
+        self.peer.silent = False
+
+
+class FdRig(CanRig):
+    peer_class = FdPeer
+    channels = (Channel("x", 0, 0.5e-6, 32, 10.0), Channel("y", 1, 0.5e-6, 32, 10.0))
+    period_s = 5e-3
+
+    def __init__(self) -> None:
+        self.absent = f"conformance{next(NUMBERS)}"
+        self.options = fd_options(self.absent)
+
+    def pass_period(self, driver: Driver) -> None:
+        # The driver itself waits for the answer to SYNC; this is for the commands.
+        time.sleep(0.2e-3)
+
+
+class ClassicRig(CanRig):
+    peer_class = ClassicPeer
+    channels = (Channel("x", 0, 0.5e-6, 16, 10.0), Channel("y", 1, 0.5e-6, 16, 10.0))
+    period_s = 2e-3
+    # Two clocks: a read that finds one sample damaged may find the next one, which is good.
+    samples_a_fault = 4
+
+    def __init__(self) -> None:
+        self.absent = f"conformance{next(NUMBERS)}"
+        self.options = classic_options(self.absent)
+
+
+class TestCanFdWithSync(DriverConformance):
+    @pytest.fixture
+    def rig(self):
+        with FdRig() as rig:
+            yield rig
+
+
+class TestClassicCanFreeRunning(DriverConformance):
+    @pytest.fixture
+    def rig(self):
+        with ClassicRig() as rig:
+            yield rig
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_hundred_thousand_exchanges_leave_no_memory_behind():
+    with FdRig() as rig:
+        rig.exchanges = 100_000
+        DriverConformance().test_memory_does_not_grow(rig)

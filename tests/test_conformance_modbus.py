@@ -1,0 +1,119 @@
+"""The Modbus driver passes the conformance suite: TCP on the loopback, RTU on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from modbus_peer import VOLTS_PER_COUNT, Coupler, RtuPeer, TcpPeer, layout
+
+from motorctl.hal import Channel, Driver
+from motorctl.hal.conformance import DriverConformance, Received, Rig
+from motorctl_modbus import ModbusDriver
+
+
+class ModbusRig(Rig):
+    """The driver on a coupler."""
+
+    driver_class = ModbusDriver
+    type_name = "modbus"
+    channels = (Channel("x", 0, 0.5e-6, 32, 10.0), Channel("y", 1, 0.5e-6, 32, 10.0))
+    volts_tolerance_v = 0.5 * VOLTS_PER_COUNT + 1e-9
+    full_scale_v = 32768 * VOLTS_PER_COUNT
+    exchanges = 1000
+    peer: Coupler
+    heard = 0
+
+    def stop(self) -> None:
+        self.peer.end()
+
+    def start(self) -> None:
+        self.peer.begin()
+
+    def pass_period(self, driver: Driver) -> None:
+        deadline = time.monotonic() + self.period_s
+        while self.peer.heard == self.heard and time.monotonic() < deadline:
+            time.sleep(0.1e-3)
+        self.heard = self.peer.heard
+
+    def move_to(self, counts) -> None:
+        self.peer.counts = counts.tolist()
+
+    def received(self) -> Received:
+        return Received(self.peer.volts, self.peer.enabled)
+
+    def lose_next_reply(self) -> None:
+        self.peer.faults.append(None)
+
+    def garble_next_reply(self, random) -> None:
+        self.peer.faults.append(random)
+
+    def go_silent(self) -> None:
+        self.peer.silent = True
+
+    def speak_again(self) -> None:
+        self.peer.silent = False
+
+    def restart(self) -> None:
+        self.peer.restart()
+
+    def vanish(self) -> None:
+        self.peer.end()
+
+    def come_back(self) -> None:
+        self.peer.restart()
+        self.peer.begin()
+
+
+class TcpRig(ModbusRig):
+    period_s = 2e-3
+
+    def __init__(self) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        self.absent = "127.0.0.1"
+        self.options = {"tcp": {"host": "127.0.0.1", "port": port}, **layout()}
+        self.peer = TcpPeer(port)
+
+
+class RtuRig(ModbusRig):
+    period_s = 10e-3
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp())
+        port = self.folder / "port"
+        self.absent = str(port)
+        line = {"port": self.absent, "baud": 1_000_000, "parity": "none"}
+        line |= {"silence_s": 0.2e-3, "timeout_s": 8e-3}
+        self.options = {"rtu": line, **layout()}
+        self.peer = RtuPeer(port)
+
+    def stop(self) -> None:
+        super().stop()
+        shutil.rmtree(self.folder)
+
+
+class TestTcp(DriverConformance):
+    @pytest.fixture
+    def rig(self):
+        with TcpRig() as rig:
+            yield rig
+
+
+class TestRtu(DriverConformance):
+    @pytest.fixture
+    def rig(self):
+        with RtuRig() as rig:
+            yield rig
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_hundred_thousand_exchanges_leave_no_memory_behind():
+    with TcpRig() as rig:
+        rig.exchanges = 100_000
+        DriverConformance().test_memory_does_not_grow(rig)
