@@ -47,6 +47,7 @@ def test_a_good_driver_passes_where_broken_ones_fail():
     assert all(outcome(WireDriver, check) for check in CHECKS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", BROKEN, ids=lambda cls: cls.__name__)
 def test_a_broken_driver_fails_exactly_where_it_is_broken(cls):
     failed = {check for check in CHECKS if not outcome(cls, check)}

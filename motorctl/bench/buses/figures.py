@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from motorctl.bench.buses.exchanges import exchange_figures
 from motorctl.bench.buses.session import Measured, measure_transport
 from motorctl.bench.buses.transports import transports
 from motorctl.bench.figure import Figure, Target
@@ -14,18 +15,20 @@ from motorctl.bench.interleave import Progress, part_of
 from motorctl.errors import MotorctlError
 
 DURATION_S = 60.0
+EXCHANGE_SHARE = 0.03
+"""Of the progress."""
 TRACKING = Target("ratio", ">=", 0.9)
 """As good as the direct simulation within a tenth."""
 
 
 def bus_findings(progress: Progress, duration_s: float = DURATION_S) -> Findings:
     """Run C2 over each transport in turn; one that fails is told and hinders no other."""
-    figures: list[Figure] = []
-    notes: list[str] = []
+    figures, notes = exchange_figures(part_of(progress, 0.0, EXCHANGE_SHARE))
     rows: list[dict[str, Any]] = []
     chosen = transports()
+    whole = part_of(progress, EXCHANGE_SHARE, 1.0)
     for k, transport in enumerate(chosen):
-        part = part_of(progress, k / len(chosen), (k + 1) / len(chosen))
+        part = part_of(whole, k / len(chosen), (k + 1) / len(chosen))
         with tempfile.TemporaryDirectory(prefix="motorctl-") as folder:
             try:
                 measured = measure_transport(transport, duration_s, Path(folder), part)

@@ -42,7 +42,7 @@ def _serial(name: str, rate_hz: float, mode: str) -> Transport:
     return Transport(name, rate_hz, driver, {"serial": {}})
 
 
-def _frames() -> Options:
+def frames() -> Options:
     """Give one command and one state frame of 8 bytes for two axes with 28 bit counters."""
     command: Options = {"sequence": {"means": "sequence", "start": 40, "bits": 8}}
     state: Options = {"sequence": {"means": "sequence", "start": 56, "bits": 8}}
@@ -59,7 +59,7 @@ def _frames() -> Options:
 
 
 def _can(name: str, rate_hz: float) -> Transport:
-    bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "frames": _frames()}
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "frames": frames()}
     sync = {"sync": {"id": 0x80}}
 
     def driver(_endpoint: str) -> Options:
@@ -70,7 +70,7 @@ def _can(name: str, rate_hz: float) -> Transport:
 
 
 def _slcan(name: str, rate_hz: float) -> Transport:
-    bus = {"interface": "slcan", "frames": _frames()}
+    bus = {"interface": "slcan", "frames": frames()}
 
     def driver(endpoint: str) -> Options:
         port = endpoint.rsplit(maxsplit=1)[-1]
