@@ -20,6 +20,8 @@ def print_summary(console: Console, summary: Part) -> None:
         f"Ts = {_number(period_us)} us  ({escape(summary['source'])})"
     )
     console.print(_budgets(summary["drivers"]))
+    for name, driver in summary["drivers"].items():
+        console.print(f"  {escape(name)}: {escape(driver['arithmetic'])}", highlight=False)
     for name, axis in summary["axes"].items():
         console.print(_wiring(name, axis))
         console.print(_parameters(name, axis))
@@ -42,7 +44,7 @@ def _table(title: str, *columns: str, numbers: bool = True) -> Table:
 
 def _budgets(drivers: Part) -> Table:
     title = "Drivers and rate budgets"
-    columns = ("driver", "type", "axes", "rate", "at most", "used", "because")
+    columns = ("driver", "type", "axes", "rate", "at most", "used")
     table = _table(title, *columns, numbers=False)
     for name, driver in drivers.items():
         used = "?" if driver["used"] is None else f"{100 * driver['used']:.0f} %"
@@ -54,7 +56,6 @@ def _budgets(drivers: Part) -> Table:
             f"{_number(driver['rate_hz'])} Hz",
             "any" if most is None else f"{_number(most)} Hz",
             used,
-            escape(driver["arithmetic"]),
         )
     return table
 

@@ -10,7 +10,12 @@ import typer
 
 
 def gantry_device(
-    device: Annotated[Path, typer.Argument(metavar="DEVICE", help="A YAML file of a device.")],
+    device: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DEVICE", help="A YAML file of a device, or the name of a shipped one."
+        ),
+    ],
     link: Annotated[
         Path | None,
         typer.Option(
@@ -25,7 +30,7 @@ def gantry_device(
 
     One line tells the endpoint when it is ready; SIGTERM or Ctrl-C ends it.
 
-    Example: motorctl gantry-device box.yaml --link /tmp/box
+    Example: motorctl gantry-device serial_box --link /tmp/motorctl-box
     """
     from motorctl.gantry_device import run_device
 

@@ -31,6 +31,14 @@ def locate(path: str | Path) -> Path:
     return given
 
 
+def locate_device(path: str | Path) -> Path:
+    """Give the file of a simulated device: a path, or the bare name of a shipped one."""
+    given = Path(path)
+    shipped = _folder() / "devices" / f"{given.stem}{SUFFIX}"
+    bare = len(given.parts) == 1 and given.suffix in ("", SUFFIX)
+    return shipped if bare and not given.exists() and shipped.exists() else given
+
+
 def _folder() -> Path:
     package = Path(__file__).parent.parent
     installed = package / "configs"

@@ -32,6 +32,8 @@ class Device:
         self._wake, self._waker = os.pipe()
         self._babblers: list[Fault] = []
         self._babble_ns = NEVER
+        self.longest_pause_ns = 0
+        """By how much the device woke too late at worst: a pause of this computer, no fault."""
 
     def open(self) -> None:
         """Power on and get on the bus. Raises RunError."""
@@ -64,8 +66,11 @@ class Device:
         clock = time.monotonic_ns
         spin_ns = int(self.spin_s * NS)
         idle_ns = clock() + IDLE_NS
+        due_ns = NEVER
         while not self._stopping:
             now_ns = endpoint.now_ns = clock()
+            if now_ns - due_ns > self.longest_pause_ns:
+                self.longest_pause_ns = now_ns - due_ns
             if now_ns >= schedule.next_change_ns:
                 self._change(now_ns)
             if now_ns >= machine.due_ns:

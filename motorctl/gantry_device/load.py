@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config.document import Document, KeyPath, read_document
+from motorctl.config.shipped import locate_device
 from motorctl.config.validation import validate, validate_options
 from motorctl.errors import UsageError
 from motorctl.gantry_device import modbus_layout
@@ -26,11 +27,12 @@ from motorctl.hal import Channel, driver_class
 
 
 def load_device(path: Path, link: Path | None = None) -> Device:
-    """Read a device file and build the device, not opened yet.
+    """Read a device file, or a shipped one by its bare name, and build the device, not opened yet.
 
     `link` becomes a symbolic link to the device's serial port. Raises ConfigError with every
     problem of the file, UsageError where there is no port to link to.
     """
+    path = locate_device(path)
     document = read_document(path)
     shape = validate(document, (), DeviceShape, document.data)
     sim = driver_class("sim")

@@ -65,6 +65,8 @@ class Machine:
         self.samples = self.commands = self.watchdog_trips = self.restarts = 0
         self.due_ns = NEVER
         """When the first watchdog fires."""
+        self.off_ns: int | None = 0
+        """Since when every amplifier is off; None while one is on."""
         self.set_watchdog(watchdog_s)
 
     def open(self) -> None:
@@ -197,6 +199,10 @@ class Machine:
         for i in range(self.channels):
             outputs.volts[i] = self.volts[i]
             outputs.enable[i] = self.enabled[i]
+        if True in self.enabled:
+            self.off_ns = None
+        elif self.off_ns is None:
+            self.off_ns = time.monotonic_ns()
         self._write_due()
         self._driver.write(outputs)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from motorctl.gantry_device.device import Device
 from motorctl.gantry_device.load import load_device
+from motorctl.gantry_device.schedule import NS, Fault
 
 PRIORITY = 70
 """Below the loop's own, which may share the machine."""
@@ -66,8 +67,21 @@ def report(device: Device) -> dict[str, Any]:
         "watchdog_trips": machine.watchdog_trips,
         "restarts": machine.restarts,
         "faults": [
-            {"kind": f.order.kind, "at_s": f.order.at_s, "fired": f.fired}
+            {
+                "kind": f.order.kind,
+                "at_s": f.order.at_s,
+                "fired": f.fired,
+                "off_after_s": _off_after_s(f, machine.off_ns),
+            }
             for f in device.schedule.faults
         ],
+        "longest_pause_s": round(device.longest_pause_ns / NS, 6),
         "travelled_counts": machine.travelled_counts(),
     }
+
+
+def _off_after_s(fault: Fault, off_ns: int | None) -> float | None:
+    """Tell how long after a fault's begin the last amplifier went off, not to come back."""
+    if fault.began_ns is None or off_ns is None:
+        return None
+    return max(0.0, round((off_ns - fault.began_ns) / NS, 6))

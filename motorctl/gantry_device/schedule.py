@@ -18,6 +18,7 @@ class Fault:
         "_counts",
         "active",
         "amount_ns",
+        "began_ns",
         "fired",
         "order",
         "random",
@@ -34,6 +35,8 @@ class Fault:
         self.stop_ns = NEVER if length is None else self.start_ns + max(1, round(length * NS))
         self.amount_ns = round((order.amount_s or 0.0) * NS)
         self.active = False
+        self.began_ns: int | None = None
+        """When it came into force, None where it has not yet."""
         self.fired = 0
         self.to_device = False
         """The direction of the message that is passing: `every` counts each by itself."""
@@ -85,6 +88,8 @@ class Schedule:
             active = fault.start_ns <= elapsed < fault.stop_ns
             if active != fault.active:
                 fault.active = active
+                if active:
+                    fault.began_ns = now_ns
                 changed.append(fault)
             for edge in (fault.start_ns, fault.stop_ns):
                 if elapsed < edge < upcoming:
