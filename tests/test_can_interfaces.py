@@ -11,7 +11,7 @@ from pathlib import Path
 
 import can
 import pytest
-from can_bench import COMMAND, STATE, SYNC, channels, message, options, state_bytes
+from can_bench import COMMAND, STATE, SYNC, bus, channels, message, options, state_bytes
 from slcan_peer import SlcanPeer
 
 from motorctl.hal import Inputs, Outputs, RunError, Status
@@ -306,3 +306,21 @@ def test_no_buffer_space_is_communication_lost_and_not_bus_off(stand_in):
     bus.trouble = None
     driver.write(Outputs(2))
     assert seen(driver, inputs)[1] == [STALE] * 2
+
+
+def test_a_serial_port_belongs_to_one_program():
+    with over_slcan() as (driver, peer, inputs):
+        chosen = options(interface="slcan", channel=peer.port)
+        with pytest.raises(RunError, match="in use by another program"):
+            CanDriver(chosen, channels(), 0.01).open()
+        assert peer.is_open
+        assert seen(driver, inputs)[1] == [0, 0]
+
+
+def test_safe_of_a_bus_that_is_not_open_opens_it_to_disable_every_amplifier():
+    chosen = options()
+    with bus(chosen.channel) as peer:
+        CanDriver(chosen, channels(), 0.01).safe()
+        heard = [peer.recv(1.0) for _ in range(3)]
+        assert [m.arbitration_id for m in heard if m] == [COMMAND] * 3
+        assert all(not any(m.data[:5]) for m in heard if m)

@@ -162,3 +162,29 @@ def test_the_loop_is_told_when_samples_are_older_than_the_read():
         assert bench.driver.exchange_delay_periods == 0.0
     with opened() as bench:
         assert bench.driver.exchange_delay_periods == 0.5
+
+
+def test_an_answer_that_is_late_by_several_periods_is_never_a_sample_of_this_one():
+    late: list[threading.Timer] = []
+
+    def answer(k):
+        frame = state_bytes(k, k, k)
+        if not delayed:
+            return [message(frame)]
+        late.append(threading.Timer(0.1, bench.send, (frame,)))
+        late[-1].start()
+        return []
+
+    delayed = False
+    with on_sync(answer, wait_s=0.2) as (bench, _):
+        assert bench.read()[1] == [0, 0]
+    with on_sync(answer, wait_s=0.005) as (bench, _):
+        delayed = True
+        try:
+            for _ in range(30):
+                assert bench.read()[1][0] & STALE
+                time.sleep(0.015)
+        finally:
+            for timer in late:
+                timer.join()
+    assert len(late) > 5

@@ -198,3 +198,18 @@ def test_a_slow_axis_is_identified_from_its_own_ticks(tmp_path):
     fitted = fit.axes["x"]
     theta = dict(zip(fitted.model.parameter_names, fitted.estimate.theta, strict=True))
     assert theta["inertia"] == pytest.approx(0.19, rel=0.1)
+
+
+class Waits(SimDriver):
+    """A driver whose reads may wait."""
+
+    longest_wait_s = 1.4e-3
+
+
+@pytest.mark.parametrize("rate", [500, 5000])
+def test_a_driver_that_waits_longer_than_the_loop_has_time_is_refused(tmp_path, rate):
+    file = tmp_path / "machine.yaml"
+    text = CONFIG.replace("RATE", str(rate)).replace("type: sim", "type: test_loop_rates:Waits")
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=r"gantry 1400 us.*leaves 160 us"):
+        load(file)

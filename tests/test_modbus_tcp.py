@@ -413,3 +413,21 @@ def test_channels_follow_their_numbers_and_not_their_order():
     assert bench.read()[0] == [20, 10]
     assert bench.ask((1.0, 2.0), (1, 0)).registers[:3] == [0, 3277, 2]
     bench.close()
+
+
+def test_a_command_that_disables_does_not_wait_for_unanswered_requests(bench):
+    for _ in range(4):
+        assert bench.ask((1.0, 1.0), (1, 1)).registers[2] == 0b11
+    bench.driver.write(bench.outputs)
+    assert bench.peer.idle(0.01)
+    assert bench.ask((0.0, 1.0), (0, 1)).registers[2] == 0b10
+    bench.driver.write(bench.outputs)
+    assert bench.peer.idle(0.01)
+
+
+def test_one_program_of_a_machine_drives_the_outputs_of_a_device(bench):
+    other = make(tcp={"host": "127.0.0.1", "port": bench.peer.port})
+    with pytest.raises(RunError, match="driven by another program"):
+        other.open()
+    bench.driver.close()
+    bench.open()  # a claim ends with close

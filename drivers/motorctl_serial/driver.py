@@ -79,6 +79,7 @@ class SerialDriver(Driver):
         self._polls = options.mode == "poll"
         self._exchanges = options.mode == "exchange"
         self._wait_s = options.wait_s or budget.DEFAULT_WAIT_PERIODS * period_s
+        self.longest_wait_s = self._wait_s if self._polls else 0.0
         self._command_type = int(
             FrameType.EXCHANGE if options.mode == "exchange" else FrameType.COMMAND
         )

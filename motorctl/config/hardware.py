@@ -13,6 +13,9 @@ from motorctl.config.validation import suggest, validate, validate_options
 from motorctl.errors import MotorctlError, UsageError
 from motorctl.hal import Channel, Driver, RateBudget, driver_class
 
+WAIT_SHARE = 0.8
+"""Of the loop's period: the rest is for computing and for the writes."""
+
 
 @dataclass(frozen=True)
 class Wiring:
@@ -56,6 +59,8 @@ class Exchange:
     """None where there are problems."""
     delay_s: float
     """How much later than in a direct exchange a command acts on what was read."""
+    wait_s: float
+    """How long the loop may have to wait for it in a tick."""
 
 
 def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
@@ -64,7 +69,8 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         driver: Driver = setup.cls(setup.options, channels, period_s)
         problems = tuple(driver.problems())
         budget = None if problems else driver.rate_budget()
-        return Exchange(problems, budget, driver.exchange_delay_periods * period_s)
+        delay_s = driver.exchange_delay_periods * period_s
+        return Exchange(problems, budget, delay_s, driver.longest_wait_s)
     except MotorctlError:
         raise
     except Exception as error:  # a driver of a third party may fail in any way
@@ -132,6 +138,7 @@ def check_rates(
 ) -> None:
     """Check the rate against every driver's budget, where all of its axes could be read."""
     claimed = [driver for _, driver, _ in _claims(document)]
+    waits_s: dict[str, float] = {}
     for name, setup in drivers.items():
         channels = channels_of(name, wirings)
         distinct = {channel.number for channel in channels}
@@ -147,6 +154,7 @@ def check_rates(
             continue
         for path, message in exchange.problems:
             document.add(("drivers", name, *path), message)
+        waits_s[name] = exchange.wait_s
         budget = exchange.budget
         if budget and not own_rate_hz <= budget.max_rate_hz:
             own = holds(document.at(("drivers", name)), "rate_hz")
@@ -156,6 +164,25 @@ def check_rates(
                 f"{budget.max_rate_hz:.6g} Hz: {budget.arithmetic}"
                 + ("" if own else f"; give drivers.{name} a rate_hz of its own, or lower this one"),
             )
+    if rate_hz is not None:
+        _check_waits(document, waits_s, rate_hz)
+
+
+def _check_waits(document: Document, waits_s: Mapping[str, float], rate_hz: float) -> None:
+    """Check that all waits of one tick fit into it, those of slower drivers too."""
+    waiting = {name: wait_s for name, wait_s in waits_s.items() if wait_s > 0.0}
+    total_s = sum(waiting.values())
+    if total_s <= WAIT_SHARE / rate_hz:
+        return
+    told = ", ".join(f"{name} {1e6 * wait_s:.0f} us" for name, wait_s in waiting.items())
+    slowest = max(waiting, key=lambda name: waiting[name])
+    document.add(
+        ("drivers", slowest),
+        f"the drivers may wait for their devices in one tick: {told}; the loop's period at "
+        f"{rate_hz:g} Hz leaves {1e6 * WAIT_SHARE / rate_hz:.0f} us for that: shorten wait_s, or "
+        "let the slower device answer without being waited for (serial: mode exchange or stream; "
+        "CAN: without sync)",
+    )
 
 
 def _claims(document: Document) -> list[tuple[str, str, int | None]]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.faults import device_message
 from motorctl.daemon.program_transfer import unpacked
 from motorctl.daemon.protocol import (
     AxisCommand,
@@ -287,6 +288,9 @@ class Commander:
                 return RefusedError(Code.NOT_HOMED, f"axis {name} is not homed: home it first")
             case Reply.STILL_FAULTY:
                 message = f"axis {name}: {command}: the device still reports a fault"
+                word = int(self._memory.axis_status["device_status"][self._names.index(name)])
+                if told := device_message(word):
+                    message += f": {told}"
                 return RefusedError(Code.STILL_FAULTY, message)
             case Reply.STILL_MOVING:
                 message = f"axis {name} still moves: {command} is not possible until it stands"

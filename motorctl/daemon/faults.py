@@ -23,13 +23,29 @@ _WITHOUT_LIMIT = {
     FaultCause.SUPERVISOR_LOST: "the supervisor fell silent",
 }
 
-
 _DEVICE = {
     Status.BUS_OFF: "the bus or the port is gone",
     Status.DEVICE_RESTARTED: "the device began anew",
     Status.CORRUPT: "what came was refused: checksum, length or sequence",
 }
 """What a driver may add to the cause."""
+_TROUBLES = {
+    Status.ENCODER_LOST: _WITHOUT_LIMIT[FaultCause.ENCODER_LOST],
+    Status.AMPLIFIER_FAULT: _WITHOUT_LIMIT[FaultCause.AMPLIFIER],
+    Status.COMMUNICATION_LOST: _WITHOUT_LIMIT[FaultCause.COMMUNICATION],
+    Status.ESTOP: _WITHOUT_LIMIT[FaultCause.ESTOP],
+    Status.STALE: "no new sample comes",
+}
+_UNTIL_OPENED = Status.BUS_OFF | Status.DEVICE_RESTARTED
+"""What mostly stays until the driver is opened anew, which it is when the daemon starts."""
+
+
+def device_message(status: int) -> str:
+    """Say what a driver reports that keeps an axis from being started; '' where it is nothing."""
+    told = "; ".join(words for bit, words in (_TROUBLES | _DEVICE).items() if status & bit)
+    if status & _UNTIL_OPENED:
+        told += "; if it stays so, restart the daemon, which opens the device anew"
+    return told
 
 
 def fault_message(

@@ -113,12 +113,15 @@ class LoopProcess:
         for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
             problem = self._make_safe(name)
             if problem is None:
-                _log.warning("driver %s: every output was zeroed and disabled from here", name)
+                _log.warning("driver %s: told from here to zero and disable every output", name)
             else:
                 _log.error("driver %s: its outputs may NOT be safe: %s", name, problem)
 
     def _make_safe(self, name: str) -> str | None:
-        """Zero and disable the outputs of one driver; gives why that is not certain, or None."""
+        """Tell one driver to zero and disable its outputs; gives why it may not have, or None.
+
+        A driver does what it can and raises nothing: without its device nothing is certain.
+        """
         outcome: list[str | None] = []
         alone = replace(self.machine, drivers={name: self.machine.drivers[name]})
 

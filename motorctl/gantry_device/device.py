@@ -33,7 +33,8 @@ class Device:
         self._babblers: list[Fault] = []
         self._babble_ns = NEVER
         self.longest_pause_ns = 0
-        """By how much the device woke too late at worst: a pause of this computer, no fault."""
+        """By how much the device woke too late at worst while an amplifier was on: a pause of this
+        computer, and no fault."""
 
     def open(self) -> None:
         """Power on and get on the bus. Raises RunError."""
@@ -69,7 +70,7 @@ class Device:
         due_ns = NEVER
         while not self._stopping:
             now_ns = endpoint.now_ns = clock()
-            if now_ns - due_ns > self.longest_pause_ns:
+            if now_ns - due_ns > self.longest_pause_ns and machine.any_enabled:
                 self.longest_pause_ns = now_ns - due_ns
             if now_ns >= schedule.next_change_ns:
                 self._change(now_ns)

@@ -155,6 +155,9 @@ class Driver(ABC):
     """How many periods later than in a direct exchange a command acts on what is read: 0 where
     `read` brings what was sampled at its call and `write` takes effect at once; 1 where one
     exchange a period carries both, so that what `read` brings was sampled at the last `write`."""
+    longest_wait_s: float = 0.0
+    """How long one `read` and the `write` after it may wait for the device at most. The waits of
+    all drivers have to fit into the loop's period, also where a driver has a slower one."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 

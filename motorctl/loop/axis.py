@@ -138,21 +138,22 @@ def axis_inputs(
     if axis.state != OFF:
         check_device(axis, t)
     if status & UNTRUSTED:
-        axis.held_ticks = 0
+        axis.held_ticks, axis.held_status = 0, 0
         lose_sight(settings, axis, elapsed)
     elif status & STALE or old:
+        axis.held_status |= status
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if axis.state != OFF:
             check_freshness(settings, axis, t)
     elif axis.held_ticks and predicts(settings, axis):
         # What the prediction missed is an error of the position, not a speed.
         expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
-        axis.held_ticks = 0
+        axis.held_ticks, axis.held_status = 0, 0
         read_position(correct, settings, axis, raw, elapsed, t)
         law.y1 += axis.position_m - expected
         law.y2 += axis.position_m - expected
     else:
-        axis.held_ticks = 0
+        axis.held_ticks, axis.held_status = 0, 0
         read_position(correct, settings, axis, raw, elapsed, t)
 
 
@@ -177,12 +178,14 @@ def axis_reference(
     elapsed counts the periods since the last tick: 1, or more after an overrun.
     """
     if axis.state == HOMING:
-        # The index mark's count, read relative to the present raw count: it may have wrapped.
+        # The index mark's count, read relative to the last raw count: it may have wrapped. Not
+        # relative to the position, which may be a prediction.
         span = settings.counter_span
         back = raw_index - axis.raw_counts
         if span:
             back = (back + span // 2) % span - span // 2
-        index_m = axis.position_m + settings.metres_per_count * back
+        index_m = settings.metres_per_count * (axis.counts + back)
+        index_m += settings.offset_m + axis.shift_m
         if home(settings, axis, index_m, elapsed, t):
             before = axis.position_m
             locate(correct, settings, axis)
@@ -337,4 +340,5 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.fault_limit = axis.fault_limit
     status.fault_time_s = axis.fault_time_s
     status.fault_status = axis.fault_status
+    status.device_status = axis.status
     status.state = axis.state  # last: whoever sees FAULT finds its cause

@@ -53,6 +53,7 @@ AXIS_STATE = np.dtype(
         ("raw_counts", "i8"),  # as last read
         ("blind_ticks", "i8"),  # since when the count cannot be trusted, or no new one came
         ("held_ticks", "i8"),  # since when no new one came
+        ("held_status", "i8"),  # what the driver said meanwhile
         ("gap_ticks", "i8"),  # periods that the law has not seen
         ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there
         ("counts", "i8"),  # unwrapped

@@ -52,7 +52,7 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
             axis.fault_value = value
             axis.fault_limit = limit
             axis.fault_time_s = t
-            axis.fault_status = axis.status
+            axis.fault_status = axis.status | axis.held_status
         axis.state = FAULT
         axis.slot = -1
 
@@ -139,7 +139,8 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
     # One count more or less is no speed.
     noise = 2.0 * abs(settings.metres_per_count) / settings.period_s
-    axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
+    if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
+        axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
     if axis.fast_count >= OVERSPEED_TICKS:
         trip(axis, CAUSE_OVERSPEED, v, fastest, t)
     if axis.homed:

@@ -122,6 +122,7 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("fault_limit", "f8"),
             ("fault_time_s", "f8"),
             ("fault_status", "i8"),  # the driver's status word then
+            ("device_status", "i8"),  # and now
         ],
         align=True,
     )
