@@ -1,0 +1,146 @@
+"""The machine, built once and kept; a job goes in and its result comes out."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import subprocess
+import tarfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from virtual_machine import recipe
+
+GRACE_S = 60
+"""For starting and going off, beside the job's own time."""
+KEPT = "kept"
+"""A folder of the job that stays from one job to the next, as `/job/kept`."""
+FORGOTTEN_ABOVE = 200_000_000  # bytes; of what was kept
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a job left."""
+
+    exit_status: int
+    stdout: str
+    stderr: str
+    console: str
+    folder: Path
+    """What it wrote to `/job/result`."""
+
+
+class Machine:
+    """A machine whose image exists."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def run(self, job: Path, scratch: Path, limit_s: int, before: str | None = None) -> Result:
+        """Run `run.sh` of a job's folder, as root in `/job`, in a machine that is new each time.
+
+        `before` is a shell command that runs in the machine's tree without the machine, at this
+        host's full speed, for what is slow to compute; it finds the job in `/job` as well.
+        """
+        packed, result_disk = scratch / "job.tar", scratch / "result.disk"
+        with _locked(self._folder):
+            self._prepare(job, packed, before)
+        with result_disk.open("wb") as file:
+            file.truncate(256_000_000)
+        console = scratch / "console"
+        words = f"console=ttyS0 quiet panic=-1 job_limit_s={limit_s}"
+        emulator = ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max"]
+        size = ["-m", "2048", "-smp", "2"]
+        plain = ["-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"]
+        kernel = ["-kernel", self._folder / "vmlinuz", "-initrd", self._folder / "initrd"]
+        disks = [
+            f"file={self._folder / 'image'},snapshot=on",
+            f"file={packed},readonly=on",
+            f"file={result_disk}",
+        ]
+        command = [
+            *emulator,
+            *size,
+            *plain,
+            *kernel,
+            "-append",
+            words,
+            "-serial",
+            f"file:{console}",
+        ]
+        for disk in disks:
+            command += ["-drive", f"{disk},if=virtio,format=raw"]
+        try:
+            subprocess.run(command, check=True, timeout=limit_s + GRACE_S, capture_output=True)
+        except subprocess.TimeoutExpired as error:
+            raise TimeoutError(f"the machine did not end:\n{_read(console)}") from error
+        except subprocess.CalledProcessError as error:
+            raise RuntimeError(f"qemu: {error.stderr.decode()}") from error
+        return _result(result_disk, scratch, _read(console))
+
+    def _prepare(self, job: Path, packed: Path, before: str | None) -> None:
+        inside = self._folder / "tree/job"
+        for path in inside.iterdir():
+            if path.name != KEPT:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+        kept = inside / KEPT
+        if sum(p.stat().st_size for p in kept.rglob("*") if p.is_file()) > FORGOTTEN_ABOVE:
+            shutil.rmtree(kept)
+        kept.mkdir(exist_ok=True)
+        shutil.copytree(job, inside, dirs_exist_ok=True)
+        # compilers' caches compare time stamps; those of a tar have whole seconds
+        for path in inside.rglob("*.py"):
+            os.utime(path, (1e9, 1e9))
+        if before is not None:
+            recipe.in_tree(self._folder / "tree", "sh", "-c", f"cd /job && {before}")
+        with tarfile.open(packed, "w", format=tarfile.GNU_FORMAT) as tar:
+            for path in sorted(inside.iterdir()):
+                tar.add(path, path.name)
+
+
+def machine() -> Machine:
+    """Give the machine, built now if that was not done before; raises UnavailableError."""
+    recipe.check_host()
+    base = os.environ.get("XDG_CACHE_HOME")
+    cache = (Path(base) if base else Path.home() / ".cache") / "motorctl-tests"
+    cache.mkdir(parents=True, exist_ok=True)
+    name = f"machine-{recipe.key()}"
+    folder = cache / name
+    with _locked(cache):
+        if not folder.exists():
+            for old in cache.glob("machine-*"):
+                shutil.rmtree(old)
+            draft = cache / f"machine-draft-{os.getpid()}"
+            draft.mkdir()
+            try:
+                recipe.build(draft)
+            except BaseException:
+                shutil.rmtree(draft, ignore_errors=True)
+                raise
+            draft.rename(folder)
+    return Machine(folder)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    with (folder / "lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _result(disk: Path, scratch: Path, console: str) -> Result:
+    try:
+        with tarfile.open(disk, "r:") as tar:
+            tar.extractall(scratch, filter="data")
+    except tarfile.TarError as error:
+        raise RuntimeError(f"the machine wrote no result:\n{console}") from error
+    folder = scratch / "result"
+    status = int(_read(folder / "exit_status"))
+    return Result(status, _read(folder / "stdout"), _read(folder / "stderr"), console, folder)
+
+
+def _read(path: Path) -> str:
+    return path.read_text(errors="replace") if path.exists() else ""
