@@ -28,6 +28,7 @@ def fails(*checks: str) -> Callable[[type[Driver]], type[Driver]]:
     return note
 
 
+UNOPENED = "test_safe_reaches_the_device_without_open"
 ABSENT = "test_open_names_the_device_that_is_absent"
 DAMAGED = "test_a_damaged_reply_never_becomes_a_count"
 LOST = "test_a_lost_reply_is_stale"
@@ -106,7 +107,7 @@ class PretendsVirtualTime(WireDriver):
         pass
 
 
-@fails("test_before_open_read_write_and_safe_never_raise", ABSENT)
+@fails("test_before_open_read_write_and_safe_never_raise", ABSENT, UNOPENED)
 class IsUnsafeBeforeOpen(WireDriver):
     was_open = False
 
@@ -406,8 +407,17 @@ class CannotTryAgain(WireDriver):
 @fails("test_safe_ends_at_zero_and_disabled", "test_closing_leaves_the_device_at_zero_and_disabled")
 class ForgetsAChannelInSafe(WireDriver):
     def safe(self) -> None:
-        if self.device is not None and not self.device.gone:
+        if self.device is None:
+            super().safe()
+        elif not self.device.gone:
             self.device.volts[0], self.device.enabled[0] = 0.0, False
+
+
+@fails(UNOPENED)
+class IsSafeOnlyWhileOpen(WireDriver):
+    def safe(self) -> None:
+        if self.device is not None:
+            super().safe()
 
 
 @fails("test_closing_leaves_the_device_at_zero_and_disabled")

@@ -134,8 +134,9 @@ def test_a_babbling_bus_is_read_in_bounded_pieces():
     with opened(max_frames_per_read=8) as bench:
         for k in range(1, 21):
             bench.send(state_bytes(k, k, k))
-        assert bench.read() == ([8, 8], [CORRUPT, CORRUPT])
-        assert bench.read() == ([16, 16], [CORRUPT, CORRUPT])
+        # the oldest come first: what is taken is not known to be the newest
+        assert bench.read() == ([0, 0], [STALE | CORRUPT] * 2)
+        assert bench.read() == ([0, 0], [STALE | CORRUPT] * 2)
         assert bench.read() == ([20, 20], [0, 0])
         for _ in range(10):
             bench.send(b"", identifier=0x7FF)
@@ -232,6 +233,20 @@ def test_a_full_transmit_buffer_is_status_until_a_frame_is_sent():
         bench.driver.write(bench.outputs)
         bench.send(state_bytes(1, 1, 1))
         assert bench.read()[1] == [0, 0]
+
+
+def test_a_lost_command_is_told_though_the_next_one_was_sent():
+    with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=2) as slow:
+        for _ in range(3):
+            bench.driver.write(bench.outputs)
+        while slow.recv(0):
+            pass
+        bench.driver.write(bench.outputs)
+        for k, lost in ((1, int(Status.COMMUNICATION_LOST)), (2, 0)):
+            bench.send(state_bytes(k, k, k))
+            assert bench.read() == ([k, k], [lost, lost])
+            while slow.recv(0):
+                pass
 
 
 def test_safe_zeroes_and_disables_from_any_state():

@@ -36,7 +36,10 @@ class ModbusRig(Rig):
 
     def pass_period(self, driver: Driver) -> None:
         deadline = time.monotonic() + self.period_s
-        while self.peer.heard == self.heard and time.monotonic() < deadline:
+        # The newest request, that is: one period that was too short must not shift all others.
+        while time.monotonic() < deadline and (
+            self.peer.heard == self.heard or self.peer.outputs[3] != driver._sequence
+        ):
             time.sleep(0.1e-3)
         self.heard = self.peer.heard
 

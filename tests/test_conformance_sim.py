@@ -29,6 +29,7 @@ class SimRig(Rig):
     channels = (Channel("x", 0, 0.5e-6, 24, 10.0), Channel("y", 1, 0.1e-3, 16, 10.0))
     period_s = 1e-3
     virtual = True
+    own_device = True
     full_scale_v = 10.0
     driver: SimDriver
 

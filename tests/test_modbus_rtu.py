@@ -171,7 +171,7 @@ def test_safe_waits_for_an_outstanding_reply_and_then_sends_zero_and_disable(ben
     request = bench.ask((10.0, 10.0), (1, 1))
     started = time.monotonic()
     bench.driver.safe()
-    assert time.monotonic() - started < 0.3
+    assert time.monotonic() - started < 2.0  # pymodbus' own time-out is 3 s
     assert request.registers[2] == 3
     assert bench.peer.request().registers[:3] == [0, 0, 0]
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from daemon_rig import Daemon, bench_config, wait_until
 from typer.testing import CliRunner
 
 from motorctl.cli import check, drivers
+from motorctl.hal import Channel, Driver, Inputs, Outputs, Status
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState
 
@@ -107,6 +109,55 @@ def test_check_knows_its_options_its_layout_and_its_rate(at_hand, tmp_path):
     fast = problems(**{"rate_hz: 400": "rate_hz: 9000"})
     assert "driver 'gantry' carries at most" in fast
     assert "bytes of 0.08 us + 160 us to answer" in fast
+
+
+class OneAnswer:
+    """Stands for the driver's socket: sends nothing, gives one datagram."""
+
+    def __init__(self, answer: bytes = b"") -> None:
+        self.answer = answer
+
+    def poll(self, timeout_ms: int) -> list[int]:
+        return [1] if self.answer else []
+
+    def recv_into(self, space, size: int, flags: int) -> int:
+        came, self.answer = self.answer, b""
+        space.reshape(-1)[: len(came)] = np.frombuffer(came, np.uint8)
+        return len(came)
+
+    def send(self, data, flags: int) -> int:
+        raise BlockingIOError
+
+
+def box_driver() -> tuple[Driver, Inputs]:
+    """Make the example's driver, not open, and what it reads into."""
+    from motorctl_box import BoxDriver
+
+    options = BoxDriver.Options(host="127.0.0.1", port=9)
+    channels = [Channel(name, i, 0.5e-6, 32, 10.0) for i, name in enumerate("xy")]
+    return BoxDriver(options, channels, 1e-3), Inputs(2)
+
+
+def test_its_example_takes_no_answer_to_an_older_command(at_hand):
+    driver, inputs = box_driver()
+    for _ in range(3):
+        driver.write(Outputs(2))
+    told = []
+    for number in (2, 3, 4):
+        answer = struct.pack("<qI2i2B", number, 7, 100 * number, -number, 0, 0)
+        driver._socket = driver._poll = OneAnswer(answer)
+        driver.read(inputs)
+        told.append((inputs.counts.tolist(), inputs.status.tolist()))
+    refused = int(Status.STALE | Status.CORRUPT)
+    assert told == [([0, 0], [refused] * 2), ([300, -3], [0, 0]), ([300, -3], [refused] * 2)]
+
+
+def test_its_example_does_not_take_a_full_queue_for_a_lost_box(at_hand):
+    driver, inputs = box_driver()
+    driver._socket = driver._poll = OneAnswer()
+    driver.write(Outputs(2))
+    driver.read(inputs)
+    assert inputs.status.tolist() == [int(Status.STALE)] * 2
 
 
 def test_a_box_that_is_not_there_is_named(installed, tmp_path):

@@ -21,6 +21,7 @@ from motorctl.hal import Inputs, Status
 MODES = ["poll", "exchange", "stream"]
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST
 RESTARTED = Status.DEVICE_RESTARTED | Status.ENCODER_LOST
+WAIT_S = 1.5e-3
 
 
 def exchange_until(rig, bits, timeout_s=2.0):
@@ -60,7 +61,7 @@ def test_a_silent_device_is_stale_and_no_fault(mode):
 
 
 def test_a_read_waits_for_a_silent_device_no_longer_than_it_may():
-    with rig_open(mode="poll", wait_s=1.5e-3) as rig:
+    with rig_open(mode="poll", wait_s=WAIT_S) as rig:
         rig.box.mute = True
         took_s = []
         for _ in range(30):
@@ -68,7 +69,7 @@ def test_a_read_waits_for_a_silent_device_no_longer_than_it_may():
             rig.read()
             took_s.append(time.perf_counter() - start)
         assert min(took_s) >= 1.4e-3
-        assert np.median(took_s) < 1.5e-3 + 1e-3
+        assert sorted(took_s)[7] < 2 * WAIT_S  # a busy machine holds up some, not all
 
 
 @pytest.mark.parametrize("mode", ["exchange", "stream"])
@@ -80,11 +81,11 @@ def test_the_other_modes_do_not_wait_at_all(mode):
             start = time.perf_counter()
             rig.read()
             took_s.append(time.perf_counter() - start)
-        assert np.median(took_s) < 0.3e-3
+        assert sorted(took_s)[25] < WAIT_S / 2  # what a read in mode poll waits is longer
 
 
 def test_a_flood_holds_no_read_longer_than_it_may():
-    with rig_open(mode="poll", wait_s=1.5e-3) as rig:
+    with rig_open(mode="poll", wait_s=WAIT_S) as rig:
         rig.box.mute = True
         os.set_blocking(rig.box.master, False)
         took_s = []
@@ -97,7 +98,7 @@ def test_a_flood_holds_no_read_longer_than_it_may():
             start = time.perf_counter()
             rig.read()
             took_s.append(time.perf_counter() - start)
-        assert np.median(took_s) < 1.5e-3 + 1e-3
+        assert sorted(took_s)[7] < 2 * WAIT_S  # a busy machine holds up some, not all
         rig.box.mute = False
         rig.box.counts = [8, 9]
         assert rig.read_fresh()[0] == [8, 9]
@@ -196,11 +197,14 @@ def test_a_port_that_vanishes_is_bus_off_and_keeps_the_count(mode):
         counts, status = exchange_until(rig, GONE)
         assert counts == [3, 4]
         assert all(word & Status.STALE for word in status)
-        start = time.perf_counter()
+        took_s = []
         for _ in range(100):
+            start = time.perf_counter()
             rig.read()
             rig.write(1.0)
-        assert time.perf_counter() - start < 0.1
+            took_s.append(time.perf_counter() - start)
+        # However busy the machine is, many are not held up; poll would wait 0.9 periods, each time.
+        assert sorted(took_s)[25] < PERIOD_S / 2
         assert rig.read() == (counts, status)
 
 

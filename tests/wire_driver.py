@@ -182,7 +182,12 @@ class WireDriver(Driver):
         self.send([0] * self.size, 0)
 
     def safe(self) -> None:
-        self.zero()
+        if self.device is not None:
+            self.zero()
+        elif (device := WIRES.get(self.port)) is not None and not device.gone:
+            self.device = device
+            self.zero()
+            self.device = None
 
 
 class WireRig(Rig):

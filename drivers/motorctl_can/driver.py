@@ -34,6 +34,7 @@ with kernels_cached(Path(__file__).parent):
 
 AGE_PERIODS = 10
 SAFE_REPEATS = 3
+MOST_QUIET_PERIODS = 3
 OPENING_PERIOD_S = 0.01
 EXTENDED = 1 << 29  # above every identifier
 CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
@@ -53,6 +54,7 @@ class CanDriver(Driver):
         self._can = options
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
+        self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
         self._link: Link | None = None
@@ -141,10 +143,11 @@ class CanDriver(Driver):
         if options.sync is not None:
             self._sync = self._message(options.sync.id, options.sync.extended, 0)
             self._wait_s = options.sync.wait_s
+        self._news = self._records["news"]
         self._nothing = Outputs(len(self.channels))
         self._shown = Inputs(len(self.channels))
         self._compile()
-        self._hold_sync = False
+        self._quiet = 0
         self._late = 0
 
     def _compile(self) -> None:
@@ -244,9 +247,10 @@ class CanDriver(Driver):
 
     def close(self) -> None:
         """Zero and disable every amplifier and release the bus."""
-        self.safe()
-        link, self._link = self._link, None
+        link = self._link
         if link is not None:
+            self.safe()
+            self._link = None
             link.close()
 
     def read(self, inputs: Inputs) -> None:
@@ -257,7 +261,8 @@ class CanDriver(Driver):
             return
         now = now_s()
         if self._can.sync is None:
-            self._drain(link, kernels.FREE, now, self._can.max_frames_per_read)
+            if not self._drain(link, kernels.FREE, now, self._can.max_frames_per_read):
+                self._news[:] = 0  # there may be newer ones behind what was taken
         else:
             self._exchange(link, now)
         common = link.status
@@ -278,13 +283,21 @@ class CanDriver(Driver):
             self._send_all(link, outputs)
 
     def safe(self) -> None:
-        """Send 0 V and disable a few times."""
-        link = self._link
-        if link is None:
-            return
+        """Send 0 V and disable a few times; a bus that is not open is opened for that."""
         with contextlib.suppress(Exception):
-            for _ in range(SAFE_REPEATS):
-                self._send_all(link, self._nothing)
+            if self._link is not None:
+                self._send_off(self._link)
+                return
+            self.prepare()
+            link = Link(self._can, self._layout)
+            try:
+                self._send_off(link)
+            finally:
+                link.close()
+
+    def _send_off(self, link: Link) -> None:
+        for _ in range(SAFE_REPEATS):
+            self._send_all(link, self._nothing)
 
     def _send_all(self, link: Link, outputs: Outputs) -> None:
         volts, enable = outputs.volts, outputs.enable
@@ -307,11 +320,10 @@ class CanDriver(Driver):
 
     def _exchange(self, link: Link, now: float) -> None:
         """Send SYNC and take the answers."""
+        self._late = 0
         room = self._drain(link, kernels.BEFORE_SYNC, now, self._can.max_frames_per_read)
-        if self._hold_sync:
-            # a period without SYNC: whatever was on its way has come
-            self._hold_sync = False
-            self._settle(self._states)
+        if self._quiet:
+            self._wait_for_quiet()
             return
         if not link.send(self._sync):
             return
@@ -330,7 +342,19 @@ class CanDriver(Driver):
                 missing &= ~self._take(link, message, kernels.AFTER_SYNC, now)
             elif left <= 0 or link.lost:
                 break
-        self._hold_sync = self._late & missing != 0
+        if self._late & missing:
+            self._quiet = self._patience()
+
+    def _wait_for_quiet(self) -> None:
+        """Let a period pass without SYNC: until all is here that was on its way, or none comes."""
+        owed = self._patience()
+        self._quiet = owed if self._late else min(owed, self._quiet - 1)
+        if not self._quiet:
+            self._settle(self._states)
+
+    def _patience(self) -> int:
+        """Give for how many periods nothing has to come before what is owed counts as lost."""
+        return min(int(self._states["owed"].max()), MOST_QUIET_PERIODS)
 
     def _take(self, link: Link, message: can.Message, phase: int, now: float) -> int:
         """Take one frame in; give the bit of the state frame that brought a sample."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import select
 import time
+from pathlib import Path
 from typing import Any
 
 import can
@@ -30,36 +32,47 @@ class Link:
     """A bus that is open.
 
     What went wrong is kept in two words, for all channels: `lost` until a state frame is accepted,
-    `passing` until the end of the read. The driver clears both.
+    `passing` until a read has told it. The driver clears both.
     """
 
     def __init__(self, options: CanOptions, layout: Layout) -> None:
         """Open the bus. Raises RunError, naming interface and channel."""
         where = f"{options.interface} channel '{options.channel}'"
+        self._claim = -1
         try:
+            self._claim = _claimed(options)
             self._bus = _open(options, layout)
         except Exception as error:  # backends raise errors of their own kinds
+            self._release_claim()
             hint = _hint(options, error)
             raise RunError(f"CAN: {where} cannot be opened: {_said(error)}{hint}") from error
         self.lost = 0
         self.passing = 0
         self.complaint: Exception | None = None
-        self._unsent = 0
         self._sockets = options.interface == "socketcan"
         self._poll, self._fd = _poller(self._bus)
         self._slcan = options.interface == "slcan"
         self._lines = _Lines(self._fd) if self._slcan else None
+        self._waited = [self._fd] if self._slcan else []
+        self._none: tuple[int, ...] = ()
         # what has come of a line; python-can keeps noise without a line end for ever
         self._begun: bytearray = getattr(self._bus, "_buffer", bytearray())
 
     @property
     def status(self) -> int:
         """Give what is wrong for all channels."""
-        return self.lost | self.passing | self._unsent
+        return self.lost | self.passing
 
     def receive(self, timeout_s: float) -> can.Message | None:
-        """Give the next frame, or None where none came in time or it was no frame."""
+        """Give the next frame, or None where none came in time or it was no frame.
+
+        On a serial line it may also be that only a part of one came yet.
+        """
         try:
+            if self._waited and timeout_s > 0:
+                # python-can would spin, and a device or a kernel thread on this CPU never get it.
+                select.select(self._waited, self._none, self._none, timeout_s)
+                timeout_s = 0
             message = self._bus.recv(timeout_s)
         except Exception as error:
             self._failed(error)
@@ -98,7 +111,8 @@ class Link:
             cause = error.__cause__ if isinstance(error, can.CanError) else error
             if getattr(cause, "errno", None) not in FULL:
                 self.lost = GONE
-        self._unsent = 0 if taken else NOT_SENT
+        if not taken:
+            self.passing |= NOT_SENT  # also where the next one is taken
         return taken
 
     def error_frame(self, message: can.Message) -> None:
@@ -119,6 +133,12 @@ class Link:
             port = getattr(self._bus, "serialPortOrig", None)
             if port is not None:
                 port.close()
+        self._release_claim()
+
+    def _release_claim(self) -> None:
+        if self._claim >= 0:
+            os.close(self._claim)
+        self._claim = -1
 
     def _failed(self, error: Exception) -> None:
         gone = isinstance(error, OSError) or (
@@ -176,6 +196,23 @@ class _Lines:
         return True
 
 
+def _claimed(options: CanOptions) -> int:
+    """Take a serial port for this program alone, which python-can does not; -1 without one.
+
+    Raises OSError. A second program would take the first one's frames, and close its channel.
+    """
+    port = options.channel.partition("@")[0]
+    if options.interface != "slcan" or not Path(port).exists():
+        return -1
+    claim = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(claim)
+        raise OSError("in use by another program") from None
+    return claim
+
+
 def _open(options: CanOptions, layout: Layout) -> can.BusABC:
     common: dict[str, Any] = {"interface": options.interface, "channel": options.channel}
     if options.interface == "socketcan":
@@ -223,6 +260,9 @@ def _poller(bus: can.BusABC) -> tuple[select.poll | None, int]:
 
 def _said(error: Exception) -> str:
     cause = error.__cause__
+    number = getattr(cause, "errno", None) or getattr(error, "errno", None)
+    if isinstance(number, int) and f"[Errno {number}]" in str(cause or error):
+        return os.strerror(number)
     text = str(error) or type(error).__name__
     return f"{text} ({cause})" if isinstance(cause, OSError) and str(cause) not in text else text
 

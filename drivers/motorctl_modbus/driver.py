@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import time
 from collections.abc import Sequence
 from typing import ClassVar
@@ -11,6 +12,7 @@ import numpy as np
 
 from motorctl.hal import Channel, Driver, DriverOptions, Inputs, Outputs, RateBudget, Status
 from motorctl_modbus import budget
+from motorctl_modbus.claim import claim
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
 from motorctl_modbus.exchange import (
     EXCEPTION,
@@ -46,6 +48,7 @@ CORRUPT = np.uint32(Status.CORRUPT | Status.STALE)
 TRIPPED = np.uint32(Status.COMMUNICATION_LOST | Status.CORRUPT | Status.STALE)
 GONE = np.uint32(Status.BUS_OFF | Status.COMMUNICATION_LOST | Status.STALE)
 RESTARTED = np.uint32(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
+INDEX_LATCHED = np.uint32(Status.INDEX_LATCHED)
 REPEATED = np.uint32(0xFFFFFFFF & ~int(Status.INDEX_LATCHED))
 
 
@@ -67,6 +70,7 @@ class ModbusDriver(Driver):
         self._modbus = options
         self._client: Client | None = None
         self._line: Line | None = None
+        self._claim: socket.socket | None = None
         self._exchange: Exchange | None = None
         self._outputs: OutputBlock | None = None
         self._inputs: InputBlock | None = None
@@ -76,6 +80,9 @@ class ModbusDriver(Driver):
         self._sequence = 0
         self._boot_id = 0
         self._latched = np.uint32(0)
+        self._told_enable = np.zeros(len(self.channels), np.uint8)
+        self._told_index = np.zeros(len(self.channels), np.int64)
+        self._marks = np.zeros(len(self.channels), np.uint32)
 
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
         """Tell what is wrong between options, channels and period."""
@@ -166,20 +173,27 @@ class ModbusDriver(Driver):
         self.prepare()
         assert self._outputs is not None
         assert self._inputs is not None
+        self._claim = claim(self._modbus, self._outputs)
+        try:
+            self._connect(self._outputs, self._inputs)
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self, outputs: OutputBlock, inputs: InputBlock) -> None:
         client = connect(self._modbus, self._modbus.connect_timeout_s)
         try:
             arm_watchdog(client, self._modbus)
             self._sequence = 1
-            registers = first_exchange(
-                client, self._modbus, self._outputs, self._inputs, self._sequence
-            )
+            registers = first_exchange(client, self._modbus, outputs, inputs, self._sequence)
             line = line_of(client)
             line.forget()
         except BaseException:
             release(client)
             raise
-        self._inputs.decode(registers)
-        self._boot_id = self._inputs.boot_id(registers)
+        inputs.decode(registers)
+        self._told_index[:] = inputs.index_counts
+        self._boot_id = inputs.boot_id(registers)
         self._latched = np.uint32(0)
         self._client, self._line = client, line
         self._lost, self._unread = False, True
@@ -189,6 +203,9 @@ class ModbusDriver(Driver):
         client, line, exchange = self._client, self._line, self._exchange
         self._client = self._line = None
         self._unread = False
+        if self._claim is not None:
+            self._claim.close()
+            self._claim = None
         if client is None or line is None or exchange is None:
             return
         # A socket closed over unread replies is reset, and the last request may be lost with it.
@@ -209,6 +226,7 @@ class ModbusDriver(Driver):
             inputs.counts[:] = block.counts
             inputs.index_counts[:] = block.index_counts
             np.bitwise_or(block.status, self._latched, out=inputs.status)
+            self._tell_marks(inputs)
             return
         if self._lost or self._line is None:
             flags = GONE
@@ -222,6 +240,13 @@ class ModbusDriver(Driver):
         inputs.index_counts[:] = block.index_counts
         np.bitwise_and(block.status, REPEATED, out=inputs.status)
         np.bitwise_or(inputs.status, flags | self._latched, out=inputs.status)
+
+    def _tell_marks(self, inputs: Inputs) -> None:
+        """Tell of a mark whose bit was in a reply that came too late or never."""
+        np.not_equal(inputs.index_counts, self._told_index, out=self._marks, casting="unsafe")
+        np.multiply(self._marks, INDEX_LATCHED, out=self._marks)
+        np.bitwise_or(inputs.status, self._marks, out=inputs.status)
+        self._told_index[:] = inputs.index_counts
 
     def _collect(self, now_s: float) -> int:
         """Take everything that has come; a new sample is decoded and marked unread."""
@@ -265,10 +290,16 @@ class ModbusDriver(Driver):
 
     def write(self, outputs: Outputs) -> None:
         """Send the commands, unless the line has to be left alone."""
-        now_s = time.monotonic()
+        now_s, exchange = time.monotonic(), self._exchange
         self._wrote = False
-        if self._exchange is not None and not self._lost and self._exchange.may_send(now_s):
+        if exchange is None or self._lost:
+            return
+        if exchange.may_send(now_s) or (exchange.MAY_INTERRUPT and self._takes_away(outputs)):
             self._wrote = self._send(outputs, now_s)
+
+    def _takes_away(self, outputs: Outputs) -> bool:
+        """Tell whether an axis is disabled that the device was last told to enable."""
+        return bool(np.any(self._told_enable > outputs.enable))
 
     def _send(self, outputs: Outputs, now_s: float) -> bool:
         line, exchange, block = self._line, self._exchange, self._outputs
@@ -281,6 +312,7 @@ class ModbusDriver(Driver):
         done = line.send(exchange.request)
         if done == SENT:
             self._sequence = sequence
+            self._told_enable[:] = outputs.enable
             exchange.sent(now_s)
         elif done == LOST:
             self._lost = True

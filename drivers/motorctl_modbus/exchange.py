@@ -6,7 +6,7 @@ The request is made once by pymodbus' framer; a tick patches registers, transact
 from __future__ import annotations
 
 import struct
-from typing import Final
+from typing import ClassVar, Final
 
 from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU
@@ -38,6 +38,9 @@ EXCEPTION_LENGTH: Final = 3
 
 class Exchange:
     """What both framings share: the request, and a buffer for what comes."""
+
+    MAY_INTERRUPT: ClassVar[bool] = False
+    """Whether a request harms no reply that is still to come."""
 
     def __init__(self, request: bytes, data_at: int, reply_registers: int, room: int) -> None:
         self.request = bytearray(request)
@@ -78,6 +81,8 @@ class Exchange:
 
 class TcpExchange(Exchange):
     """Frames with an MBAP header: transaction, protocol 0, length, unit."""
+
+    MAY_INTERRUPT = True
 
     def __init__(self, unit: int, outputs: OutputBlock, inputs: InputBlock) -> None:
         request = FramerSocket(DecodePDU(False)).buildFrame(_request(unit, outputs, inputs))

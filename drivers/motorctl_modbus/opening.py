@@ -181,6 +181,8 @@ def _why_not_connected(options: ModbusOptions, heard: list[str]) -> str:
     assert options.rtu is not None
     if not Path(options.rtu.port).exists():
         return f"rtu.port: there is no port {options.rtu.port}"
+    if "exclusively lock" in reason:
+        return f"rtu.port: {options.rtu.port} is in use by another program"
     if "baud" in reason.lower():
         return f"rtu.baud: {options.rtu.port} refuses {options.rtu.baud} baud: {reason}"
     if "Invalid argument" in reason:

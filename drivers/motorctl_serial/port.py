@@ -207,7 +207,9 @@ def _rs485(options: Rs485Options) -> RS485Settings:
 
 def _reason(error: serial.SerialException) -> str:
     text = str(error)
-    return "in use by another program" if "exclusively lock" in text else text
+    if "exclusively lock" in text:
+        return "in use by another program"
+    return os.strerror(error.errno) if error.errno else text
 
 
 def _text(path: Path) -> str:

@@ -50,7 +50,8 @@ RECEIVER = np.dtype(
         ("boot_id", "i8"),  # of the session; -1: there is none
         ("asked", "i8"),  # the number of the frame to be answered; -1: every sample is welcome
         ("sequence", "i8"),  # of the last accepted frame; -1: none yet
-        ("refused_sequence", "i8"),  # of the last frame if its number was refused; else -1
+        ("refused_sequence", "i8"),  # of the last STATE if a number of it was refused; else -1
+        ("refused_sample", "i8"),
         ("sample", "i8"),  # of the last accepted STATE; -1: none yet
         ("watchdog", "i8"),  # 1: the device's watchdog has tripped
         ("counts", "i8", MOST_CHANNELS),
@@ -87,7 +88,7 @@ def make_receiver() -> NDArray[Any]:
 def forget(receivers: NDArray[Any]) -> None:
     """End the session: nothing is pending, and whatever comes is the first."""
     receivers[:] = 0
-    for name in ("boot_id", "asked", "sequence", "refused_sequence", "sample"):
+    for name in ("boot_id", "asked", "sequence", "refused_sequence", "refused_sample", "sample"):
         receivers[name] = -1
 
 
@@ -177,19 +178,23 @@ def _take_state(rx: Any, size: int) -> int:
     if size != marks_at + STATE_INDEX_BYTES * marks:
         return _REFUSED
     sequence = int(body[1])
-    if rx.sequence >= 0:
+    sample = int(body[5]) + 256 * int(body[6])
+    # After a silence of half a round the numbers look old: the second of two that follow is taken.
+    follows = (
+        rx.refused_sequence >= 0
+        and sequence == (rx.refused_sequence + 1) & 0xFF
+        and 0 < (sample - rx.refused_sample) & 0xFFFF < 32768
+    )
+    if rx.sequence >= 0 and not follows:
         ahead = (sequence - rx.sequence) & 0xFF
         if ahead == 0:
             return 0
-        follows = rx.refused_sequence >= 0 and sequence == (rx.refused_sequence + 1) & 0xFF
-        if ahead >= 128 and not follows:
-            rx.refused_sequence = sequence
-            return _REFUSED
-    sample = int(body[5]) + 256 * int(body[6])
-    if rx.sample >= 0:
+        if ahead >= 128:
+            return _refuse(rx, sequence, sample)
+    if rx.sample >= 0 and not follows:
         newer = (sample - rx.sample) & 0xFFFF
         if newer >= 32768:
-            return _REFUSED
+            return _refuse(rx, sequence, sample)
         if newer == 0:
             rx.sequence = sequence
             rx.refused_sequence = -1
@@ -216,6 +221,13 @@ def _take_state(rx: Any, size: int) -> int:
         if fresh:
             rx.counts[c] = _narrowed(_signed(body, at + 1), rx.counter_bits)
     return _FRESH if fresh else 0
+
+
+@njit(cache=True)
+def _refuse(rx: Any, sequence: int, sample: int) -> int:
+    rx.refused_sequence = sequence
+    rx.refused_sample = sample
+    return _REFUSED
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 """Driver for the motion box: one UDP datagram each way a period, answered at once."""
 
+import contextlib
 import select
 import socket
 
@@ -51,12 +52,11 @@ class BoxDriver(Driver):
             self.safe()
             self._poll.poll(1000)  # ms
             self.read(first)
-            reason = "no answer within 1 s" if first.status[0] & Status.STALE else None
-        except OSError as error:
-            reason = str(error)
-        if reason:
+            if first.status[0] & Status.STALE:
+                raise TimeoutError("no answer within 1 s")
+        except OSError as why:
             self.close()
-            raise RunError(f"motion box at {self.options.host}:{self.options.port}: {reason}")
+            raise RunError(f"motion box at {self.options.host}:{self.options.port}: {why}") from why
 
     def close(self):
         """Let go of the socket."""
@@ -65,14 +65,13 @@ class BoxDriver(Driver):
         self._socket, self._poll = None, select.poll()
 
     def read(self, inputs):
-        """Take the newest answer; however many there are, time is bounded."""
-        status, new, good = Status.STALE, self._in[0], self._good[0]
+        """Take the answer to the last command, no older one; time is bounded."""
+        status, new, good, most = Status.STALE, self._in[0], self._good[0], 16
         try:
-            for _ in range(16):
-                if not self._poll.poll(0):
-                    break
+            while most and self._poll.poll(0):
+                most -= 1
                 size = self._socket.recv_into(self._in.view("u1"), 0, socket.MSG_TRUNC)
-                if size != self._in.nbytes or new["number"] <= good["number"]:
+                if size != self._in.nbytes or new["number"] != self._out["number"]:
                     status |= Status.CORRUPT
                     continue
                 self._trouble |= RESTARTED if good["boot"] not in (0, new["boot"]) else 0
@@ -86,14 +85,15 @@ class BoxDriver(Driver):
         """Send volts, 32767 for 10 V, and enables; what is no number is disabled."""
         on = (outputs.enable != 0) & np.isfinite(outputs.volts)
         volts = np.clip(np.where(on, outputs.volts, 0) / 10, -1, 1) * 32767
-        self._out["number"] += 1
-        self._out["volts"], self._out["enable"] = np.rint(volts), on
+        self._out[0] = self._out["number"][0] + 1, np.rint(volts), on
         try:
             if self._socket:
                 self._socket.send(self._out, socket.MSG_DONTWAIT)
-        except OSError:
-            self._trouble |= GONE
+        except OSError as error:  # a queue that is full costs this command, and no more
+            self._trouble |= 0 if isinstance(error, BlockingIOError) else GONE
 
     def safe(self):
-        """Send zero and disable."""
+        """Send zero and disable, also by a socket of its own: the other may be closed or broken."""
         self.write(Outputs(len(self.channels)))
+        with contextlib.suppress(OSError), socket.socket(type=socket.SOCK_DGRAM) as line:
+            line.sendto(self._out, (self.options.host, self.options.port))

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from motorctl.hal import RunError, Status
-from motorctl.hal.conformance.bench import Bench, opened
+from motorctl.hal.conformance.bench import Bench, at_rest, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
 WARM_UP = 300
@@ -53,6 +53,20 @@ class LifeChecks:
                 for _ in range(times):
                     bench.safe()
                 bench.until_at_rest()
+
+    def test_safe_reaches_the_device_without_open(self, rig: Rig) -> None:
+        """Where the process that drove the machine has died, another one makes it safe."""
+        if rig.own_device:
+            pytest.skip("no other driver reaches its device")
+        needs(rig, "start", "received")
+        with opened(rig) as bench:
+            other = Bench(rig)
+            bench.until_obeyed(bench.volts(0.5))
+            _let_go(bench)
+            if at_rest(rig.received()):
+                pytest.skip("its close makes the device safe by itself")
+            other.safe()
+            other.until_at_rest()
 
     def test_safe_after_vanishing_never_raises(self, rig: Rig) -> None:
         """Nothing can be sent, which is no reason to fail or to linger."""
@@ -118,6 +132,15 @@ class LifeChecks:
         rig.start()
         first, second = _virtual_run(rig, 0.0), _virtual_run(rig, 2e-3)
         assert np.array_equal(first, second)
+
+
+def _let_go(bench: Bench) -> None:
+    """Release the line as a process does that is killed: nothing is made safe before."""
+    vars(bench.driver)["safe"] = lambda: None  # `close` may call it
+    bench.close()
+    del vars(bench.driver)["safe"]
+    for _ in range(bench.rig.in_flight + 1):
+        bench.rig.pass_period(bench.driver)
 
 
 def _virtual_run(rig: Rig, pause_s: float) -> NDArray[np.int64]:

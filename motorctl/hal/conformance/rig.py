@@ -54,6 +54,8 @@ class Rig:
     """The most that the wire format carries."""
     virtual: bool = False
     """Exchange in virtual time."""
+    own_device: bool = False
+    """Each driver has a device of its own, as a simulated one: no other driver reaches it."""
     exchanges: int = 20_000
     """How many of them the endurance check makes."""
     within_exchanges: int = 20

@@ -1,0 +1,147 @@
+"""`motorctl run` where something is wrong with the device: one clear message, and another try."""
+
+from __future__ import annotations
+
+import os
+import struct
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from buses_bench import BUSES, END_S, Bus, DeviceProcess, device_file, free_port, host_file
+from daemon_rig import START_TIMEOUT_S, Daemon, wait_until
+from gantry_device_bench import from_wire, to_wire
+
+from motorctl.daemon.client import DaemonRefusedError
+from motorctl.daemon.faults import device_message
+from motorctl.hal import Status
+
+pytestmark = pytest.mark.slow
+
+NOBODY = "/dev/nothing-here"
+ABSENT = {
+    "serial poll": (NOBODY, f"port {NOBODY}: No such file or directory"),
+    "slcan": (NOBODY, f"slcan channel '{NOBODY}' cannot be opened: No such file or directory"),
+    "modbus tcp": ("127.0.0.1:1", "tcp.host: cannot connect to 127.0.0.1:1"),
+    "modbus rtu": (NOBODY, f"rtu.port: there is no port {NOBODY}"),
+    "can udp_multicast": ("", "no state frame 'state' (0x180, 8 B) within open_timeout_s = 1 s"),
+}
+BACK_S = 1.0
+
+
+def _refused(folder: Path, config: str) -> str:
+    """Give the last line of a daemon that does not start."""
+    daemon = Daemon(folder, config)
+    with pytest.raises(AssertionError):
+        daemon.wait_until_running()
+    assert daemon.process.wait(START_TIMEOUT_S) == 1
+    assert "Traceback" not in daemon.said
+    assert "zeroed" not in daemon.said  # nobody can know
+    return daemon.said.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("bus_name", ABSENT)
+def test_a_device_that_is_not_there_is_one_message_and_exit_status_1(tmp_path, bus_name) -> None:
+    bus, (endpoint, words) = BUSES[bus_name], ABSENT[bus_name]
+    assert words in _refused(tmp_path, host_file(bus, bus.driver(endpoint, free_port())))
+
+
+@contextmanager
+def _of_another_version() -> Iterator[str]:
+    """Give the port of a box that answers every HELLO with ERROR: versions 2 to 3."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+
+    def serve() -> None:
+        came, number = b"", 0
+        while True:
+            came += os.read(master, 4096)
+            *frames, came = came.split(b"\0")
+            if frames and frames[-1] == b"end":
+                return
+            for body in (from_wire(frame + b"\0") for frame in frames if frame):
+                if body is not None and body[0] == 0x01:
+                    fields = struct.pack("<BBBH", 1, 1, body[1], 2 | 3 << 8)
+                    os.write(master, to_wire(bytes((0x83, number & 255)) + fields))
+                    number += 1
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        os.write(slave, b"\0end\0")
+        thread.join()
+        os.close(slave)
+        os.close(master)
+
+
+def test_a_box_that_speaks_another_version_is_one_message(tmp_path) -> None:
+    bus = BUSES["serial poll"]
+    with _of_another_version() as port:
+        said = _refused(tmp_path, host_file(bus, bus.driver(port, 0)))
+    assert "speaks versions 2 to 3 of the protocol, this driver speaks version 1" in said
+
+
+@contextmanager
+def _served(folder: Path, bus: Bus, *faults: dict[str, object]) -> Iterator[str]:
+    """Serve a device and give the host's configuration, good for a port that comes back too."""
+    link = None if bus.name == "modbus tcp" else folder / "link"
+    with DeviceProcess(folder, device_file(bus, 0, faults), link) as device:
+        yield host_file(bus, bus.driver(str(link or device.endpoint), 0))
+        device.end()
+
+
+@pytest.mark.parametrize(
+    ("bus_name", "words"),
+    [
+        ("serial poll", "in use by another program"),
+        ("slcan", "in use by another program"),
+        ("modbus rtu", "in use by another program"),
+        ("modbus tcp", "driven by another program on this machine"),
+    ],
+)
+def test_a_second_daemon_on_one_device_is_refused_and_the_first_goes_on(
+    tmp_path, bus_name, words
+) -> None:
+    with _served(tmp_path, BUSES[bus_name]) as config, Daemon(tmp_path / "first", config) as first:
+        assert words in _refused(tmp_path / "second", config)
+        first.ask("start", axis="x")
+        time.sleep(0.3)
+        assert first.state("x") == "running"
+        assert first.end() == 0
+
+
+@pytest.mark.parametrize("bus_name", ["serial poll", "slcan", "modbus rtu", "modbus tcp"])
+def test_a_port_that_comes_back_is_taken_up_by_the_daemons_next_start(tmp_path, bus_name) -> None:
+    unplug = {"kind": "unplug", "at_s": 0.5, "duration_s": BACK_S}
+    with (
+        _served(tmp_path, BUSES[bus_name], unplug) as config,
+        Daemon(tmp_path / "daemon", config) as daemon,
+    ):
+        daemon.ask("start", axis="x")
+        wait_until(lambda: daemon.state("x") == "fault", END_S)
+        time.sleep(BACK_S + 0.3)
+        with pytest.raises(DaemonRefusedError) as no:
+            daemon.ask("reset", axis="x")
+        assert "the bus or the port is gone" in str(no.value)
+        assert "restart the daemon" in str(no.value)
+        assert daemon.end() == 0
+        assert "Traceback" not in daemon.said
+        daemon.process = daemon.launch()
+        daemon.wait_until_running()
+        daemon.ask("start", axis="x")
+        time.sleep(0.3)
+        assert daemon.state("x") == "running"
+        assert daemon.end() == 0
+
+
+def test_what_keeps_an_axis_from_starting_is_named() -> None:
+    assert device_message(0) == ""
+    told = device_message(int(Status.ENCODER_LOST | Status.DEVICE_RESTARTED))
+    assert told.startswith("the encoder's signal is lost; the device began anew; if it stays so")
+    assert device_message(int(Status.STALE)) == "no new sample comes"
