@@ -117,11 +117,7 @@ PROMISES: dict[str, Mapping[str, Promise]] = {
     "unplug": _each(PORT_GONE, can_udp_multicast=BY_WATCHDOG),
     "short unplug": {name: PORT_GONE for name in EVERY if name != "can udp_multicast"},
 }
-IN_THE_DEFAULT_RUN = {
-    ("short reset", "can udp_multicast"),
-    ("silence", "serial poll"),
-    ("unplug", "modbus tcp"),
-}
+IN_THE_DEFAULT_RUN = {("silence", "serial poll")}
 
 
 def _cases() -> Iterator[Any]:
