@@ -6,6 +6,7 @@ The request is made once by pymodbus' framer; a tick patches registers, transact
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from typing import ClassVar, Final
 
 from pymodbus.framer import FramerRTU, FramerSocket
@@ -36,7 +37,7 @@ LOW_FIRST: Final = struct.Struct("<H")
 EXCEPTION_LENGTH: Final = 3
 
 
-class Exchange:
+class Exchange(ABC):
     """What both framings share: the request, and a buffer for what comes."""
 
     MAY_INTERRUPT: ClassVar[bool] = False
@@ -62,21 +63,21 @@ class Exchange:
         """Note that `size` bytes were put there."""
         self._filled += size
 
+    @abstractmethod
     def may_send(self, now_s: float) -> bool:
         """Tell whether a request may go out now."""
-        raise NotImplementedError
 
+    @abstractmethod
     def seal(self) -> None:
         """Finish the request once its registers are in."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sent(self, now_s: float) -> None:
         """Note that the sealed request went out."""
-        raise NotImplementedError
 
+    @abstractmethod
     def judge(self, now_s: float) -> int:
         """Judge what was received: the best that came of it."""
-        raise NotImplementedError
 
 
 class TcpExchange(Exchange):
