@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from motorctl.config.validation import suggest
@@ -12,7 +13,7 @@ SUFFIX = ".yaml"
 
 def shipped_configs() -> dict[str, Path]:
     """Give every shipped configuration by its name."""
-    return {path.stem: path for path in sorted(_folder().glob(f"*{SUFFIX}"))}
+    return _by_name(_folder())
 
 
 def shipped_config(name: str) -> Path:
@@ -25,18 +26,23 @@ def shipped_config(name: str) -> Path:
 
 def locate(path: str | Path) -> Path:
     """Give the file that a user means: a path, or the bare name of a shipped configuration."""
-    given = Path(path)
-    if len(given.parts) == 1 and not given.exists():
-        return shipped_configs().get(given.stem if given.suffix == SUFFIX else given.name, given)
-    return given
+    return _named(path, shipped_configs())
 
 
 def locate_device(path: str | Path) -> Path:
     """Give the file of a simulated device: a path, or the bare name of a shipped one."""
+    return _named(path, _by_name(_folder() / "devices"))
+
+
+def _named(path: str | Path, known: Mapping[str, Path]) -> Path:
     given = Path(path)
-    shipped = _folder() / "devices" / f"{given.stem}{SUFFIX}"
-    bare = len(given.parts) == 1 and given.suffix in ("", SUFFIX)
-    return shipped if bare and not given.exists() and shipped.exists() else given
+    if len(given.parts) == 1 and not given.exists():
+        return known.get(given.stem if given.suffix == SUFFIX else given.name, given)
+    return given
+
+
+def _by_name(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
 def _folder() -> Path:

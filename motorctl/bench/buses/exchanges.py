@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,8 +16,8 @@ from motorctl.bench.buses.machines import device_file, machine_on
 from motorctl.bench.buses.transports import AXES, Transport, frames, transports
 from motorctl.bench.figure import Figure, Target
 from motorctl.bench.interleave import Progress, part_of
-from motorctl.config.hardware import channels_of, wiring_of
-from motorctl.hal import Driver, Inputs, Outputs, Status, driver_class
+from motorctl.hal import Channel, Driver, Inputs, Outputs, Status, driver_class
+from motorctl.loop.tick import make_drivers
 
 Array = NDArray[np.float64]
 
@@ -60,8 +61,6 @@ def _can_virtual() -> Array:
     """Time the driver's write and read; the state frame is put on the bus in between."""
     import can
 
-    from motorctl.hal import Channel
-
     cls = driver_class("can")
     channel = "motorctl-bench"
     options = cls.Options.model_validate(
@@ -98,8 +97,6 @@ def _can_virtual() -> Array:
 
 def _open_beside(driver: Driver, beat: Callable[[], None]) -> None:
     """Open a driver while something goes on in a thread that it waits for."""
-    import threading
-
     done = threading.Event()
 
     def beating() -> None:
@@ -124,9 +121,7 @@ def _round_trips(transport: Transport, progress: Progress) -> Array:
         device_running(device_file(transport), Path(folder)) as endpoint,
     ):
         machine = machine_on(transport, transport.driver(endpoint), 0.0, 1.0)
-        setup = machine.drivers["gantry"]
-        channels = channels_of("gantry", [wiring_of(a) for a in machine.axes.values()])
-        driver = setup.cls(setup.options, channels, machine.period_s)
+        driver = make_drivers(machine)["gantry"]
         driver.prepare()
         driver.open()
         try:

@@ -66,7 +66,7 @@ def measure_transport(
         duration_s=duration_s,
         progress=part_of(progress, 1 - DIRECT_SHARE, 1),
     )
-    recording = read_recording(log)
+    recording, directly = read_recording(log), read_recording(beside)
     flags = [axis.flags for axis in recording.axes.values() if axis.flags is not None]
     held = np.mean([np.mean((flag & SampleFlag.HELD) > 0) for flag in flags])
     assert exchange.budget is not None
@@ -76,7 +76,7 @@ def measure_transport(
         exchange.budget.arithmetic,
         exchange.delay_s,
         {name: measure_axis(recording, name).measures for name in AXES},
-        {name: measure_axis(read_recording(beside), name).measures for name in AXES},
+        {name: measure_axis(directly, name).measures for name in AXES},
         measure_timing(recording),
         float(held),
         run.skipped_periods / max(1, run.last_tick - run.first_tick),
