@@ -13,15 +13,20 @@ from motorctl.loop import Reply, Verb
 from motorctl_sim import SimDriver, SimOptions
 
 HOLD = 5
+SPEED_M_S = 0.8
+PERIOD_COUNTS = round(SPEED_M_S * TS / 0.5e-6)
+"""A period's motion: a count that is off by it is one of the next period."""
 
 
 class Deaf(SimDriver):
-    """A simulated gantry that hears nothing new in the reads of `deaf`."""
+    """A gantry that hears nothing new in the reads of `deaf`, and a wrong count in `shifted`."""
 
     def __init__(self, options, channels, period_s):
         super().__init__(SimOptions.model_validate({"preset": "published_gantry_clean"}), channels,
                          period_s)  # fmt: skip
         self.deaf: set[int] = set()
+        self.shifted: set[int] = set()
+        self.periods = 1
         self.reads = 0
         self.heard = Inputs(len(self.channels))
 
@@ -33,6 +38,8 @@ class Deaf(SimDriver):
         else:
             inputs.counts[:] = self.heard.counts
             inputs.status[:] = self.heard.status | Status.STALE
+        if self.reads - 1 in self.shifted:
+            inputs.counts += self.periods * PERIOD_COUNTS
 
 
 def rig_of(*, predict: bool = False, hold_ticks: int = HOLD) -> Rig:
@@ -43,13 +50,16 @@ def rig_of(*, predict: bool = False, hold_ticks: int = HOLD) -> Rig:
     return Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
 
 
-def run(missing, *, predict: bool, seconds: float = 0.4) -> Rig:
+def run(missing, *, predict: bool, seconds: float = 0.4, shifted=(), periods=1) -> Rig:
     """Let x move; `missing` are the ticks of the move's middle without a sample."""
     rig = rig_of(predict=predict, hold_ticks=40)
     with rig:
         rig.start()
-        rig.move("x", 0.2, 0.8)
-        rig.driver.deaf = {rig.ticks + round(0.15 / TS) + k for k in missing}
+        rig.move("x", 0.2, SPEED_M_S)
+        middle = rig.ticks + round(0.15 / TS)
+        rig.driver.deaf = {middle + k for k in missing}
+        rig.driver.shifted = {middle + k for k in shifted}
+        rig.driver.periods = periods
         rig.seconds(seconds)
     return rig
 
@@ -99,7 +109,7 @@ def test_samples_that_stay_away_trip_the_axis_after_the_configured_ticks(predict
     rig = rig_of(predict=predict)
     with rig:
         rig.start()
-        rig.move("x", 0.2, 0.8)
+        rig.move("x", 0.2, SPEED_M_S)
         rig.seconds(0.15)
         silent = rig.ticks
         rig.driver.deaf = set(range(silent, silent + 10_000))
@@ -139,7 +149,7 @@ def test_a_pause_that_may_hide_a_turn_of_the_counter_is_a_fault():
     rig = Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
     with rig:
         rig.start()
-        rig.move("x", 0.2, 0.8)
+        rig.move("x", 0.2, SPEED_M_S)
         rig.seconds(0.15)
         rig.driver.deaf = set(range(rig.ticks, rig.ticks + 40))  # 6 mm; the counter wraps at 2
         rig.advance(60)
@@ -180,3 +190,22 @@ def test_a_pause_between_waking_and_reading_is_no_speed():
         hand.tick.step(hand.number, 4, True, now + soon - round(3 * TS * 1e9), now)
         assert not hand.row()["flags"] & SampleFlag.HELD
         assert AxisState(int(hand.status()["state"])) is AxisState.IDLE
+
+
+def test_a_sample_of_another_period_does_not_reach_the_motor():
+    rows, quiet = (run((), predict=True, shifted=k).rows("x") for k in ((0,), ()))
+    held = np.flatnonzero(rows["flags"] & SampleFlag.HELD)
+    assert len(held) == 1
+    assert not (quiet["flags"] & SampleFlag.HELD).any()
+    # Believed, it would be a speed of twice the true one: both ends of the voltage, one by one.
+    assert np.abs(rows["command_v"] - quiet["command_v"]).max() < 0.5
+    believed = run((), predict=False, shifted=(0,)).rows("x")
+    assert np.abs(believed["command_v"] - quiet["command_v"]).max() > 5.0
+
+
+def test_a_count_that_stays_where_no_motion_led_is_believed_in_the_third_tick():
+    rows, quiet = (run((), predict=True, shifted=k, periods=3).rows("x") for k in (range(9999), ()))
+    held = np.flatnonzero(rows["flags"] & SampleFlag.HELD)
+    assert len(held) == 2
+    after = rows["position_m"][held[-1] + 1] - quiet["position_m"][held[-1] + 1]
+    assert after == pytest.approx(3 * SPEED_M_S * TS, rel=0.05)

@@ -15,9 +15,14 @@ from motorctl_can.options import CanOptions
 SHARE_OF_BUS = 0.8
 WHY_SHARE = "the rest is for repeating a disturbed frame within its period and for jitter"
 SHARE_OF_HOST = 0.5
-# Sending or receiving one frame and its part of the codec, measured on one core of a virtual
-# machine at about half of that.
-HOST_COST_S = {"virtual": 15e-6, "udp_multicast": 40e-6}
+# Sending or receiving one frame and its part of the codec. `virtual`: measured on one core of a
+# virtual machine at about half of that. `udp_multicast`: 65 us in the median and 150 us in one
+# period of a hundred, the device's own work in its process included.
+HOST_COST_S = {"virtual": 15e-6, "udp_multicast": 160e-6}
+# With SYNC the answers have to come back through the adapter within the period.
+ADAPTER_TURNAROUND_S = 0.5e-3
+USB_TURNAROUND_S = 1e-3
+USB_WORDS = ("usb", "ttyacm", "ttygs")
 BITS_A_CHARACTER = 10  # 8N1
 ANSWER_CHARACTERS = 2  # of a slcan adapter to a frame sent
 
@@ -132,12 +137,20 @@ def _line_budget(options: CanOptions, layout: Layout) -> RateBudget:
     received = sum(slcan_characters(f.length, f.extended) for f in layout.states)
     received += ANSWER_CHARACTERS * len(out)
     total_s = max(sent, received) * BITS_A_CHARACTER / options.tty_baudrate
-    rate = SHARE_OF_BUS / total_s
     text = (
         f"slcan writes {sent} characters a period and gets {received}, of 10 bits at "
-        f"{options.tty_baudrate} baud: {total_s * 1e6:.0f} us, {SHARE_OF_BUS:.0%} of a period "
-        f"makes {rate:.0f} Hz"
+        f"{options.tty_baudrate} baud: {total_s * 1e6:.0f} us"
     )
+    if options.sync is not None:
+        usb = any(word in options.channel.lower() for word in USB_WORDS)
+        pause_s = USB_TURNAROUND_S if usb else ADAPTER_TURNAROUND_S
+        total_s += pause_s
+        text += (
+            f", and {'USB and adapter' if usb else 'the adapter'} may keep the answers to SYNC "
+            f"for {pause_s * 1e6:.0f} us"
+        )
+    rate = SHARE_OF_BUS / total_s
+    text += f", {SHARE_OF_BUS:.0%} of a period makes {rate:.0f} Hz"
     return RateBudget(rate, text)
 
 

@@ -221,7 +221,8 @@ def _open(options: CanOptions, layout: Layout) -> can.BusABC:
     # Without a kernel's help python-can filters in recv, which then gives up at the first frame
     # that does not match though others wait behind it; so these give everything.
     if options.interface == "udp_multicast":
-        return can.Bus(**common, fd=options.fd, port=options.port, ignore_config=True)
+        # never further than this machine: not every frame out of its network card
+        return can.Bus(**common, fd=options.fd, port=options.port, hop_limit=0, ignore_config=True)
     if options.interface == "virtual":
         return can.Bus(**common, ignore_config=True)
     rate = None if options.fd else options.bitrate

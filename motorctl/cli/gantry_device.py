@@ -22,6 +22,14 @@ def gantry_device(
             metavar="PATH", help="Make a symbolic link to its serial port.", show_default=False
         ),
     ] = None,
+    raise_workers: Annotated[
+        bool,
+        typer.Option(
+            "--raise-workers",
+            help="Give the kernel's threads that carry pseudo-terminals a real-time priority "
+            "while the device runs, so that answers are not late on a busy machine. Takes root.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON line on stdout at the end.")
     ] = False,
@@ -37,7 +45,7 @@ def gantry_device(
     def ready(endpoint: str) -> None:
         typer.echo(f"ready: {endpoint}")
 
-    told = run_device(device, link, ready)
+    told = run_device(device, link, ready, raise_workers=raise_workers)
     if as_json:
         typer.echo(json.dumps(told))
 

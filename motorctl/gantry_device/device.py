@@ -82,7 +82,7 @@ class Device:
             if now_ns >= self._babble_ns:
                 self._babble(now_ns)
             if now_ns >= idle_ns:
-                machine.sample(now_ns)
+                machine.catch_up(now_ns)
                 idle_ns = now_ns + IDLE_NS
             own_ns = endpoint.earliest_ns()
             due_ns = min(

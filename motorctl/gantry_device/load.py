@@ -169,7 +169,7 @@ def _can(
         if can.interface == "socketcan":
             settings = {"fd": can.fd}
         elif can.interface == "udp_multicast":
-            settings = {"fd": can.fd, "port": can.port}
+            settings = {"fd": can.fd, "port": can.port, "hop_limit": 0}
         bus = LibraryBus(can.interface, can.channel, **settings)
     return CanNode(machine, schedule.faults, bus, found, can.sync, rate_hz, can.fd)
 

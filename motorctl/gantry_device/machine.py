@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from motorctl.gantry_device.schedule import NEVER
 from motorctl.hal import Driver, Inputs, Outputs, Status
 
-EARLIEST = 0.9
-"""Share of a sampling period after the last instant of sampling; who asks again sooner gets the
-same sample once more."""
-ROUNDING = 0.02
-"""Share of a period by which one who asks may come before the instant."""
-FOLLOW = 1 / 1024
-"""How fast the device's instants give way to someone who asks later and later."""
+PHASE = 0.12
+"""Where in the device's period it is asked, once its clock has settled on who asks: so far late
+still brings the sample that was taken on time, and a little early does too."""
+FOLLOW = 1 / 256
+"""How fast the device's instants settle: the part of the difference that one ask corrects."""
+MOST_PERIODS = 1000
+"""Bound on the work of one catching up; what is beyond it is dropped."""
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 
 
@@ -36,6 +36,7 @@ class Machine:
         wrap_counts: Sequence[int | None],
         signed: Sequence[bool],
     ) -> None:
+        driver.start_virtual_time()
         self._driver = driver
         n = len(counter_bits)
         self.channels = n
@@ -79,8 +80,8 @@ class Machine:
             if left is not None:
                 edge = 1 << (self._bits[i] - self._signed[i])
                 self._offsets[i] = edge - left - raw
-        self._instant_ns = 0.0
-        self.sample(time.monotonic_ns())
+        self._instant_ns = float(time.monotonic_ns())
+        self._show()
 
     def close(self) -> None:
         """Power off."""
@@ -88,20 +89,33 @@ class Machine:
         self._driver.close()
 
     def sample(self, now_ns: int) -> None:
-        """Take the counts of now, under the volts that were in force until now.
+        """Show the newest sample to someone who asks for it.
 
-        Who asks comes late, never early: the instants of the device's clock are whole periods
-        apart, and who is late by less than one finds the sample that was taken on time.
+        The instants of the device's clock are whole periods apart, and settle on who asks as a
+        servo drive's do on its master's cycle: a message that comes late by less than most of a
+        period finds the sample that was taken on time.
         """
-        elapsed = (now_ns - self._instant_ns) / self._period_ns
-        if elapsed < EARLIEST:
+        self.catch_up(now_ns)
+        error = (now_ns - self._instant_ns) / self._period_ns - PHASE
+        if error > 0.5:
+            error -= 1.0
+        self._instant_ns += FOLLOW * error * self._period_ns
+
+    def catch_up(self, now_ns: int) -> None:
+        """Let the machine move until the last instant of sampling, under the volts in force."""
+        periods = int((now_ns - self._instant_ns) // self._period_ns)
+        if periods <= 0:
             return
-        periods = max(1, int(elapsed + ROUNDING))
-        late = elapsed - periods
-        if self._instant_ns == 0.0 or late < 0.0:
-            self._instant_ns = float(now_ns)
-        else:
-            self._instant_ns += (periods + FOLLOW * late) * self._period_ns
+        if periods > MOST_PERIODS:
+            self._instant_ns = now_ns - MOST_PERIODS * self._period_ns
+            periods = MOST_PERIODS
+        for _ in range(periods):
+            self._driver.advance()
+        self._instant_ns += periods * self._period_ns
+        self._show()
+
+    def _show(self) -> None:
+        """Take the counts of the instant."""
         inputs = self._inputs
         self._driver.read(inputs)
         self.samples += 1
@@ -135,7 +149,7 @@ class Machine:
 
         The machine catches up first, so that the time before is under the volts of before.
         """
-        self.sample(now_ns)
+        self.catch_up(now_ns)
         self.commands += 1
         self._write()
 
@@ -158,7 +172,7 @@ class Machine:
             if self.enabled[i] and now_ns - self._heard_ns[i] >= self._watchdog_ns
         ]
         if late:
-            self.sample(now_ns)
+            self.catch_up(now_ns)
             for i in late:
                 self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, True
             self.watchdog_trips += 1
@@ -166,8 +180,7 @@ class Machine:
 
     def restart(self) -> None:
         """Begin anew as after a power failure: other boot id, counters at zero, no volts."""
-        self._instant_ns = 0.0
-        self.sample(time.monotonic_ns())
+        self.catch_up(time.monotonic_ns())
         for i in range(self.channels):
             self._offsets[i] -= self.counts[i]
             self.counts[i] = 0

@@ -7,12 +7,13 @@ import gc
 import os
 import signal
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 from motorctl.gantry_device.device import Device
 from motorctl.gantry_device.load import load_device
+from motorctl.gantry_device.prompt_ptys import prompt_ptys
 from motorctl.gantry_device.schedule import NS, Fault
 
 PRIORITY = 70
@@ -20,13 +21,21 @@ PRIORITY = 70
 MCL_CURRENT, MCL_FUTURE = 1, 2
 
 
-def run_device(path: Path, link: Path | None, ready: Callable[[str], None]) -> dict[str, Any]:
+def run_device(
+    path: Path, link: Path | None, ready: Callable[[str], None], *, raise_workers: bool = False
+) -> dict[str, Any]:
     """Serve the device of a file until SIGINT or SIGTERM, and give its report.
 
-    `ready` is told the endpoint once the device answers. Raises ConfigError, UsageError and
-    RunError.
+    `ready` is told the endpoint once the device answers. With `raise_workers` the kernel's threads
+    that carry pseudo-terminals get a real-time priority meanwhile. Raises ConfigError, UsageError
+    and RunError.
     """
     device = load_device(path, link)
+    with prompt_ptys() if raise_workers else nullcontext():
+        return _serve(device, ready)
+
+
+def _serve(device: Device, ready: Callable[[str], None]) -> dict[str, Any]:
     device.open()
     ask_for_priority()
     before = {

@@ -73,12 +73,16 @@ class Timing:
     lateness: Durations | None
 
 
-def measure_axis(recording: Recording, name: str, period_s: float | None = None) -> MeasuredRun:
+def measure_axis(
+    recording: Recording, name: str, period_s: float | None = None, *, settling_periods: int = 0
+) -> MeasuredRun:
     """Measure one axis over the rows in which it is under control.
+
+    The first `settling_periods` do not count, nor does the way to where the program begins.
 
     Where `period_s` is not given, it is the one of the program that the log's configuration
     names, if the reference repeats so; else it is looked for in the reference; else the last
-    third counts as the end. Raises DataError where the reference is not known.
+    third counts as the end. Raises DataError where the reference is not known, or nothing counts.
     """
     axis = recording.axes[name]
     error = axis.following_error
@@ -91,6 +95,13 @@ def measure_axis(recording: Recording, name: str, period_s: float | None = None)
     period, words = _period(recording, name, time_s, reference, period_s)
     first, last = _end(time_s, reference, period)
     counted = _under_control(axis)[rows]
+    if period is not None:
+        counted &= time_s - time_s[0] >= settling_periods * period
+        if not counted.any():
+            raise DataError(
+                f"{recording.source}: axis {name}: {time_s[-1] - time_s[0]:.1f} s without a gap, "
+                f"no more than the {settling_periods} x {period:g} s that do not count"
+            )
     e, u = np.abs(error[rows]), np.abs(axis.command[rows])
     at_end = counted.copy()
     at_end[:first] = at_end[last:] = False

@@ -10,7 +10,14 @@ from numba import njit
 from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, SampleFlag
-from motorctl.loop.held import hold_position, predict_motion, predicts
+from motorctl.loop.held import (
+    counter_step,
+    hold_position,
+    is_doubtful,
+    place_of,
+    predict_motion,
+    predicts,
+)
 from motorctl.loop.homing import home
 from motorctl.loop.records import DRIFT_WEIGHT
 from motorctl.loop.reference import brake, follow, hold_where_it_is
@@ -47,7 +54,7 @@ HOME_SWITCH = int(SampleFlag.HOME_SWITCH)
 INDEX = int(SampleFlag.INDEX)
 HELD = int(SampleFlag.HELD)
 BETWEEN = int(SampleFlag.BETWEEN)
-STALE = int(Status.STALE)
+STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
 DEVICE_LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 DEVICE_LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
@@ -57,12 +64,8 @@ DEVICE_INDEX = int(Status.INDEX_LATCHED)
 
 @njit
 def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
-    """Set the position from the count, without the declared errors of the measurement.
-
-    These are known by their place in the machine, so only where the axis knows its own.
-    """
-    y = settings.metres_per_count * axis.counts + settings.offset_m + axis.shift_m
-    axis.position_m = correct(y) if axis.homed else y
+    """Set the position from the count."""
+    axis.position_m = place_of(correct, settings, axis, axis.counts)
 
 
 @njit(error_model="numpy")
@@ -82,10 +85,7 @@ def read_position(
             axis.counts += span * round((middle / settings.metres_per_count - raw) / span)
         locate(correct, settings, axis)
         return
-    step = raw - axis.raw_counts
-    span = settings.counter_span
-    if span:
-        step = (step + span // 2) % span - span // 2
+    step = counter_step(settings, axis, raw)
     if count_is_ambiguous(settings, axis, step, elapsed):
         if axis.state != OFF:
             trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
@@ -108,6 +108,12 @@ def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
         axis.have_counts = 0
     elif axis.status & ENCODER_LOST:
         axis.homed = 0
+
+
+@njit
+def forget_pause(axis: Any) -> None:
+    """Note that a sample came."""
+    axis.held_ticks, axis.held_status, axis.doubted_ticks = 0, 0, 0
 
 
 @njit
@@ -138,22 +144,27 @@ def axis_inputs(
     if axis.state != OFF:
         check_device(axis, t)
     if status & UNTRUSTED:
-        axis.held_ticks, axis.held_status = 0, 0
+        forget_pause(axis)
         lose_sight(settings, axis, elapsed)
     elif status & STALE or old:
         axis.held_status |= status
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if axis.state != OFF:
             check_freshness(settings, axis, t)
+    elif predicts(settings, axis) and is_doubtful(correct, settings, axis, raw, elapsed):
+        axis.held_status |= CORRUPT
+        axis.doubted_ticks += 1
+        hold_position(feedforward, settings, axis, law, elapsed, t)
+        check_freshness(settings, axis, t)
     elif axis.held_ticks and predicts(settings, axis):
         # What the prediction missed is an error of the position, not a speed.
         expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
-        axis.held_ticks, axis.held_status = 0, 0
+        forget_pause(axis)
         read_position(correct, settings, axis, raw, elapsed, t)
         law.y1 += axis.position_m - expected
         law.y2 += axis.position_m - expected
     else:
-        axis.held_ticks, axis.held_status = 0, 0
+        forget_pause(axis)
         read_position(correct, settings, axis, raw, elapsed, t)
 
 

@@ -9,6 +9,13 @@ from typing import Any
 from numba import njit
 
 from motorctl.log.sample import AxisState
+from motorctl.loop.records import (
+    DOUBT_ACCELERATION_RATIO,
+    DOUBT_PERIODS,
+    MISSED_ACCELERATION_RATIO,
+    MOST_DOUBTED_TICKS,
+)
+from motorctl.loop.safety import count_is_ambiguous
 
 OFF = int(AxisState.OFF)
 FAULT = int(AxisState.FAULT)
@@ -33,6 +40,49 @@ def predict_motion(
     bound = settings.max_acceleration_m_s2
     a = min(max(a, -bound), bound) if math.isfinite(a) else 0.0
     return x + dt * (v + 0.5 * dt * a), v + dt * a
+
+
+@njit
+def counter_step(settings: Any, axis: Any, raw: int) -> int:
+    """Give how far the counter went since it was last read, its wrap undone."""
+    step = raw - axis.raw_counts
+    span = settings.counter_span
+    if span:
+        step = (step + span // 2) % span - span // 2
+    return step  # type: ignore[no-any-return]
+
+
+@njit
+def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: int) -> float:
+    """Give the position that a count means, without the declared errors of the measurement.
+
+    These are known by their place in the machine, so only where the axis knows its own.
+    """
+    y: float = settings.metres_per_count * counts + settings.offset_m + axis.shift_m
+    return correct(y) if axis.homed else y
+
+
+@njit
+def is_doubtful(
+    correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int
+) -> bool:
+    """Tell whether a sample is one that no motion explains: taken at another time, or damaged.
+
+    Two in a row at most: what stays so is true. A jump that is no motion at all is not doubted, but
+    a fault.
+    """
+    step = counter_step(settings, axis, raw)
+    ticks = axis.blind_ticks + elapsed
+    if axis.doubted_ticks >= MOST_DOUBTED_TICKS or count_is_ambiguous(settings, axis, step, ticks):
+        return False
+    unit = abs(settings.metres_per_count)
+    passed_s, since_s = elapsed * settings.period_s, ticks * settings.period_s
+    y = place_of(correct, settings, axis, axis.counts + step)
+    expected = axis.position_m + passed_s * axis.velocity_m_s
+    jerked = DOUBT_ACCELERATION_RATIO * passed_s**2 + MISSED_ACCELERATION_RATIO * since_s**2
+    reach = DOUBT_PERIODS * abs(axis.velocity_m_s) * settings.period_s
+    reach += jerked * settings.max_acceleration_m_s2 + 8.0 * unit
+    return abs(y - expected) > reach  # type: ignore[no-any-return]
 
 
 @njit

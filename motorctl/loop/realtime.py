@@ -66,9 +66,7 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     except OSError:
         degraded |= Degraded.NO_FIFO
     try:
-        # Held open until the process ends: closing it gives the request back.
-        fd = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
-        os.write(fd, (0).to_bytes(4, "little"))
+        hold_shallow_idle()
     except OSError:
         degraded |= Degraded.NO_CPU_LATENCY
     if not _kernel_is_rt():
@@ -77,6 +75,16 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     gc.freeze()
     gc.disable()
     return degraded
+
+
+def hold_shallow_idle() -> int:
+    """Keep every CPU from idle states that it leaves late, until the file is closed; gives it.
+
+    Raises OSError where that is not allowed.
+    """
+    fd = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
+    os.write(fd, (0).to_bytes(4, "little"))
+    return fd
 
 
 def chosen_cpu(settings: LoopSettings) -> int:

@@ -53,6 +53,7 @@ AXIS_STATE = np.dtype(
         ("raw_counts", "i8"),  # as last read
         ("blind_ticks", "i8"),  # since when the count cannot be trusted, or no new one came
         ("held_ticks", "i8"),  # since when no new one came
+        ("doubted_ticks", "i8"),  # of these: a sample came, and was not believed
         ("held_status", "i8"),  # what the driver said meanwhile
         ("gap_ticks", "i8"),  # periods that the law has not seen
         ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there
@@ -93,6 +94,14 @@ OVERSPEED_RATIO = 1.2
 # A prediction starts from the last velocities, each with this weight: one sample that came late
 # reads as up to twice the speed.
 DRIFT_WEIGHT = 0.1
+# Where the model can stand in, a sample is doubted that no motion explains: one that is off by more
+# than half a period's motion, this many times the acceleration limit since the last tick, and what
+# a prediction may have missed of it since the last sample. The second doubted one in a row is the
+# last: what stays is true.
+DOUBT_PERIODS = 0.5
+DOUBT_ACCELERATION_RATIO = 4.0
+MISSED_ACCELERATION_RATIO = 0.25
+MOST_DOUBTED_TICKS = 2
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5

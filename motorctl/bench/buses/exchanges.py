@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from motorctl.bench.buses.transports import AXES, Transport, frames, transports
 from motorctl.bench.figure import Figure, Target
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.hal import Channel, Driver, Inputs, Outputs, Status, driver_class
+from motorctl.loop.realtime import hold_shallow_idle
 from motorctl.loop.tick import make_drivers
 
 Array = NDArray[np.float64]
@@ -112,11 +115,26 @@ def _open_beside(driver: Driver, beat: Callable[[], None]) -> None:
         thread.join()
 
 
+@contextmanager
+def _shallow_idle() -> Iterator[None]:
+    """Let the CPUs wake as fast as they do beside the loop, where that is allowed."""
+    try:
+        fd = hold_shallow_idle()
+    except OSError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.close(fd)
+
+
 def _round_trips(transport: Transport, progress: Progress) -> Array:
     """Time from asking to a fresh sample, the device in a process of its own."""
     times = np.empty(EXCHANGES)
     inputs, outputs = Inputs(len(AXES)), Outputs(len(AXES))
     with (
+        _shallow_idle(),
         tempfile.TemporaryDirectory(prefix="motorctl-") as folder,
         device_running(device_file(transport), Path(folder)) as endpoint,
     ):

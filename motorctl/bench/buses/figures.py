@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from motorctl.bench.buses.device import may_raise_workers
 from motorctl.bench.buses.exchanges import exchange_figures
 from motorctl.bench.buses.session import Measured, measure_transport
 from motorctl.bench.buses.transports import transports
@@ -13,10 +15,18 @@ from motorctl.bench.figure import Figure, Target
 from motorctl.bench.findings import Findings
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.errors import MotorctlError
+from motorctl.insight.measures import Measures
 
 DURATION_S = 60.0
 EXCHANGE_SHARE = 0.03
 """Of the progress."""
+PROMPT = (
+    "The kernel's threads that carry pseudo-terminals had a real-time priority, as a wire would."
+)
+NOT_PROMPT = (
+    "Not root: the kernel's threads that carry pseudo-terminals had ordinary priority, and any "
+    "other program delays them."
+)
 TRACKING = Target("ratio", ">=", 0.9)
 """As good as the direct simulation within a tenth."""
 
@@ -38,10 +48,13 @@ def bus_findings(progress: Progress, duration_s: float = DURATION_S) -> Findings
         figures += _figures(measured)
         rows.append(_row(measured))
         notes += [f"{transport.name}: {refusal}" for refusal in measured.refusals]
+    notes.append(PROMPT if may_raise_workers() else NOT_PROMPT)
     notes.append(
         f"Two published axes under C2 for {duration_s:g} s each, the gantry in a process of its "
-        "own. eF is the largest error of the last two cycles. The direct simulation has the same "
-        "rate, gains and motion, and its commands act as late as the exchange makes them."
+        "own. eF is the largest error of the last two cycles, L2 the rms error; the first cycle "
+        "does not count. The direct simulation has the same rate, gains and motion, and its "
+        "commands act as late as the exchange makes them; it runs in virtual time, so without the "
+        "pauses of this computer. What these do to it on the wall clock is in the JSON document."
     )
     return Findings(tuple(figures), tuple(notes), data={"buses": rows})
 
@@ -51,19 +64,23 @@ def _figures(measured: Measured) -> list[Figure]:
     title = f"{measured.transport.name}, {measured.transport.rate_hz:g} Hz"
     figures = []
     for axis, over in measured.over_bus.items():
-        own, direct = 1e6 * over.eF_m, 1e6 * measured.direct[axis].eF_m
-        figures.append(
-            Figure(
-                f"{key}_eF_{axis}",
-                f"{title}: eF of {axis}",
-                own,
-                "um",
-                "direct",
-                direct,
-                direct / own,
-                TRACKING,
+        beside = measured.direct[axis]
+        for symbol, own, direct in (
+            ("eF", over.eF_m, beside.eF_m),
+            ("L2", over.L2_m, beside.L2_m),
+        ):
+            figures.append(
+                Figure(
+                    f"{key}_{symbol}_{axis}",
+                    f"{title}: {symbol} of {axis}",
+                    1e6 * own,
+                    "um",
+                    "direct",
+                    1e6 * direct,
+                    direct / own,
+                    TRACKING,
+                )
             )
-        )
     turnaround = measured.timing.turnaround
     if turnaround is not None:
         for name, value in (
@@ -94,16 +111,13 @@ def _row(measured: Measured) -> dict[str, Any]:
         "held_share": measured.held_share,
         "skipped_share": measured.skipped_share,
         "axes": {
-            axis: {
-                "eM_m": over.eM_m,
-                "eF_m": over.eF_m,
-                "L2_m": over.L2_m,
-                "uM_V": over.uM_V,
-                "direct_eM_m": measured.direct[axis].eM_m,
-                "direct_eF_m": measured.direct[axis].eF_m,
-                "direct_L2_m": measured.direct[axis].L2_m,
-                "direct_uM_V": measured.direct[axis].uM_V,
-            }
+            axis: _measures_row("", over)
+            | _measures_row("direct_", measured.direct[axis])
+            | _measures_row("direct_wall_", measured.direct_wall[axis])
             for axis, over in measured.over_bus.items()
         },
     }
+
+
+def _measures_row(prefix: str, measures: Measures) -> dict[str, float]:
+    return {f"{prefix}{key}": value for key, value in asdict(measures).items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 from motorctl.bench.buses.transports import AXES, Transport, counter_bits, merged
@@ -34,7 +35,7 @@ def machine_on(
     """Give the machine of a transport with this driver.
 
     delay_s is how much later its commands act than in a direct exchange: the model declares it.
-    cycles_s: about so long the programs last.
+    cycles_s: the programs last longer.
     """
     share = slowed(transport.rate_hz, delay_s)
     motion = max(share, LEAST_SHARE)
@@ -67,7 +68,7 @@ def machine_on(
             "max_acceleration_m_s2": program["max_acceleration_m_s2"] * motion**2,
             "jerk_time_s": program["jerk_time_s"] / motion,
             "period_s": period_s,
-            "cycles": max(3, int(cycles_s / period_s)),
+            "cycles": math.ceil(cycles_s / period_s) + 1,
         }
     return load_resolved(data, data["name"], hardware=True)
 

@@ -16,12 +16,15 @@ from motorctl.bench.latency.loop_run import run_loop
 from motorctl.config.hardware import Exchange, ask_exchange, channels_of, wiring_of
 from motorctl.config.machine import Machine
 from motorctl.insight.measures import Measures, Timing, measure_axis, measure_timing
-from motorctl.log import read_recording
+from motorctl.log import Recording, read_recording
 from motorctl.log.sample import SampleFlag
 from motorctl.loop.simulation import simulate
 
-DIRECT_SHARE = 0.1
+BUS_SHARE, WALL_SHARE = 0.45, 0.45
 """Of the progress."""
+SETTLING_PERIODS = 1
+"""The gantry behind a bus has rolled into a hollow of its cogging before it is switched on; the
+direct one stands where its program begins."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ class Measured:
     delay_s: float
     over_bus: Mapping[str, Measures]
     direct: Mapping[str, Measures]
+    """Without a bus, in virtual time."""
+    direct_wall: Mapping[str, Measures]
+    """Without a bus, on the wall clock: with the pauses of this computer."""
     timing: Timing
     held_share: float
     """Of the ticks, those that found no new sample."""
@@ -50,7 +56,7 @@ def measure_transport(
     transport: Transport, duration_s: float, folder: Path, progress: Progress
 ) -> Measured:
     """Run C2 over the transport for so long. Raises RunError where it fails or an axis trips."""
-    log, beside = folder / "bus.parquet", folder / "direct.parquet"
+    log, wall, virtual = (folder / f"{name}.parquet" for name in ("bus", "wall", "virtual"))
     with device_running(device_file(transport), folder) as endpoint:
         options = transport.driver(endpoint)
         machine = machine_on(transport, options, 0.0, duration_s)
@@ -58,15 +64,23 @@ def measure_transport(
         if exchange.delay_s:
             machine = machine_on(transport, options, exchange.delay_s, duration_s)
         run = run_loop(
-            machine, log, duration_s, moving=True, progress=part_of(progress, 0, 1 - DIRECT_SHARE)
+            machine, log, duration_s, moving=True, progress=part_of(progress, 0, BUS_SHARE)
         )
-    simulate(
-        direct(transport, exchange.delay_s, duration_s),
+    beside = direct(transport, exchange.delay_s, duration_s)
+    run_loop(
         beside,
-        duration_s=duration_s,
-        progress=part_of(progress, 1 - DIRECT_SHARE, 1),
+        wall,
+        duration_s,
+        moving=True,
+        progress=part_of(progress, BUS_SHARE, BUS_SHARE + WALL_SHARE),
     )
-    recording, directly = read_recording(log), read_recording(beside)
+    simulate(
+        beside,
+        virtual,
+        duration_s=duration_s,
+        progress=part_of(progress, BUS_SHARE + WALL_SHARE, 1),
+    )
+    recording = read_recording(log)
     flags = [axis.flags for axis in recording.axes.values() if axis.flags is not None]
     held = np.mean([np.mean((flag & SampleFlag.HELD) > 0) for flag in flags])
     assert exchange.budget is not None
@@ -75,13 +89,21 @@ def measure_transport(
         exchange.budget.max_rate_hz,
         exchange.budget.arithmetic,
         exchange.delay_s,
-        {name: measure_axis(recording, name).measures for name in AXES},
-        {name: measure_axis(directly, name).measures for name in AXES},
+        _measures(recording),
+        _measures(read_recording(virtual)),
+        _measures(read_recording(wall)),
         measure_timing(recording),
         float(held),
         run.skipped_periods / max(1, run.last_tick - run.first_tick),
         tuple(run.refusals),
     )
+
+
+def _measures(recording: Recording) -> dict[str, Measures]:
+    return {
+        name: measure_axis(recording, name, settling_periods=SETTLING_PERIODS).measures
+        for name in AXES
+    }
 
 
 def _exchange(machine: Machine) -> Exchange:

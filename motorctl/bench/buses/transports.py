@@ -9,6 +9,8 @@ from typing import Any
 Options = dict[str, Any]
 
 AXES = ("x", "y")
+WAIT = 0.75
+"""Share of the period for which a CAN driver may wait for the answers to SYNC."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +26,14 @@ class Transport:
 
 
 def transports() -> tuple[Transport, ...]:
-    """Give every bus that this machine can stand in for, each at a rate within its budget."""
+    """Give every bus that this machine can stand in for, each near its budget."""
     return (
-        _serial("serial poll", 2500.0, "poll"),
-        _serial("serial exchange", 2500.0, "exchange"),
-        _can("can udp_multicast", 2000.0),
-        _slcan("can slcan", 500.0),
-        _modbus_tcp("modbus tcp", 2500.0),
-        _modbus_rtu("modbus rtu", 160.0),
+        _serial("serial poll", 2000.0, "poll"),
+        _serial("serial exchange", 2000.0, "exchange"),
+        _can("can udp_multicast", 1000.0),
+        _slcan("can slcan", 1400.0),
+        _modbus_tcp("modbus tcp", 3150.0),
+        _modbus_rtu("modbus rtu", 200.0),
     )
 
 
@@ -63,7 +65,7 @@ def _can(name: str, rate_hz: float) -> Transport:
     sync = {"sync": {"id": 0x80}}
 
     def driver(_endpoint: str) -> Options:
-        wait = {"sync": {"id": 0x80, "wait_s": 0.6 / rate_hz}}
+        wait = {"sync": {"id": 0x80, "wait_s": WAIT / rate_hz}}
         return {"type": "can", **bus, **wait}
 
     return Transport(name, rate_hz, driver, {"can": {**bus, **sync}})
@@ -74,7 +76,7 @@ def _slcan(name: str, rate_hz: float) -> Transport:
 
     def driver(endpoint: str) -> Options:
         port = endpoint.rsplit(maxsplit=1)[-1]
-        wait = {"sync": {"id": 0x80, "wait_s": 0.6 / rate_hz}}
+        wait = {"sync": {"id": 0x80, "wait_s": WAIT / rate_hz}}
         return {"type": "can", **bus, "channel": port, "tty_baudrate": 4_000_000, **wait}
 
     return Transport(name, rate_hz, driver, {"can": {**bus, "sync": {"id": 0x80}}})
