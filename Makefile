@@ -19,7 +19,8 @@ demo: $(STAMP)
 	$(BIN)/motorctl demo
 
 test: $(STAMP) lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile -m 'not slow and not wall_clock'
+	$(BIN)/python -m pytest -m 'not slow and wall_clock'
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -m slow

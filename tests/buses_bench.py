@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import select
 import signal
 import socket
@@ -154,6 +155,8 @@ class DeviceProcess:
         path = folder / "device.yaml"
         path.write_text(yaml.safe_dump(file))
         options = ["--link", str(link)] if link else []
+        if os.geteuid() == 0:  # what is ordered shall be the only fault
+            options.append("--raise-workers")
         self._process = subprocess.Popen(
             [sys.executable, "-c", MAIN, "gantry-device", str(path), "--json", *options],
             stdout=subprocess.PIPE,

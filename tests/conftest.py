@@ -1,8 +1,8 @@
-"""What all tests share: exchanges with another process by the wall clock may be tried again."""
+"""What all tests share: which of them go by the wall clock, and what follows from it."""
 
 import pytest
 
-BY_THE_WALL_CLOCK = (
+WITH_A_PEER = (
     "test_buses_",
     "test_can_",
     "test_conformance_",
@@ -13,10 +13,14 @@ BY_THE_WALL_CLOCK = (
 )
 """They speak with a peer in another thread or process. A shared machine pauses either side for tens
 of milliseconds now and then, and that looks just like the faults that the tests order."""
+IN_REAL_TIME = ("test_daemon_", "test_latency_", "test_loop_process", "test_loop_clock")
 TRIES_MORE = 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if item.path.name.startswith(BY_THE_WALL_CLOCK):
+        name = item.path.name
+        if name.startswith(WITH_A_PEER):
             item.add_marker(pytest.mark.flaky(reruns=TRIES_MORE))
+        if name.startswith((*WITH_A_PEER, *IN_REAL_TIME)):
+            item.add_marker(pytest.mark.wall_clock)

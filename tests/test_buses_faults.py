@@ -89,15 +89,9 @@ ORDERS: dict[str, dict[str, Any]] = {
 }
 PROMISES: dict[str, Mapping[str, Promise]] = {
     "loss": _each(held()),
-    "loss to the device": _each(
-        BY_WATCHDOG,
-        serial_stream=Promise(
-            (FaultCause.COMMUNICATION, FaultCause.FOLLOWING_ERROR), (), WATCHDOG_S, 1
-        ),
-    ),
+    "loss to the device": _each(BY_WATCHDOG),
     "silence": _each(BY_WATCHDOG),
-    # In mode stream nothing tells of it.
-    "delay": {name: held(off_s=HOLD_S + 0.06) for name in EVERY if name != "serial stream"},
+    "delay": _each(held(off_s=HOLD_S + 0.06)),
     "wrong length": _each(
         held(REFUSED),
         modbus_tcp=Promise((FaultCause.NO_NEW_SAMPLE, FaultCause.COMMUNICATION)),

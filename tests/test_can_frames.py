@@ -28,7 +28,8 @@ from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver
 
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
-LOST = int(Status.BUS_OFF | Status.COMMUNICATION_LOST)
+COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
+LOST = int(Status.BUS_OFF) | COMMUNICATION_LOST
 RESTARTED = int(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
 
 
@@ -223,11 +224,11 @@ def test_a_bus_that_vanished_is_status_and_not_an_exception():
         bench.driver.safe()
 
 
-def test_a_full_transmit_buffer_is_status_until_a_frame_is_sent():
+def test_a_transmit_buffer_full_for_three_periods_is_a_lost_bus_until_a_frame_is_sent():
     with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=2) as slow:
-        for _ in range(3):
+        for lost in (0, 0, 0, 0, COMMUNICATION_LOST, COMMUNICATION_LOST):  # two found room
             bench.driver.write(bench.outputs)
-        assert bench.read()[1] == [int(Status.COMMUNICATION_LOST) | STALE] * 2
+            assert bench.read()[1] == [lost | STALE] * 2
         while slow.recv(0):
             pass
         bench.driver.write(bench.outputs)
@@ -235,18 +236,39 @@ def test_a_full_transmit_buffer_is_status_until_a_frame_is_sent():
         assert bench.read()[1] == [0, 0]
 
 
-def test_a_lost_command_is_told_though_the_next_one_was_sent():
+def test_two_commands_without_room_do_not_stop_a_machine():
     with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=2) as slow:
-        for _ in range(3):
-            bench.driver.write(bench.outputs)
-        while slow.recv(0):
-            pass
-        bench.driver.write(bench.outputs)
-        for k, lost in ((1, int(Status.COMMUNICATION_LOST)), (2, 0)):
-            bench.send(state_bytes(k, k, k))
-            assert bench.read() == ([k, k], [lost, lost])
+        for k in range(1, 20):
+            for _ in range(4):  # two of four find room
+                bench.driver.write(bench.outputs)
             while slow.recv(0):
                 pass
+            bench.send(state_bytes(k, k, k))
+            assert bench.read() == ([k, k], [0, 0])
+            while slow.recv(0):
+                pass
+
+
+def test_after_a_wrong_sequence_number_the_third_right_one_is_taken():
+    with opened() as bench:
+        bench.send(state_bytes(9, 9, 1))
+        assert bench.read() == ([9, 9], [0, 0])
+        bench.send(state_bytes(10, 10, 100))  # the number is wrong
+        assert bench.read() == ([10, 10], [0, 0])
+        for k in (3, 4):
+            bench.send(state_bytes(8 + k, 8 + k, k))
+            assert bench.read() == ([10, 10], [CORRUPT | STALE] * 2)
+        bench.send(state_bytes(13, 13, 5))
+        assert bench.read() == ([13, 13], [0, 0])
+
+
+def test_old_frames_that_do_not_follow_each_other_are_never_taken():
+    with opened() as bench:
+        bench.send(state_bytes(9, 9, 100))
+        assert bench.read() == ([9, 9], [0, 0])
+        for k in (40, 42, 43, 50, 49, 48, 47, 60, 61):
+            bench.send(state_bytes(k, k, k))
+            assert bench.read() == ([9, 9], [CORRUPT | STALE] * 2)
 
 
 def test_safe_zeroes_and_disables_from_any_state():

@@ -50,9 +50,11 @@ def rig_of(*, predict: bool = False, hold_ticks: int = HOLD) -> Rig:
     return Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
 
 
-def run(missing, *, predict: bool, seconds: float = 0.4, shifted=(), periods=1) -> Rig:
+def run(
+    missing, *, predict: bool, seconds: float = 0.4, shifted=(), periods=1, hold_ticks=40
+) -> Rig:
     """Let x move; `missing` are the ticks of the move's middle without a sample."""
-    rig = rig_of(predict=predict, hold_ticks=40)
+    rig = rig_of(predict=predict, hold_ticks=hold_ticks)
     with rig:
         rig.start()
         rig.move("x", 0.2, SPEED_M_S)
@@ -203,9 +205,15 @@ def test_a_sample_of_another_period_does_not_reach_the_motor():
     assert np.abs(believed["command_v"] - quiet["command_v"]).max() > 5.0
 
 
-def test_a_count_that_stays_where_no_motion_led_is_believed_in_the_third_tick():
-    rows, quiet = (run((), predict=True, shifted=k, periods=3).rows("x") for k in (range(9999), ()))
+@pytest.mark.parametrize(("hold_ticks", "doubted"), [(40, 4), (3, 3), (0, 0)])
+def test_a_count_that_stays_where_no_motion_led_is_believed_and_trips_nothing(hold_ticks, doubted):
+    rows, quiet = (
+        run((), predict=True, shifted=k, periods=3, hold_ticks=hold_ticks).rows("x")
+        for k in (range(9999), ())
+    )
     held = np.flatnonzero(rows["flags"] & SampleFlag.HELD)
-    assert len(held) == 2
-    after = rows["position_m"][held[-1] + 1] - quiet["position_m"][held[-1] + 1]
+    assert len(held) == doubted
+    assert not rows["fault"].any()
+    after = rows["position_m"] - quiet["position_m"]
+    after = after[np.flatnonzero(after > SPEED_M_S * TS)[0]]
     assert after == pytest.approx(3 * SPEED_M_S * TS, rel=0.05)

@@ -331,3 +331,27 @@ def test_random_bytes_on_the_line_never_raise_and_never_move_the_count():
 
 def test_the_period_of_these_tests_is_one_that_the_driver_carries():
     assert driver_for("/dev/pts/0").rate_budget().max_rate_hz > 1.0 / PERIOD_S
+
+
+@pytest.mark.parametrize(("behind", "fresh"), [(0, True), (4, True), (5, False), (60, False)])
+def test_a_stream_that_lags_behind_the_commands_is_stale(behind, fresh):
+    with rig_open(mode="stream") as rig:
+        rig.read()
+        for _ in range(3):
+            rig.write(0.0, enable=0)
+        newest = rig.driver._sequence - 1
+        rig.box.mute = True
+        time.sleep(5e-3)
+        rig.read()
+        body = state_body(
+            rig.box.sequence + 1,
+            rig.box.sample + 1,
+            [7, 8],
+            in_force=newest - behind & 255,
+            flags=1,
+        )
+        rig.box.send_raw(framed(body))
+        assert rig.driver._port.wait(1.0)
+        counts, status = rig.read()
+        assert (status == [0, 0]) == fresh
+        assert (counts == [7, 8]) == fresh

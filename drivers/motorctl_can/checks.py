@@ -60,6 +60,31 @@ def wrong_sync(layout: Layout, identifier: int, extended: bool) -> Iterator[Wron
             yield Wrong(("sync", "id"), identifier, text)
 
 
+def missing_from_layout(layout: Layout) -> Iterator[str]:
+    """Tell what a layout can do without, and what a machine then does without."""
+    if not any(signal.means is Means.WATCHDOG for signal in layout.signals()):
+        yield (
+            "no command frame has a watchdog: whether the device disables when commands stop, "
+            "and when, is its own setting alone"
+        )
+    without = [f.name for f in layout.states if f.one(Means.SEQUENCE) is None]
+    if without:
+        yield (
+            f"no sequence in {', '.join(without)}: a state frame that comes late or twice cannot "
+            "be told from a new one"
+        )
+    untold = [axis for axis in layout.axes if layout.find(Means.BOOT, axis) is None]
+    if untold:
+        yield (
+            f"no boot for {', '.join(untold)}: a device that starts anew after a short silence is "
+            "not noticed, and its counts then begin elsewhere"
+        )
+    for means in (Means.AMPLIFIER_FAULT, Means.ENCODER_LOST, Means.ESTOP):
+        untold = [axis for axis in layout.axes if layout.find(means, axis) is None]
+        if untold:
+            yield f"no {means} for {', '.join(untold)}: the device has no way to tell of one"
+
+
 def _wrong_identifier(key: Key, identifier: int, extended: bool) -> Iterator[Wrong]:
     highest = 0x1FFFFFFF if extended else 0x7FF
     if not 0 <= identifier <= highest:
@@ -179,7 +204,10 @@ def _missing(layout: Layout) -> Iterator[Wrong]:
     for axis in layout.axes:
         for means in (Means.VOLTS, Means.ENABLE, Means.COUNTS):
             if layout.find(means, axis) is None:
-                text = f"axis '{axis}' has no {means}; every axis needs volts, enable and counts"
+                text = (
+                    f"axis '{axis}' has no {means}; every axis needs volts, enable and counts "
+                    f"(the layout names: {', '.join(layout.axes)})"
+                )
                 yield Wrong(where, axis, text)
     states = layout.states
     if len(states) > MAX_STATE_FRAMES:

@@ -24,6 +24,7 @@ from motorctl.hal import (
     specialise,
 )
 from motorctl_can import budget
+from motorctl_can.checks import missing_from_layout
 from motorctl_can.layout import Frame, Means
 from motorctl_can.link import Link, now_s
 from motorctl_can.options import ALL, CanOptions
@@ -35,6 +36,8 @@ with kernels_cached(Path(__file__).parent):
 AGE_PERIODS = 10
 SAFE_REPEATS = 3
 MOST_QUIET_PERIODS = 3
+UNSENT_PERIODS = 3
+"""So many in a row without room for the commands are a bus that is lost."""
 OPENING_PERIOD_S = 0.01
 EXTENDED = 1 << 29  # above every identifier
 CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
@@ -86,6 +89,10 @@ class CanDriver(Driver):
             found += self._misfits(channel, where)
         found += self._impatient()
         return found
+
+    def advice(self) -> Sequence[str]:
+        """Tell which signals a layout for a safe machine would have besides."""
+        return tuple(missing_from_layout(self._layout))
 
     def _misfits(self, channel: Channel, where: str) -> list[tuple[tuple[str | int, ...], str]]:
         found: list[tuple[tuple[str | int, ...], str]] = []
@@ -148,6 +155,7 @@ class CanDriver(Driver):
         self._shown = Inputs(len(self.channels))
         self._compile()
         self._quiet = 0
+        self._unsent = 0
         self._late = 0
 
     def _compile(self) -> None:
@@ -280,7 +288,10 @@ class CanDriver(Driver):
         """Send every command frame."""
         link = self._link
         if link is not None:
-            self._send_all(link, outputs)
+            self._unsent = 0 if self._send_all(link, outputs) else self._unsent + 1
+            if self._unsent >= UNSENT_PERIODS:
+                self._unsent = UNSENT_PERIODS
+                link.lose_commands()
 
     def safe(self) -> None:
         """Send 0 V and disable a few times; a bus that is not open is opened for that."""
@@ -299,12 +310,14 @@ class CanDriver(Driver):
         for _ in range(SAFE_REPEATS):
             self._send_all(link, self._nothing)
 
-    def _send_all(self, link: Link, outputs: Outputs) -> None:
+    def _send_all(self, link: Link, outputs: Outputs) -> bool:
+        whole = True
         volts, enable = outputs.volts, outputs.enable
         for i, message in enumerate(self._messages):
             signals, frames = self._command_signals, self._commands
             self._encode(signals, frames, i, volts, enable, self._payloads[i])
-            link.send(message)
+            whole = link.send(message) and whole
+        return whole
 
     def _drain(self, link: Link, phase: int, now: float, room: int) -> int:
         """Take what is waiting, at most `room` frames; give the room that is left."""

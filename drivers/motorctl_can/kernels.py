@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from motorctl.hal import Status
 from motorctl_can.records import Kind, Records
 
+RESYNCHRONISE = 3
+"""So many frames behind the last number, each following the one before, are right."""
 ACCEPTED, DUPLICATE, BACKWARDS, LATE = 0, 1, 2, 3
 BEFORE_SYNC, AFTER_SYNC, FREE = 0, 1, 2
 
@@ -86,8 +88,17 @@ def take(
             if step == 0:
                 return DUPLICATE
             if step >= frame.half:
-                frame.refused = 1
-                return BACKWARDS
+                follows = frame.behind > 0 and sequence == (frame.last_behind + 1) & frame.mask
+                frame.behind = frame.behind + 1 if follows else 1
+                frame.last_behind = sequence
+                if frame.behind < RESYNCHRONISE:
+                    frame.refused = 1
+                    return BACKWARDS
+                # So many in their order: the number that was ahead of them was wrong. Those
+                # that were refused have answered, too.
+                frame.owed = max(0, frame.owed - (frame.behind - 1))
+                step = 1
+        frame.behind = 0
         frame.last = sequence
     late = phase == BEFORE_SYNC
     if phase == AFTER_SYNC:

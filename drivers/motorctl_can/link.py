@@ -98,7 +98,7 @@ class Link:
         return True
 
     def send(self, message: can.Message) -> bool:
-        """Hand a frame over without waiting; False where it was not taken."""
+        """Hand a frame over without waiting; False where there was no room, or the bus is gone."""
         try:
             if self._lines is not None:
                 taken = self._lines.send(message)
@@ -111,9 +111,11 @@ class Link:
             cause = error.__cause__ if isinstance(error, can.CanError) else error
             if getattr(cause, "errno", None) not in FULL:
                 self.lost = GONE
-        if not taken:
-            self.passing |= NOT_SENT  # also where the next one is taken
         return taken
+
+    def lose_commands(self) -> None:
+        """Note that commands have not been sent for too long."""
+        self.passing |= NOT_SENT
 
     def error_frame(self, message: can.Message) -> None:
         """Take in what an error frame tells."""

@@ -136,6 +136,31 @@ class ModbusDriver(Driver):
             found.append(((*key, "volts"), message))
         return found
 
+    def advice(self) -> Sequence[str]:
+        """Tell which registers a safe machine would have besides."""
+        options = self._modbus
+        found = []
+        if options.watchdog_s is None:
+            found.append(
+                "coupler generic has no watchdog that is known: whether the device disables when "
+                "requests stop, and when, is its own setting alone"
+            )
+        if options.boot_id is None and options.rtu is not None:
+            found.append(
+                "no boot_id: on rtu nothing else shows that the device started anew, and its "
+                "counts then begin elsewhere"
+            )
+        for flag in ("amplifier_fault", "encoder_lost", "estop"):
+            untold = [
+                channel.axis
+                for channel in self.channels
+                if getattr(options.channels[channel.number].status, flag) is None
+            ]
+            if untold:
+                axes = ", ".join(untold)
+                found.append(f"no {flag} for {axes}: the device has no way to tell of one")
+        return found
+
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which one exchange fills nine tenths of the period."""
         options = self._modbus

@@ -78,6 +78,7 @@ class SerialDriver(Driver):
         self.exchange_delay_periods = DELAY_PERIODS[options.mode]
         self._polls = options.mode == "poll"
         self._exchanges = options.mode == "exchange"
+        self._streams = options.mode == "stream"
         self._wait_s = options.wait_s or budget.DEFAULT_WAIT_PERIODS * period_s
         self.longest_wait_s = self._wait_s if self._polls else 0.0
         self._command_type = int(
@@ -97,6 +98,7 @@ class SerialDriver(Driver):
         self._poll_frames: tuple[bytes, ...] = ()
         self._take: Callable[..., int] = receiver.take
         self._expect: Callable[..., None] = receiver.expect
+        self._command_sent: Callable[..., None] = receiver.command_sent
         self._lose_count: Callable[..., None] = receiver.lose_count
         self._deliver: Callable[..., None] = receiver.deliver
         self._put_command: Callable[..., int] = frames.put_command
@@ -151,6 +153,7 @@ class SerialDriver(Driver):
         chunk = np.zeros(1, np.uint8)
         self._take = specialise(receiver.take, self._rx, chunk, 0)
         self._expect = specialise(receiver.expect, self._rx, 0)
+        self._command_sent = specialise(receiver.command_sent, self._rx, 0)
         self._lose_count = specialise(receiver.lose_count, self._rx)
         self._deliver = specialise(
             receiver.deliver, self._rx, self._numbers, 0, 0,
@@ -198,7 +201,7 @@ class SerialDriver(Driver):
         if port is None:
             return
         self.safe()
-        if self._settings.mode == "stream":
+        if self._streams:
             port.write(frames.frame_of(bare(FrameType.STOP_STREAM, self._next_number())))
         self._port = None
         port.close()
@@ -225,7 +228,9 @@ class SerialDriver(Driver):
         port = self._port
         if port is not None:
             number = self._next_number()
-            if self._exchanges:  # an answer to an older one was sampled more than a period ago
+            if self._streams:
+                self._command_sent(self._rx, number)
+            elif self._exchanges:  # an answer to an older one was sampled more than a period ago
                 self._expect(self._rx, number)
             self._put_command(
                 self._command_type, number, outputs.volts, outputs.enable,

@@ -49,6 +49,7 @@ RECEIVER = np.dtype(
         ("counter_bits", "i8"),
         ("boot_id", "i8"),  # of the session; -1: there is none
         ("asked", "i8"),  # the number of the frame to be answered; -1: every sample is welcome
+        ("commanded", "i8"),  # stream: the number of the newest command; -1: none
         ("sequence", "i8"),  # of the last accepted frame; -1: none yet
         ("refused_sequence", "i8"),  # of the last STATE if a number of it was refused; else -1
         ("refused_sample", "i8"),
@@ -73,6 +74,9 @@ _CAPABILITIES, _ERROR, _ANSWERED = int(News.CAPABILITIES), int(News.ERROR), int(
 _TYPE_CAPABILITIES, _TYPE_STATE = int(FrameType.CAPABILITIES), int(FrameType.STATE)
 _TYPE_ERROR, _TYPE_POLL = int(FrameType.ERROR), int(FrameType.POLL)
 _NO_SESSION, _WATCHDOG = int(ErrorCode.NO_SESSION), int(StateFlag.WATCHDOG)
+_IN_FORCE = int(StateFlag.IN_FORCE)
+MOST_IN_FLIGHT = 4
+"""Commands newer than the one under which a stream's sample was taken, at most."""
 _INDEX_LATCHED = int(Status.INDEX_LATCHED)
 _COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
 _STALE, _CORRUPT = int(Status.STALE), int(Status.CORRUPT)
@@ -88,7 +92,8 @@ def make_receiver() -> NDArray[Any]:
 def forget(receivers: NDArray[Any]) -> None:
     """End the session: nothing is pending, and whatever comes is the first."""
     receivers[:] = 0
-    for name in ("boot_id", "asked", "sequence", "refused_sequence", "refused_sample", "sample"):
+    unknown = ("boot_id", "asked", "commanded", "sequence", "refused_sequence", "refused_sample")
+    for name in (*unknown, "sample"):
         receivers[name] = -1
 
 
@@ -96,6 +101,12 @@ def forget(receivers: NDArray[Any]) -> None:
 def expect(receivers: NDArray[Any], asked: int) -> None:
     """Tell which number the answer is to name; -1: every sample is welcome."""
     receivers[0].asked = asked
+
+
+@njit(cache=True)
+def command_sent(receivers: NDArray[Any], number: int) -> None:
+    """Tell the number of the newest command, by which a stream's samples are dated."""
+    receivers[0].commanded = number
 
 
 @njit(cache=True)
@@ -204,6 +215,9 @@ def _take_state(rx: Any, size: int) -> int:
     rx.sample = sample
     rx.watchdog = 1 if body[4] & _WATCHDOG else 0
     fresh = rx.asked < 0 or int(body[2]) == rx.asked
+    if rx.commanded >= 0 and body[4] & _IN_FORCE:
+        # The command in force tells when a sample was taken, which a stream does not.
+        fresh = fresh and (rx.commanded - int(body[3])) & 0xFF <= MOST_IN_FLIGHT
     mark_at = marks_at
     for c in range(channels):
         at = STATE_HEAD_BYTES + STATE_CHANNEL_BYTES * c

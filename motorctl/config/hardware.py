@@ -61,6 +61,8 @@ class Exchange:
     """How much later than in a direct exchange a command acts on what was read."""
     wait_s: float
     """How long the loop may have to wait for it in a tick."""
+    advice: tuple[str, ...]
+    """What it leaves open that a safe machine would want."""
 
 
 def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
@@ -70,7 +72,8 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         problems = tuple(driver.problems())
         budget = None if problems else driver.rate_budget()
         delay_s = driver.exchange_delay_periods * period_s
-        return Exchange(problems, budget, delay_s, driver.longest_wait_s)
+        advice = () if problems else tuple(driver.advice())
+        return Exchange(problems, budget, delay_s, driver.longest_wait_s, advice)
     except MotorctlError:
         raise
     except Exception as error:  # a driver of a third party may fail in any way

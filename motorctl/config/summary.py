@@ -46,12 +46,15 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "loop": asdict(machine.loop),
         "log_directory": str(machine.log_directory),
         "notes": [
-            note
-            for name, axis in axes.items()
-            for note in (
-                *_notes(name, axis, machine.axes[name].model),
-                *_exchange_notes(machine.axes[name], drivers[axis["driver"]]["delay_s"]),
-            )
+            *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
+            *(
+                note
+                for name, axis in axes.items()
+                for note in (
+                    *_notes(name, axis, machine.axes[name].model),
+                    *_exchange_notes(machine.axes[name], drivers[axis["driver"]]["delay_s"]),
+                )
+            ),
         ],
         "resolved": dict(machine.resolved),
     }
@@ -77,12 +80,14 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
             assert budget is not None  # the configuration has been checked
         except MotorctlError as error:
             told |= {"max_rate_hz": None, "used": None, "arithmetic": str(error), "delay_s": 0.0}
+            told["advice"] = []
         else:
             told |= {
                 "delay_s": exchange.delay_s,
                 "max_rate_hz": budget.max_rate_hz,
                 "used": 1.0 / period_s / budget.max_rate_hz,
                 "arithmetic": budget.arithmetic,
+                "advice": list(exchange.advice),
             }
         yield name, told
 

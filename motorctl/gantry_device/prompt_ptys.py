@@ -30,7 +30,7 @@ READY = b"raised\n"
 def prompt_ptys() -> Iterator[None]:
     """Keep the workers raised. Raises RunError where that is not allowed."""
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", __name__],
+        [sys.executable, "-P", __file__],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         start_new_session=True,

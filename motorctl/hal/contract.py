@@ -180,6 +180,13 @@ class Driver(ABC):
         """
         return ()
 
+    def advice(self) -> Sequence[str]:
+        """Tell what the options leave open that a safe machine would want, a sentence each.
+
+        `check` shows it as notes; it is no reason to refuse a configuration.
+        """
+        return ()
+
     def prepare(self) -> None:  # noqa: B027 (most drivers have nothing to prepare)
         """Compile and allocate, without any I/O, what would be slow once real time is entered."""
 

@@ -155,7 +155,6 @@ def axis_inputs(
         axis.held_status |= CORRUPT
         axis.doubted_ticks += 1
         hold_position(feedforward, settings, axis, law, elapsed, t)
-        check_freshness(settings, axis, t)
     elif axis.held_ticks and predicts(settings, axis):
         # What the prediction missed is an error of the position, not a speed.
         expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)

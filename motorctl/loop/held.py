@@ -68,12 +68,14 @@ def is_doubtful(
 ) -> bool:
     """Tell whether a sample is one that no motion explains: taken at another time, or damaged.
 
-    Two in a row at most: what stays so is true. A jump that is no motion at all is not doubted, but
-    a fault.
+    A few in a row at most, and never so many that the axis would trip for want of a sample: what
+    stays so is true. A jump that is no motion at all is not doubted, but a fault.
     """
+    if axis.doubted_ticks >= MOST_DOUBTED_TICKS or axis.held_ticks + elapsed > settings.hold_ticks:
+        return False
     step = counter_step(settings, axis, raw)
     ticks = axis.blind_ticks + elapsed
-    if axis.doubted_ticks >= MOST_DOUBTED_TICKS or count_is_ambiguous(settings, axis, step, ticks):
+    if count_is_ambiguous(settings, axis, step, ticks):
         return False
     unit = abs(settings.metres_per_count)
     passed_s, since_s = elapsed * settings.period_s, ticks * settings.period_s

@@ -96,12 +96,12 @@ OVERSPEED_RATIO = 1.2
 DRIFT_WEIGHT = 0.1
 # Where the model can stand in, a sample is doubted that no motion explains: one that is off by more
 # than half a period's motion, this many times the acceleration limit since the last tick, and what
-# a prediction may have missed of it since the last sample. The second doubted one in a row is the
+# a prediction may have missed of it since the last sample. The fourth doubted one in a row is the
 # last: what stays is true.
 DOUBT_PERIODS = 0.5
 DOUBT_ACCELERATION_RATIO = 4.0
 MISSED_ACCELERATION_RATIO = 0.25
-MOST_DOUBTED_TICKS = 2
+MOST_DOUBTED_TICKS = 4
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5

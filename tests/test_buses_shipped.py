@@ -1,0 +1,64 @@
+"""The shipped configurations of a bus, each with the shipped device at the other end."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from buses_bench import DeviceProcess, free_port
+from daemon_rig import Daemon, wait_until
+
+from motorctl.config import load, summarise
+from motorctl.config.shipped import locate_device, shipped_config
+
+RUN_S = 3.0
+
+
+def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Give both files, on ports and a group of this test's own."""
+    host = yaml.safe_load(shipped_config(f"{bus}_gantry").read_text())
+    served = yaml.safe_load(locate_device(Path(device)).read_text())
+    driver = host["drivers"]["gantry"]
+    if bus == "serial":
+        driver["port"] = str(folder / "link")
+    elif bus == "can":
+        port = free_port()
+        driver["port"] = served["serve"]["can"]["port"] = port
+    else:
+        port = free_port()
+        driver["tcp"]["port"] = served["serve"]["modbus"]["tcp"]["port"] = port
+    return host, served
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bus", "device"),
+    [("serial", "serial_box"), ("can", "can_node"), ("modbus", "modbus_coupler")],
+)
+def test_a_shipped_pair_follows_its_programs(tmp_path, bus, device):
+    host, served = _files(bus, device, tmp_path)
+    link = tmp_path / "link" if bus == "serial" else None
+    with (
+        DeviceProcess(tmp_path, served, link) as process,
+        Daemon(tmp_path / "daemon", yaml.safe_dump(host)) as daemon,
+    ):
+        for axis in ("x", "y"):
+            daemon.ask("start", axis=axis)
+            wait_until(lambda axis=axis: daemon.state(axis) == "running", 10.0)
+        time.sleep(RUN_S)
+        assert [daemon.state(axis) for axis in ("x", "y")] == ["running", "running"]
+        assert daemon.end() == 0
+        process.end()
+    assert process.report["watchdog_trips"] == 0
+    assert process.report["refused"] == 0
+
+
+@pytest.mark.parametrize("bus", ["serial", "can", "modbus"])
+def test_a_shipped_configuration_declares_the_delay_of_its_exchange(bus):
+    told = summarise(load(f"{bus}_gantry"))
+    assert told["valid"]
+    assert not [note for note in told["notes"] if "brings a sample with the command" in note]
+    assert not [note for note in told["notes"] if "no boot" in note or "no sequence" in note]
