@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import select
 import signal
 import socket
@@ -24,6 +23,7 @@ from gantry_device_frames import FRAMES, SYNC_ID
 from numpy.typing import NDArray
 
 from motorctl.daemon.client import DaemonRefusedError
+from motorctl.gantry_device.prompt_ptys import can_be_prompt
 from motorctl.log import Recording, read_recording
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
@@ -155,7 +155,7 @@ class DeviceProcess:
         path = folder / "device.yaml"
         path.write_text(yaml.safe_dump(file))
         options = ["--link", str(link)] if link else []
-        if os.geteuid() == 0:  # what is ordered shall be the only fault
+        if can_be_prompt():  # what is ordered shall be the only fault
             options.append("--raise-workers")
         self._process = subprocess.Popen(
             [sys.executable, "-c", MAIN, "gantry-device", str(path), "--json", *options],

@@ -14,6 +14,7 @@ from can_bench import (
     bus,
     channels,
     frames_apart,
+    frames_of_both,
     lone_bytes,
     message,
     opened,
@@ -260,6 +261,19 @@ def test_after_a_wrong_sequence_number_the_third_right_one_is_taken():
             assert bench.read() == ([10, 10], [CORRUPT | STALE] * 2)
         bench.send(state_bytes(13, 13, 5))
         assert bench.read() == ([13, 13], [0, 0])
+
+
+@pytest.mark.parametrize("last", [40, 100, 126, 127])
+def test_a_device_that_began_anew_is_not_taken_for_one_with_a_wrong_number(last):
+    frames = frames_of_both()
+    del frames["positions"]["signals"]["boot"]
+    with opened(frames=frames) as bench:
+        for k in (last - 2, last - 1, last):
+            bench.send(state_bytes(9, 9, k))
+            bench.read()
+        for k in range(6):  # its numbers and its counts begin again
+            bench.send(state_bytes(0, 0, k))
+            assert bench.read() == ([9, 9], [CORRUPT | STALE] * 2)
 
 
 def test_old_frames_that_do_not_follow_each_other_are_never_taken():

@@ -366,3 +366,30 @@ def test_a_wait_shorter_than_the_bus_needs_is_told():
     ((key, text),) = CanDriver(chosen, channels(), 1e-3).problems()
     assert key == ("sync", "wait_s")
     assert "190.0 us" in text
+
+
+def test_what_a_layout_leaves_open_is_told_and_is_no_problem():
+    bare = {
+        "command": {
+            "id": 0x200,
+            "direction": "command",
+            "length": 3,
+            "signals": {
+                "volts": {"means": "volts", "axis": "x", "start": 0, "bits": 16, "signed": True,
+                          "scale": 0.001},
+                "on": {"means": "enable", "axis": "x", "start": 16, "bits": 1},
+            },
+        },
+        "state": {
+            "id": 0x180,
+            "direction": "state",
+            "length": 3,
+            "signals": {"n": {"means": "counts", "axis": "x", "start": 0, "bits": 24}},
+        },
+    }  # fmt: skip
+    given = {"interface": "virtual", "channel": "advice", "frames": bare}
+    driver = CanDriver(CanOptions.model_validate(given), [Channel("x", 0, 1e-6, 24, 10.0)], 1e-3)
+    assert not driver.problems()
+    said = " ".join(driver.advice())
+    for words in ("watchdog", "no sequence in state", "no boot for x", "no estop for x"):
+        assert words in said

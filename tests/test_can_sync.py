@@ -3,6 +3,7 @@
 import threading
 import time
 
+import pytest
 from can_bench import (
     STATE,
     STATE_Y,
@@ -188,3 +189,22 @@ def test_an_answer_that_is_late_by_several_periods_is_never_a_sample_of_this_one
             for timer in late:
                 timer.join()
     assert len(late) > 5
+
+
+@pytest.mark.parametrize("lost", [(), (24,), (22, 24)])
+def test_after_a_wrong_number_the_right_ones_are_taken_again_at_once(lost):
+    wrong = 20
+
+    def answer(k):
+        return [] if k in lost else [message(state_bytes(k, k, k + 90 if k == wrong else k))]
+
+    with on_sync(answer) as (bench, device):
+        fresh = {}
+        while device.samples < wrong + 12:
+            counts, status = bench.read()
+            if status == [0, 0]:
+                fresh[device.samples] = counts[0]
+        assert all(count == k for k, count in fresh.items())  # each of its own SYNC
+        assert set(range(1, wrong)) - set(fresh) <= {1}
+        assert set(range(wrong + 8, wrong + 12)) <= set(fresh)
+        assert not {wrong + 1, wrong + 2} & set(fresh)

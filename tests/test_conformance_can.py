@@ -22,7 +22,7 @@ class CanRig(Rig):
     type_name = "can"
     volts_tolerance_v = 0.5 * 0.0005 + 1e-9
     full_scale_v = 32768 * 0.0005
-    exchanges = 1000
+    exchanges = 400
     peer_class: type[Peer]
     peer: Peer | None = None
     samples_a_fault = 1

@@ -24,7 +24,7 @@ class ModbusRig(Rig):
     channels = (Channel("x", 0, 0.5e-6, 32, 10.0), Channel("y", 1, 0.5e-6, 32, 10.0))
     volts_tolerance_v = 0.5 * VOLTS_PER_COUNT + 1e-9
     full_scale_v = 32768 * VOLTS_PER_COUNT
-    exchanges = 1000
+    exchanges = 400
     peer: Coupler
     heard = 0
 

@@ -24,7 +24,7 @@ class SerialRig(Rig):
     period_s = 5e-3
     volts_tolerance_v = 0.5 * FULL_SCALE_V / 32767 + 1e-9
     full_scale_v = FULL_SCALE_V
-    exchanges = 1000
+    exchanges = 400
     mode = "poll"
     samples_a_fault = 1
 

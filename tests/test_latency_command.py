@@ -84,6 +84,7 @@ def test_the_terminal_shows_verdict_histograms_and_whether_every_tick_is_there(m
     assert "apt-get install rt-tests" in shown
 
 
+@pytest.mark.slow
 def test_a_machine_that_needs_homing_is_homed_first():
     options = LatencyOptions(duration_s=1.0, beside_cyclictest=False)
     latency = measure_latency(load("small_stage"), options, _ignore)
@@ -109,7 +110,9 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_runs(tmp_
 def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, monkeypatch, move):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     machine = load("published_gantry")
-    drivers = {n: dataclasses.replace(d, cls=Device) for n, d in machine.drivers.items()}
+    drivers = {
+        n: dataclasses.replace(d, cls=Device, hold_ticks=1000) for n, d in machine.drivers.items()
+    }
     machine = dataclasses.replace(machine, drivers=drivers)
     assert Device.supports_virtual_time  # which says nothing of what moves
     log = tmp_path / "ticks.parquet"
@@ -130,7 +133,9 @@ def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatc
     options = LatencyOptions(30.0, log, beside_cyclictest=False, move_devices=True)
     message = r"^axis y tripped: the amplifier reports a fault, at .* s; every axis was stopped$"
     machine = with_sim(gantry(), faults=[fault])
-    drivers = {n: dataclasses.replace(d, cls=Device) for n, d in machine.drivers.items()}
+    drivers = {
+        n: dataclasses.replace(d, cls=Device, hold_ticks=1000) for n, d in machine.drivers.items()
+    }
     with pytest.raises(RunError, match=message):
         measure_latency(dataclasses.replace(machine, drivers=drivers), options, _ignore)
     axes = read_recording(log, gaps="keep").axes

@@ -39,7 +39,7 @@ class Deaf(SimDriver):
             inputs.counts[:] = self.heard.counts
             inputs.status[:] = self.heard.status | Status.STALE
         if self.reads - 1 in self.shifted:
-            inputs.counts += self.periods * PERIOD_COUNTS
+            inputs.counts += round(self.periods * PERIOD_COUNTS)
 
 
 def rig_of(*, predict: bool = False, hold_ticks: int = HOLD) -> Rig:
@@ -215,5 +215,16 @@ def test_a_count_that_stays_where_no_motion_led_is_believed_and_trips_nothing(ho
     assert len(held) == doubted
     assert not rows["fault"].any()
     after = rows["position_m"] - quiet["position_m"]
-    after = after[np.flatnonzero(after > SPEED_M_S * TS)[0]]
-    assert after == pytest.approx(3 * SPEED_M_S * TS, rel=0.05)
+    believed = after[np.flatnonzero(after > SPEED_M_S * TS)[0]]
+    assert believed == pytest.approx(3 * SPEED_M_S * TS, rel=0.05)
+
+
+def test_doubted_samples_take_nothing_from_the_ticks_that_may_be_without_one():
+    rows = run((3, 4, 5), predict=True, shifted=(0, 1, 2), periods=3, hold_ticks=3).rows("x")
+    assert np.count_nonzero(rows["flags"] & SampleFlag.HELD) == 6
+    assert not rows["fault"].any()
+
+
+def test_a_sample_that_is_a_little_early_is_believed_and_the_next_one_too():
+    rows = run((), predict=True, shifted=(0, 7, 8, 15), periods=-0.4).rows("x")
+    assert not (rows["flags"] & SampleFlag.HELD).any()

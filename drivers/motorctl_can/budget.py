@@ -16,8 +16,8 @@ SHARE_OF_BUS = 0.8
 WHY_SHARE = "the rest is for repeating a disturbed frame within its period and for jitter"
 SHARE_OF_HOST = 0.5
 # Sending or receiving one frame and its part of the codec. `virtual`: measured on one core of a
-# virtual machine at about half of that. `udp_multicast`: 65 us in the median and 150 us in one
-# period of a hundred, the device's own work in its process included.
+# virtual machine at about half of that. `udp_multicast`: a third of what an exchange of three
+# frames takes, 65 us in the median and 150 us in one of a hundred, the device's work included.
 HOST_COST_S = {"virtual": 15e-6, "udp_multicast": 160e-6}
 # With SYNC the answers have to come back through the adapter within the period.
 ADAPTER_TURNAROUND_S = 0.5e-3

@@ -12,7 +12,9 @@ from motorctl.hal import Status
 from motorctl_can.records import Kind, Records
 
 RESYNCHRONISE = 3
-"""So many frames behind the last number, each following the one before, are right."""
+"""So many frames behind the last number, each following the one before, are right"""
+AFTER_GOOD = 16
+"""if they are at most so far ahead of the number before the last."""
 ACCEPTED, DUPLICATE, BACKWARDS, LATE = 0, 1, 2, 3
 BEFORE_SYNC, AFTER_SYNC, FREE = 0, 1, 2
 
@@ -91,14 +93,17 @@ def take(
                 follows = frame.behind > 0 and sequence == (frame.last_behind + 1) & frame.mask
                 frame.behind = frame.behind + 1 if follows else 1
                 frame.last_behind = sequence
-                if frame.behind < RESYNCHRONISE:
+                # A device that began anew is behind the last good number, too.
+                after_good = (sequence - frame.before) & frame.mask
+                if frame.behind < RESYNCHRONISE or after_good > min(AFTER_GOOD, frame.half - 1):
                     frame.refused = 1
+                    frame.answered += 1
                     return BACKWARDS
-                # So many in their order: the number that was ahead of them was wrong. Those
-                # that were refused have answered, too.
-                frame.owed = max(0, frame.owed - (frame.behind - 1))
+                # The number that was ahead of these was wrong. Those refused have answered, too.
+                frame.owed = max(0, frame.owed - frame.answered)
                 step = 1
-        frame.behind = 0
+        frame.behind, frame.answered = 0, 0
+        frame.before = frame.last if frame.known else sequence
         frame.last = sequence
     late = phase == BEFORE_SYNC
     if phase == AFTER_SYNC:

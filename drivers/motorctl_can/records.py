@@ -65,8 +65,10 @@ FRAME = np.dtype(
         ("half", "i8"),  # from here on a step is one backwards
         ("last", "i8"),  # last sequence accepted, or sent
         ("known", "u1"),  # whether there was one
+        ("before", "i8"),  # the one accepted before it
         ("behind", "i8"),  # frames in a row whose sequence was behind, in their order
         ("last_behind", "i8"),  # the last one's
+        ("answered", "i8"),  # frames refused for their sequence since one was accepted
         ("owed", "i8"),  # answers to SYNC that have not come
         ("silent", "i8"),  # reads without news
         ("patience", "i8"),  # after so many of them it may have restarted

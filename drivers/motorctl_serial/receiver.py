@@ -50,6 +50,7 @@ RECEIVER = np.dtype(
         ("boot_id", "i8"),  # of the session; -1: there is none
         ("asked", "i8"),  # the number of the frame to be answered; -1: every sample is welcome
         ("commanded", "i8"),  # stream: the number of the newest command; -1: none
+        ("outdated", "i8"),  # stream: the command that was in force for too long; -1: none
         ("sequence", "i8"),  # of the last accepted frame; -1: none yet
         ("refused_sequence", "i8"),  # of the last STATE if a number of it was refused; else -1
         ("refused_sample", "i8"),
@@ -92,8 +93,8 @@ def make_receiver() -> NDArray[Any]:
 def forget(receivers: NDArray[Any]) -> None:
     """End the session: nothing is pending, and whatever comes is the first."""
     receivers[:] = 0
-    unknown = ("boot_id", "asked", "commanded", "sequence", "refused_sequence", "refused_sample")
-    for name in (*unknown, "sample"):
+    unknown = ("boot_id", "asked", "commanded", "outdated", "sequence", "sample")
+    for name in (*unknown, "refused_sequence", "refused_sample"):
         receivers[name] = -1
 
 
@@ -216,8 +217,14 @@ def _take_state(rx: Any, size: int) -> int:
     rx.watchdog = 1 if body[4] & _WATCHDOG else 0
     fresh = rx.asked < 0 or int(body[2]) == rx.asked
     if rx.commanded >= 0 and body[4] & _IN_FORCE:
-        # The command in force tells when a sample was taken, which a stream does not.
-        fresh = fresh and (rx.commanded - int(body[3])) & 0xFF <= MOST_IN_FLIGHT
+        # The command in force tells when a sample was taken, which a stream does not. One that
+        # stays in force looks new again when the numbers have come round.
+        in_force = int(body[3])
+        if (rx.commanded - in_force) & 0xFF > MOST_IN_FLIGHT:
+            rx.outdated = in_force
+        elif in_force != rx.outdated:
+            rx.outdated = -1
+        fresh = fresh and rx.outdated < 0
     mark_at = marks_at
     for c in range(channels):
         at = STATE_HEAD_BYTES + STATE_CHANNEL_BYTES * c

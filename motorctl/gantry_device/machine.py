@@ -11,8 +11,8 @@ from motorctl.gantry_device.schedule import NEVER
 from motorctl.hal import Driver, Inputs, Outputs, Status
 
 PHASE = 0.12
-"""Where in the device's period it is asked, once its clock has settled on who asks: so far late
-still brings the sample that was taken on time, and a little early does too."""
+"""Where in the device's period it is asked, once its clock has settled on who asks. So much early,
+or late by what is left of the period, still brings the sample that was taken on time."""
 FOLLOW = 1 / 256
 """How fast the device's instants settle: the part of the difference that one ask corrects."""
 MOST_PERIODS = 1000

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 
 from motorctl.errors import RunError
@@ -23,12 +25,26 @@ LOOK_PERIOD_S = 0.25
 """The kernel starts new ones as it needs them."""
 WORKERS = "kworker/u"
 """Those that are bound to no CPU; the layer of terminals hands its work to them."""
-READY = b"raised\n"
+READY, REFUSED, NONE = b"raised\n", b"refused\n", b"none\n"
+WHY = {
+    REFUSED: "that takes root and CAP_SYS_NICE",
+    NONE: "/proc shows none, as in a container",
+}
+
+
+@cache
+def can_be_prompt() -> bool:
+    """Tell whether the workers can be raised here, by doing it."""
+    try:
+        with prompt_ptys():
+            return True
+    except RunError:
+        return False
 
 
 @contextmanager
 def prompt_ptys() -> Iterator[None]:
-    """Keep the workers raised. Raises RunError where that is not allowed."""
+    """Keep the workers raised. Raises RunError where that is not possible."""
     process = subprocess.Popen(
         [sys.executable, "-P", __file__],
         stdin=subprocess.PIPE,
@@ -38,10 +54,12 @@ def prompt_ptys() -> Iterator[None]:
     assert process.stdin is not None
     assert process.stdout is not None
     try:
-        if process.stdout.readline() != READY:
+        said = process.stdout.readline()
+        if said != READY:
+            why = WHY.get(said, "it failed")
             raise RunError(
-                "the kernel's workers cannot be given a real-time priority: that takes root or "
-                "CAP_SYS_NICE, and a /proc that shows them"
+                "--raise-workers: the kernel's threads that carry pseudo-terminals cannot be "
+                f"given a real-time priority: {why}"
             )
         yield
     finally:
@@ -50,41 +68,53 @@ def prompt_ptys() -> Iterator[None]:
         process.stdout.close()
 
 
-def _raise(raised: dict[int, tuple[int, int]]) -> bool:
-    """Raise the workers that have ordinary priority, and note what they had. False: refused."""
-    for comm in Path("/proc").glob("[0-9]*/comm"):
-        pid = int(comm.parent.name)
-        with suppress(FileNotFoundError, ProcessLookupError):
-            if not comm.read_text().startswith(WORKERS):
-                continue
+def _raise(raised: dict[int, tuple[int, int]]) -> bytes:
+    """Raise the workers that have ordinary priority, and note what they had."""
+    answer = NONE
+    for pid in _workers():
+        with suppress(ProcessLookupError):
+            answer = READY
             policy = os.sched_getscheduler(pid)
             if policy != os.SCHED_OTHER:
-                continue
+                continue  # raised by another device, or by the machine's owner
+            nice = os.getpriority(os.PRIO_PROCESS, pid)
             try:
                 os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
             except PermissionError:
-                return False
-            raised[pid] = policy, os.getpriority(os.PRIO_PROCESS, pid)
-    return bool(raised)
+                return REFUSED
+            raised[pid] = policy, nice
+    return answer
+
+
+def _workers() -> Iterator[int]:
+    for comm in Path("/proc").glob("[0-9]*/comm"):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            if comm.read_text().startswith(WORKERS):
+                yield int(comm.parent.name)
 
 
 def _put_back(raised: dict[int, tuple[int, int]]) -> None:
-    for pid, (policy, nice) in raised.items():
+    for pid in _workers():
+        if pid not in raised:
+            continue
+        policy, nice = raised[pid]
         with suppress(OSError):
-            if os.sched_getparam(pid).sched_priority != PRIORITY:
-                continue
-            os.sched_setscheduler(pid, policy, os.sched_param(0))
-            os.setpriority(os.PRIO_PROCESS, pid, nice)
+            if os.sched_getscheduler(pid) == os.SCHED_FIFO:
+                os.sched_setscheduler(pid, policy, os.sched_param(0))
+                os.setpriority(os.PRIO_PROCESS, pid, nice)
 
 
 def main() -> None:
     """Keep the workers raised until standard input ends."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # a service manager sends them to all at once
     raised: dict[int, tuple[int, int]] = {}
     try:
-        if not _raise(raised):
-            return
-        sys.stdout.buffer.write(READY)
+        answer = _raise(raised)
+        sys.stdout.buffer.write(answer)
         sys.stdout.buffer.flush()
+        if answer != READY:
+            return
         while not select.select([sys.stdin], [], [], LOOK_PERIOD_S)[0]:
             _raise(raised)
     finally:

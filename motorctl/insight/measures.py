@@ -95,7 +95,7 @@ def measure_axis(
     period, words = _period(recording, name, time_s, reference, period_s)
     first, last = _end(time_s, reference, period)
     counted = _under_control(axis)[rows]
-    if period is not None:
+    if period is not None and settling_periods:
         counted &= time_s - time_s[0] >= settling_periods * period
         if not counted.any():
             raise DataError(

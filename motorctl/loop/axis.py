@@ -153,7 +153,7 @@ def axis_inputs(
             check_freshness(settings, axis, t)
     elif predicts(settings, axis) and is_doubtful(correct, settings, axis, raw, elapsed):
         axis.held_status |= CORRUPT
-        axis.doubted_ticks += 1
+        axis.doubted_ticks += elapsed
         hold_position(feedforward, settings, axis, law, elapsed, t)
     elif axis.held_ticks and predicts(settings, axis):
         # What the prediction missed is an error of the position, not a speed.

@@ -68,10 +68,12 @@ def is_doubtful(
 ) -> bool:
     """Tell whether a sample is one that no motion explains: taken at another time, or damaged.
 
-    A few in a row at most, and never so many that the axis would trip for want of a sample: what
-    stays so is true. A jump that is no motion at all is not doubted, but a fault.
+    A few at most between two that are believed, as what stays so is true; the axis does not trip
+    for it. A jump that is no motion at all is not doubted, but a fault. Where device and loop have
+    clocks of their own, samples move by a period now and then, and nothing is doubted.
     """
-    if axis.doubted_ticks >= MOST_DOUBTED_TICKS or axis.held_ticks + elapsed > settings.hold_ticks:
+    most = min(MOST_DOUBTED_TICKS, settings.hold_ticks)
+    if not settings.asked or axis.doubted_ticks + elapsed > most:
         return False
     step = counter_step(settings, axis, raw)
     ticks = axis.blind_ticks + elapsed
@@ -80,10 +82,12 @@ def is_doubtful(
     unit = abs(settings.metres_per_count)
     passed_s, since_s = elapsed * settings.period_s, ticks * settings.period_s
     y = place_of(correct, settings, axis, axis.counts + step)
-    expected = axis.position_m + passed_s * axis.velocity_m_s
+    # One sample that came early or late says much of the speed.
+    v = axis.velocity_m_s if axis.held_ticks else axis.reference_velocity_m_s + axis.drift_m_s
+    expected = axis.position_m + passed_s * v
     jerked = DOUBT_ACCELERATION_RATIO * passed_s**2 + MISSED_ACCELERATION_RATIO * since_s**2
-    reach = DOUBT_PERIODS * abs(axis.velocity_m_s) * settings.period_s
-    reach += jerked * settings.max_acceleration_m_s2 + 8.0 * unit
+    reach = DOUBT_PERIODS * abs(v) * settings.period_s
+    reach += jerked * settings.possible_acceleration_m_s2 + 8.0 * unit
     return abs(y - expected) > reach  # type: ignore[no-any-return]
 
 

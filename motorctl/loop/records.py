@@ -34,6 +34,8 @@ AXIS_SETTINGS = np.dtype(
         ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
         ("hold_ticks", "i8"),  # ticks without a new sample before it trips
         ("predict", "i8"),  # the model moves the position on meanwhile
+        ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
+        ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
     ],
     align=True,
@@ -95,9 +97,9 @@ OVERSPEED_RATIO = 1.2
 # reads as up to twice the speed.
 DRIFT_WEIGHT = 0.1
 # Where the model can stand in, a sample is doubted that no motion explains: one that is off by more
-# than half a period's motion, this many times the acceleration limit since the last tick, and what
-# a prediction may have missed of it since the last sample. The fourth doubted one in a row is the
-# last: what stays is true.
+# than half a period's motion, by this many times what the full voltage accelerates since the last
+# tick, and by what a prediction may have missed of it since the last sample. After so many what
+# stays is true.
 DOUBT_PERIODS = 0.5
 DOUBT_ACCELERATION_RATIO = 4.0
 MISSED_ACCELERATION_RATIO = 0.25
@@ -121,6 +123,10 @@ def fill_axis_settings(
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
     record["hold_ticks"], record["predict"] = setup.hold_ticks, setup.predict
     record["exchange"] = exchange_delay >= 1.0
+    record["asked"] = exchange_delay == round(exchange_delay)
+    estimates = dict(zip(axis.model.parameter_names, axis.estimates, strict=True))
+    fullest_m_s2 = limits.max_voltage_v / estimates["inertia"].initial
+    record["possible_acceleration_m_s2"] = max(fullest_m_s2, limits.max_acceleration_m_s2)
     record["metres_per_count"] = encoder.direction * encoder.resolution_m
     record["offset_m"] = encoder.offset_m
     record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0

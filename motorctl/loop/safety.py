@@ -81,7 +81,8 @@ def check_freshness(settings: Any, axis: Any, t: float) -> None:
 @njit
 def is_overdue(settings: Any, axis: Any) -> bool:
     """Tell whether the last sample is older than an axis may be driven by."""
-    return axis.held_ticks > settings.hold_ticks  # type: ignore[no-any-return]
+    # Samples that were doubted came all the same.
+    return axis.held_ticks - axis.doubted_ticks > settings.hold_ticks  # type: ignore[no-any-return]
 
 
 @njit

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import select
 import signal
 import subprocess
@@ -15,6 +14,7 @@ from typing import Any
 import yaml
 
 from motorctl.errors import RunError
+from motorctl.gantry_device.prompt_ptys import can_be_prompt
 
 READY = "ready: "
 START_S = 120.0
@@ -22,17 +22,12 @@ START_S = 120.0
 END_S = 10.0
 
 
-def may_raise_workers() -> bool:
-    """Tell whether the device may give pseudo-terminals the promptness of a wire."""
-    return os.geteuid() == 0
-
-
 @contextmanager
 def device_running(file: dict[str, Any], folder: Path) -> Iterator[str]:
     """Serve a device from a process of its own, and give its endpoint. Raises RunError."""
     path = folder / "device.yaml"
     path.write_text(yaml.safe_dump(file))
-    settings = ["--raise-workers"] if may_raise_workers() else []
+    settings = ["--raise-workers"] if can_be_prompt() else []
     command = [sys.executable, "-P", "-c", "from motorctl.cli import main; main()"]
     process = subprocess.Popen(
         [*command, "gantry-device", str(path), "--json", *settings],

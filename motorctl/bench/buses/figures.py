@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from motorctl.bench.buses.device import may_raise_workers
 from motorctl.bench.buses.exchanges import exchange_figures
 from motorctl.bench.buses.session import Measured, measure_transport
 from motorctl.bench.buses.transports import transports
@@ -15,6 +14,7 @@ from motorctl.bench.figure import Figure, Target
 from motorctl.bench.findings import Findings
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.errors import MotorctlError
+from motorctl.gantry_device.prompt_ptys import can_be_prompt
 from motorctl.insight.measures import Measures
 
 DURATION_S = 60.0
@@ -48,7 +48,7 @@ def bus_findings(progress: Progress, duration_s: float = DURATION_S) -> Findings
         figures += _figures(measured)
         rows.append(_row(measured))
         notes += [f"{transport.name}: {refusal}" for refusal in measured.refusals]
-    notes.append(PROMPT if may_raise_workers() else NOT_PROMPT)
+    notes.append(PROMPT if can_be_prompt() else NOT_PROMPT)
     notes.append(
         f"Two published axes under C2 for {duration_s:g} s each, the gantry in a process of its "
         "own. eF is the largest error of the last two cycles, L2 the rms error; the first cycle "
