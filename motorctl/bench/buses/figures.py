@@ -24,8 +24,8 @@ PROMPT = (
     "The kernel's threads that carry pseudo-terminals had a real-time priority, as a wire would."
 )
 NOT_PROMPT = (
-    "Not root: the kernel's threads that carry pseudo-terminals had ordinary priority, and any "
-    "other program delays them."
+    "The kernel's threads that carry pseudo-terminals had ordinary priority, as they could not be "
+    "raised here, and any other program delays them."
 )
 TRACKING = Target("ratio", ">=", 0.9)
 """As good as the direct simulation within a tenth."""
