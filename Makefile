@@ -23,7 +23,8 @@ test: $(STAMP) lint
 	$(BIN)/python -m pytest -m 'not slow and wall_clock'
 
 test-slow: $(STAMP)
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
+	$(BIN)/python -m pytest -m 'slow and wall_clock'
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

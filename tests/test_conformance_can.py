@@ -101,11 +101,3 @@ class TestClassicCanFreeRunning(DriverConformance):
     def rig(self):
         with ClassicRig() as rig:
             yield rig
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1500)
-def test_a_hundred_thousand_exchanges_leave_no_memory_behind():
-    with FdRig() as rig:
-        rig.exchanges = 100_000
-        DriverConformance().test_memory_does_not_grow(rig)

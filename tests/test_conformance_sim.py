@@ -87,11 +87,3 @@ class MovingRig(SimRig):
 def test_the_published_machine_gives_the_same_run_twice():
     with MovingRig() as rig:
         DriverConformance().test_virtual_time_gives_the_same_run_twice(rig)
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1500)
-def test_a_million_exchanges_leave_no_memory_behind():
-    with SimRig() as rig:
-        rig.exchanges = 1_000_000
-        DriverConformance().test_memory_does_not_grow(rig)
