@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from motorctl.daemon.client import DaemonRefusedError
 from motorctl.gantry_device.prompt_ptys import can_be_prompt
 from motorctl.log import Recording, read_recording
+from motorctl.log.info import LogInfo, describe
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
 Options = dict[str, Any]
@@ -168,9 +169,9 @@ class DeviceProcess:
         self.endpoint = ""
 
     def __enter__(self) -> DeviceProcess:
-        assert self._process.stdout is not None
-        heard, _, _ = select.select([self._process.stdout], [], [], 120.0)
-        line = self._process.stdout.readline() if heard else ""
+        assert self._process.stderr is not None
+        heard, _, _ = select.select([self._process.stderr], [], [], 120.0)
+        line = self._process.stderr.readline() if heard else ""
         assert line.startswith("ready: "), (line, self._process.poll())
         self.endpoint = line.removeprefix("ready: ").strip()
         return self
@@ -187,7 +188,7 @@ class DeviceProcess:
         out, errors = self._process.communicate(timeout=END_S)
         self.ended_in_s = time.monotonic() - began
         assert (self._process.returncode, errors) == (0, ""), errors
-        self.report = json.loads(out.splitlines()[-1])
+        self.report = json.loads(out)
 
 
 @dataclass(frozen=True)
@@ -204,6 +205,8 @@ class Outcome:
     report: dict[str, Any]
     """The device's."""
     log: Recording
+    info: LogInfo
+    """What `motorctl log info` tells of it."""
 
     def flag(self, axis: str, flag: SampleFlag) -> NDArray[np.bool_]:
         flags = self.log.axes[axis].flags
@@ -273,9 +276,10 @@ def run_with(
             exit_status = daemon.end()
             ended_in_s = time.monotonic() - began
             said, log = daemon.said, read_recording(daemon.log(), gaps="keep")
+            info = describe(daemon.log())
         device.end()
         assert device.ended_in_s < END_S
-    return Outcome(bus, status, said, exit_status, ended_in_s, device.report, log)
+    return Outcome(bus, status, said, exit_status, ended_in_s, device.report, log, info)
 
 
 def calm_run(folder: Path, bus: Bus, faults: Sequence[Options], **settings: Any) -> Outcome:

@@ -29,6 +29,9 @@ GONE = "the bus or the port is gone"
 ANEW = "the device began anew"
 SILENT = "no new sample from the device"
 
+IN_THE_LOG = {REFUSED: "CORRUPT", GONE: "BUS_OFF", ANEW: "DEVICE_RESTARTED", SILENT: "STALE"}
+"""The same in the words of `motorctl log info`."""
+
 SERIAL = ("serial poll", "serial exchange", "serial stream")
 CAN = ("can udp_multicast", "slcan")
 MODBUS = ("modbus tcp", "modbus rtu")
@@ -148,6 +151,9 @@ def _the_log_and_status_tell(outcome: Outcome, axis: str, promise: Promise) -> N
     message = told["fault"]["message"]
     assert all(words in message for words in promise.words), message
     assert f"axis {axis}: fault: {message}" in outcome.said
+    (noted,) = [fault for fault in outcome.info.faults if fault.axis == axis]
+    assert noted.cause == cause.name
+    assert {IN_THE_LOG[words] for words in promise.words} <= set(noted.device)
     trip = outcome.trip_row(axis)
     assert recorded.state is not None
     assert recorded.fault is not None

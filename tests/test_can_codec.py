@@ -248,7 +248,8 @@ def test_an_axis_alone_needs_no_second():
             "command",
             (
                 [
-                    {"name": "VoltsX", "bits": 16, "start": 0, "big": False, "signed": True},
+                    {"name": "VoltsX", "bits": 16, "start": 0, "big": False, "signed": True}
+                    | {"scale": 0.001},
                     {"name": "EnableX", "bits": 1, "start": 16, "big": False},
                 ],
                 3,

@@ -221,15 +221,17 @@ def test_a_bus_that_vanished_is_status_and_not_an_exception():
     with opened() as bench:
         bench.driver._link._bus.shutdown()
         bench.driver.write(bench.outputs)
-        assert bench.read()[1] == [LOST | STALE] * 2
+        assert bench.read()[1] == [LOST | STALE | CORRUPT] * 2
+        assert bench.read()[1] == [LOST | STALE] * 2  # no command was to be sent
         bench.driver.safe()
 
 
 def test_a_transmit_buffer_full_for_three_periods_is_a_lost_bus_until_a_frame_is_sent():
     with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=2) as slow:
-        for lost in (0, 0, 0, 0, COMMUNICATION_LOST, COMMUNICATION_LOST):  # two found room
+        lost = CORRUPT | COMMUNICATION_LOST
+        for told in (0, 0, CORRUPT, CORRUPT, lost, lost):  # two found room
             bench.driver.write(bench.outputs)
-            assert bench.read()[1] == [lost | STALE] * 2
+            assert bench.read()[1] == [told | STALE] * 2
         while slow.recv(0):
             pass
         bench.driver.write(bench.outputs)
@@ -237,7 +239,7 @@ def test_a_transmit_buffer_full_for_three_periods_is_a_lost_bus_until_a_frame_is
         assert bench.read()[1] == [0, 0]
 
 
-def test_two_commands_without_room_do_not_stop_a_machine():
+def test_two_commands_without_room_are_told_and_do_not_stop_a_machine():
     with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=2) as slow:
         for k in range(1, 20):
             for _ in range(4):  # two of four find room
@@ -245,9 +247,34 @@ def test_two_commands_without_room_do_not_stop_a_machine():
             while slow.recv(0):
                 pass
             bench.send(state_bytes(k, k, k))
-            assert bench.read() == ([k, k], [0, 0])
+            assert bench.read() == ([k, k], [CORRUPT] * 2)
             while slow.recv(0):
                 pass
+
+
+def told_of_periods(bench, slow, room):
+    """Give what each read tells after a write with room for the commands, or without."""
+    told = []
+    for has_room in room:
+        if has_room:
+            while slow.recv(0):
+                pass
+        bench.driver.write(bench.outputs)
+        told.append(bench.read()[1][0] & ~STALE)
+    return told
+
+
+def test_commands_that_are_refused_in_two_of_three_periods_are_a_lost_bus():
+    with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=1) as slow:
+        told = told_of_periods(bench, slow, [True, False, False] * 4)
+    lost = CORRUPT | COMMUNICATION_LOST
+    assert told[:6] == [0, CORRUPT, CORRUPT, 0, CORRUPT, lost]
+    assert told[6:] == [0, lost, lost] * 2
+
+
+def test_commands_that_are_refused_in_every_second_period_are_told_each_time():
+    with opened() as bench, bus(bench.driver.options.channel, rx_queue_size=1) as slow:
+        assert told_of_periods(bench, slow, [True, False] * 20) == [0, CORRUPT] * 20
 
 
 def test_after_a_wrong_sequence_number_the_third_right_one_is_taken():
@@ -261,6 +288,42 @@ def test_after_a_wrong_sequence_number_the_third_right_one_is_taken():
             assert bench.read() == ([10, 10], [CORRUPT | STALE] * 2)
         bench.send(state_bytes(13, 13, 5))
         assert bench.read() == ([13, 13], [0, 0])
+
+
+def test_a_wrong_sequence_number_a_little_ahead_is_passed():
+    with opened() as bench:
+        for k in (1, 2, 3 + 16):
+            bench.send(state_bytes(k, k, k))
+            assert bench.read() == ([k, k], [0, 0])
+        for k in range(4, 20):
+            bench.send(state_bytes(k, k, k))
+            assert bench.read()[0] == [19, 19]
+        bench.send(state_bytes(20, 20, 20))
+        assert bench.read() == ([20, 20], [0, 0])
+
+
+@pytest.mark.parametrize(
+    ("sent", "again"),
+    [
+        ((10, 11, 12, 13, 14), (11, 12, 13)),  # repeated
+        ((10, 11, 12, 13, 14), (12, 13, 14)),
+        ((10, 14), (11, 12, 13)),  # overtaken
+        ((10, 30), (27, 28, 29)),  # and many lost
+        ((20, 120, 21, 22, 23), (21, 22, 23)),  # after a number that was wrong
+    ],
+)
+def test_old_frames_are_refused_though_they_follow_one_another(sent, again):
+    with opened() as bench:
+        for k in sent:
+            bench.send(state_bytes(k, k, k))
+            bench.read()
+        newest = sent[-1]
+        for k in again:
+            bench.send(state_bytes(k, k, k))
+            counts, status = bench.read()
+            assert (counts, status[0] & STALE) == ([newest, newest], STALE)
+        bench.send(state_bytes(newest + 1, newest + 1, newest + 1))
+        assert bench.read() == ([newest + 1, newest + 1], [0, 0])
 
 
 @pytest.mark.parametrize("last", [40, 100, 126, 127])

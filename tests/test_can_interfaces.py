@@ -303,7 +303,7 @@ def test_no_buffer_space_for_three_periods_is_communication_lost_and_not_bus_off
     bus.trouble = OSError(errno.ENOBUFS, "No buffer space available")
     for lost in (0, 0, int(Status.COMMUNICATION_LOST)):
         driver.write(Outputs(2))
-        assert seen(driver, inputs)[1] == [lost | STALE] * 2
+        assert seen(driver, inputs)[1] == [lost | STALE | int(Status.CORRUPT)] * 2
     bus.trouble = None
     driver.write(Outputs(2))
     assert seen(driver, inputs)[1] == [STALE] * 2

@@ -233,6 +233,22 @@ CASES = {
         "watchdog_s",
         "0.001 to 0.063 s",
     ),
+    "a watchdog so short that it would be sent as 0, which is off": (
+        {
+            **signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.001)),
+            "watchdog_s": 0.0005,
+        },
+        "watchdog_s",
+        "0.001 to 0.063 s",
+    ),
+    "a watchdog whose raw number would be 0": (
+        {
+            **signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.001, offset=0.1)),
+            "watchdog_s": 0.1,
+        },
+        "watchdog_s",
+        "0 there is off",
+    ),
     "a multicast address that is none": (
         {"interface": "udp_multicast", "channel": "10.0.0.1"},
         "channel",
@@ -263,6 +279,24 @@ def test_several_problems_are_told_at_once():
     frames = edited("positions", "id", 0x200)["frames"]
     frames["command"]["length"] = 9
     assert len(told({"interface": "virtual", "channel": "here", "frames": frames})) >= 2
+
+
+def test_keys_layout_sync_and_watchdog_are_told_at_once():
+    frames = edited("positions", "signals", "counts_y", "start", 20)["frames"]
+    given = {"interface": "virtual", "channel": "here", "frames": frames, "data_bitrate": 5000000}
+    given |= {"watchdog_s": 0.1, "sync": {"id": 0x180, "wait_s": 1e-4}}
+    assert {key for key, _ in told(given)} == {
+        "data_bitrate",
+        "frames.positions.signals.counts_y.start",
+        "sync.id",
+        "watchdog_s",
+    }
+
+
+def test_a_watchdog_signal_that_cannot_be_is_told_once():
+    frames = signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.0))["frames"]
+    given = {"interface": "virtual", "channel": "here", "frames": frames, "watchdog_s": 0.1}
+    assert [key for key, _ in told(given)] == ["frames.command.signals.watchdog.scale"]
 
 
 @pytest.fixture
@@ -313,6 +347,13 @@ def test_a_wrong_pointer_into_a_dbc_file_is_refused(folder, more, key, words):
     assert any(loc == key and words in text for loc, text in found), found
 
 
+@pytest.mark.parametrize("counts", [None, 3, True])
+def test_a_pointer_that_is_none_is_one_message(folder, counts):
+    (found,) = told(dbc_options(y={"counts": counts}), {"directory": folder})
+    text = "should be Frame.Signal, {signal: Frame.Signal, inverted: true}, or a list of"
+    assert (found[0], text in found[1]) == ("signals.y.counts", True)
+
+
 def test_an_axis_that_dbc_pointers_leave_incomplete_is_refused(folder):
     given = dbc_options()
     given["signals"] = {**POINTERS, "y": {"counts": "Positions.CountY"}}
@@ -359,6 +400,57 @@ def test_volts_that_the_frame_cannot_carry_are_told():
     high = [Channel(a, i, 1e-6, 24, 20.0) for i, a in enumerate("xy")]
     keys = [key for key, _ in CanDriver(options(), high, 1e-3).problems()]
     assert keys == [("frames", "command", "signals", f"volts_{a}", "bits") for a in "xy"]
+
+
+def volts_problems(**volts):
+    frames = frames_of_both()
+    for axis in "xy":
+        frames["command"]["signals"][f"volts_{axis}"] |= volts
+    return CanDriver(options(frames=frames), channels(), 1e-3).problems()
+
+
+@pytest.mark.parametrize("scale", [10 / 32767, 10 / 32768, -10 / 32768, 0.001])
+def test_volts_that_miss_the_limit_by_a_step_at_most_are_enough(scale):
+    assert not volts_problems(scale=scale)
+
+
+@pytest.mark.parametrize(
+    ("volts", "key", "words"),
+    [
+        ({"scale": 25.0}, "scale", "steps of 25 V"),  # 10 V would be sent as 0
+        ({"scale": 1e300}, "scale", "0.2 V at most"),
+        ({"scale": 0.1, "bits": 8, "signed": False}, "bits", "0 to 25.5 V"),
+        ({"scale": 0.15, "bits": 7}, "bits", "-9.6 to 9.45 V"),
+    ],
+)
+def test_volts_that_say_the_limits_roughly_or_not_at_all_are_told(volts, key, words):
+    found = volts_problems(**volts)
+    assert [k[3:] for k, _ in found] == [("volts_x", key), ("volts_y", key)]
+    assert all(words in text and "limits.max_voltage_v 10" in text for _, text in found)
+
+
+def test_volts_that_cannot_say_zero_are_told():
+    found = volts_problems(scale=0.001, offset=0.4e-3 + 1e-3 * 0.6)
+    assert not found  # a whole step
+    found = volts_problems(scale=0.1, bits=16, offset=0.05)
+    assert [k[-1] for k, _ in found] == ["offset", "offset"]
+    assert "0 V would be sent as" in found[0][1]
+
+
+def test_a_read_that_looks_at_too_few_frames_is_told():
+    ((key, text),) = CanDriver(options(max_frames_per_read=1), channels(), 1e-3).problems()
+    assert key == ("max_frames_per_read",)
+    assert "at least" in text
+
+
+def test_a_watchdog_that_one_late_period_would_trip_is_told():
+    chosen = options(
+        **signal("command", "watchdog", bits("watchdog", 34, 6, scale=0.001)), watchdog_s=0.0024
+    )
+    assert not CanDriver(chosen, channels(), 1e-3).problems()
+    ((key, text),) = CanDriver(chosen, channels(), 1.1e-3).problems()
+    assert key == ("watchdog_s",)
+    assert text == "found 0.0024, sent as 0.002 s, must be at least 2 periods of 0.0011 s"
 
 
 def test_a_wait_shorter_than_the_bus_needs_is_told():

@@ -165,9 +165,9 @@ def test_error_frames_and_a_full_transmit_buffer_are_told_as_the_page_says(told)
         "bus-off again": both(GONE | STALE, 0),
         "heard after bus-off": both(FINE, 1),
         "warning": both(CORRUPT, 2),
-        "no room 0": both(STALE, 2),
-        "no room 1": both(STALE, 2),
-        "no room 2": both(int(Status.COMMUNICATION_LOST) | STALE, 2),
+        "no room 0": both(STALE | CORRUPT, 2),
+        "no room 1": both(STALE | CORRUPT, 2),
+        "no room 2": both(int(Status.COMMUNICATION_LOST) | STALE | CORRUPT, 2),
         "room again": both(FINE, 3),
     }
 

@@ -191,6 +191,39 @@ def test_an_answer_that_is_late_by_several_periods_is_never_a_sample_of_this_one
     assert len(late) > 5
 
 
+def test_old_answers_that_follow_one_another_are_no_samples():
+    again = {15: 12, 16: 13, 17: 14}
+
+    def answer(k):
+        number = again.get(k, k)
+        return [message(state_bytes(number, number, number))]
+
+    with on_sync(answer, wait_s=0.1) as (bench, device):
+        fresh = []
+        while device.samples < 30:
+            counts, status = bench.read()
+            if not status[0] & STALE:
+                assert counts[0] == device.samples
+                fresh.append(counts[0])
+        assert not set(again) & set(fresh)
+        assert fresh[-1] == 30
+
+
+def test_a_sync_without_room_is_told_and_counts_like_a_command():
+    with on_sync(wait_s=0.01) as (bench, device):
+        device.answer = lambda _: []
+        with bus(bench.driver.options.channel, rx_queue_size=1) as slow:
+            bench.send(b"", identifier=0x7FF)
+            told = []
+            for _ in range(5):
+                told.append(bench.read()[1][0] & ~STALE)
+                while slow.recv(0):
+                    pass
+                bench.driver.write(bench.outputs)  # leaves no room for SYNC
+            lost = CORRUPT | int(Status.COMMUNICATION_LOST)
+            assert told == [CORRUPT, CORRUPT, CORRUPT, lost, lost]
+
+
 @pytest.mark.parametrize("lost", [(), (24,), (22, 24)])
 def test_after_a_wrong_number_the_right_ones_are_taken_again_at_once(lost):
     wrong = 20

@@ -1,12 +1,13 @@
 """`motorctl check` and `motorctl drivers` as a user meets them."""
 
 import json
+import re
 import subprocess
 import sys
 
 import pytest
 import typer
-from config_bench import MACHINE, machine, write
+from config_bench import MACHINE, BenchDriver, machine, write
 from typer.testing import CliRunner
 
 from motorctl.cli import check, drivers
@@ -97,6 +98,79 @@ def test_a_driver_that_fails_to_load_is_listed_with_its_reason(tmp_path, monkeyp
     assert listed["sim"]["loaded"]
     assert not listed["broken"]["loaded"]
     assert "no bus here" in listed["broken"]["error"]
+
+
+WITHOUT = "import sys; sys.modules['{0}'] = None; from motorctl.cli import main; main()"
+"""The command line where a library is not installed."""
+
+
+@pytest.mark.parametrize(
+    ("bus", "module"), [("can", "can"), ("serial", "serial"), ("modbus", "pymodbus")]
+)
+def test_a_bus_without_its_library_is_one_line_that_says_how_to_install_it(bus, module):
+    command = [sys.executable, "-c", WITHOUT.format(module), "check", f"{bus}_gantry"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert f"module '{module}" in done.stderr
+    assert f"pip install 'motorctl[{bus}]'" in done.stderr
+
+
+def test_the_library_of_one_bus_is_not_missed_by_another():
+    command = [sys.executable, "-c", WITHOUT.format("can"), "check", "serial_gantry"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("late", "shown"),
+    [
+        ({}, "hold 3 ticks"),
+        ({"hold_ticks": 1, "predict": True}, "predict 1 tick │"),
+        ({"hold_ticks": 0}, "│ trip │"),
+    ],
+)
+def test_what_follows_where_no_sample_comes_is_shown_with_each_driver(
+    tmp_path, monkeypatch, late, shown
+):
+    monkeypatch.setenv("COLUMNS", "110")
+    result = run("check", write(tmp_path, machine(drivers__line__late=late)))
+    assert shown in " ".join(result.stdout.split())
+
+
+def test_how_late_a_command_acts_is_shown_with_each_driver(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "110")
+    path = write(tmp_path, MACHINE)
+    assert "│ none  │" in run("check", path).stdout
+    monkeypatch.setattr(BenchDriver, "exchange_delay_periods", 1.0)
+    assert "│ 0.5 ms │" in run("check", path).stdout
+
+
+def with_rates(loop_hz, own_hz):
+    return machine(rate_hz=loop_hz, drivers__line__rate_hz=own_hz)
+
+
+@pytest.mark.parametrize("own_hz", [333.333, 333.3333333, 1000 / 3])
+def test_a_part_that_no_decimal_can_be_is_taken_as_the_whole_part_that_it_means(tmp_path, own_hz):
+    summary = json.loads(run("check", write(tmp_path, with_rates(1000, own_hz)), "--json").stdout)
+    assert summary["drivers"]["line"]["rate_hz"] == pytest.approx(1000 / 3, rel=1e-15)
+
+
+def test_a_rate_that_is_no_part_is_refused_with_two_that_are_accepted(tmp_path):
+    refused = run("check", write(tmp_path, with_rates(1000, 300)))
+    assert isinstance(refused.exception, ConfigError)
+    (problem,) = [p for p in refused.exception.problems if p.key == "drivers.line.rate_hz"]
+    near = re.search("near: (.+) or (.+)$", problem.message).groups()
+    assert near == ("250", "333.333")
+    for own_hz in near:
+        assert run("check", write(tmp_path, with_rates(1000, float(own_hz)))).exit_code == 0
+
+
+def test_the_tables_of_a_machine_fit_a_terminal_of_110_columns(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "110")
+    lines = run("check", "serial_gantry").stdout.splitlines()
+    assert max(map(len, lines)) <= 110
+    assert any("│ gantry │ serial " in line and "predict 50 ticks" in line for line in lines)
 
 
 def test_a_configuration_is_found_next_to_where_one_works(tmp_path):

@@ -8,12 +8,20 @@ from test_conformance_modbus import TcpRig
 from test_conformance_serial import SerialRig
 from test_conformance_sim import SimRig
 
+from motorctl.hal import Driver
 from motorctl.hal.conformance import DriverConformance, Rig
+
+
+class HurriedCanRig(FdRig):
+    """Its next SYNC finds the device done with the commands before: they are in one queue."""
+
+    def pass_period(self, driver: Driver) -> None:
+        pass
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(2400)
-@pytest.mark.parametrize("rig_class", [FdRig, SerialRig, TcpRig, SimRig])
+@pytest.mark.parametrize("rig_class", [HurriedCanRig, SerialRig, TcpRig, SimRig])
 def test_a_million_exchanges_leave_no_memory_behind(rig_class: type[Rig]):
     with rig_class() as rig:
         rig.exchanges = 1_000_000

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import can
 import pytest
-from gantry_device_bench import RawPort, device_data, running, until
+from gantry_device_bench import RawPort, device_data, running, until, write_device
 from gantry_device_frames import (
     CHANNELS,
     DBC,
@@ -17,6 +17,9 @@ from gantry_device_frames import (
     SYNC_ID,
     CanPeer,
 )
+
+from motorctl.errors import ConfigError
+from motorctl.gantry_device import load_device
 
 _NAMES = iter(range(10**6))
 
@@ -121,6 +124,35 @@ def test_a_layout_from_a_dbc_file_is_the_files(tmp_path, channel) -> None:
         assert message.arbitration_id == STATE_ID
         assert int.from_bytes(message.data[:3], "big", signed=True) > 300
         assert message.data[6] == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"frames": {**FRAMES, "state": {**FRAMES["state"], "id": 0x200}}},
+         "serve.can.frames.state.id: frame state has 0x200, as frame command has"),
+        ({"sync": {"id": STATE_ID}}, "serve.can.sync.id: SYNC has 0x180, as frame state has"),
+        ({"sync": {"id": 0x200}}, "serve.can.sync.id: SYNC has 0x200, as frame command has"),
+    ],
+)  # fmt: skip
+def test_two_frames_of_one_identifier_are_refused(tmp_path, channel, change, said) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_device(write_device(tmp_path, _data(channel, can=change)))
+    assert said in str(caught.value)
+
+
+def test_two_frames_of_one_identifier_in_a_dbc_file_are_refused(tmp_path, channel) -> None:
+    (tmp_path / "bench.dbc").write_text(DBC.replace("BO_ 384", "BO_ 512"))
+    data = _data(channel, can={"dbc": "bench.dbc", "signals": DBC_SIGNALS})
+    del data["serve"]["can"]["frames"]
+    said = "serve.can.dbc: frame Command has 0x200, as frame Positions has"
+    with pytest.raises(ConfigError, match=said):
+        load_device(write_device(tmp_path, data))
+
+
+def test_identifiers_of_11_and_29_bits_are_not_the_same(tmp_path, channel) -> None:
+    sync = {"id": STATE_ID, "extended": True}
+    load_device(write_device(tmp_path, _data(channel, can={"sync": sync})))
 
 
 def test_fd_frames_carry_more(tmp_path, channel) -> None:

@@ -91,3 +91,44 @@ def test_a_long_pause_is_caught_up_to_a_bound(machine):
     start_ns = time.monotonic_ns()
     first, last = asked(machine, [start_ns + PERIOD_NS, start_ns + 10_000 * PERIOD_NS])
     assert last - first == 1000
+
+
+class Pushed(Counting):
+    """Its count is the number of periods in which it had volts."""
+
+    volts = 0.0
+
+    def advance(self):
+        self.passed += self.volts != 0.0
+
+    def write(self, outputs):
+        self.volts = float(outputs.volts[0])
+
+
+def pushed(watchdog_s):
+    made = Machine(Pushed(DriverOptions(), (), PERIOD_S), [32], watchdog_s, [None], [True])
+    made.open()
+    start_ns = time.monotonic_ns()
+    made.command(0, 3.0, True, start_ns)
+    made.apply(start_ns)
+    return made, start_ns
+
+
+def test_the_watchdog_ends_the_volts_when_it_is_due_however_late_the_process_is():
+    machine, start_ns = pushed(watchdog_s=0.05)
+    machine.check_watchdog(start_ns + 400 * PERIOD_NS)
+    machine.catch_up(start_ns + 400 * PERIOD_NS)
+    assert machine.counts[0] == pytest.approx(50, abs=1)
+    assert machine.tripped == [True]
+    assert machine.watchdog_trips == 1
+    assert not machine.any_enabled
+
+
+def test_what_moved_before_the_amplifiers_are_disabled_has_moved():
+    machine, _ = pushed(watchdog_s=None)
+    time.sleep(0.02)
+    machine.disable_all()
+    assert machine.counts[0] >= 19
+    moved = machine.counts[0]
+    machine.catch_up(time.monotonic_ns() + 10 * PERIOD_NS)
+    assert machine.counts[0] == moved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -134,6 +135,46 @@ def test_a_link_needs_a_serial_port(tmp_path) -> None:
         load_device(write_device(tmp_path, device_data(TCP)), tmp_path / "link")
 
 
+def _open_and_close(path: Path, link: Path) -> None:
+    device = load_device(path, link)
+    device.open()
+    try:
+        assert str(link.readlink()) == device.endpoint.address
+    finally:
+        device.close()
+
+
+@pytest.mark.parametrize("old", [None, "/dev/pts/99999"])
+def test_a_link_takes_the_place_of_one_that_a_run_left(tmp_path, old) -> None:
+    link = tmp_path / "box"
+    if old is not None:
+        link.symlink_to(old)
+    _open_and_close(write_device(tmp_path, device_data({"serial": {}})), link)
+    assert not link.is_symlink()
+
+
+def test_a_link_takes_the_place_of_one_to_a_living_terminal(tmp_path) -> None:
+    link = tmp_path / "box"
+    numbers = os.openpty()
+    link.symlink_to(os.ttyname(numbers[1]))
+    _open_and_close(write_device(tmp_path, device_data({"serial": {}})), link)
+    for number in numbers:
+        os.close(number)
+
+
+@pytest.mark.parametrize("target", ["precious", "/dev/null", "/dev/pts/../null", "gone"])
+def test_a_link_to_anything_else_is_refused_and_stays(tmp_path, target) -> None:
+    (tmp_path / "precious").write_text("a user's own")
+    link = tmp_path / "box"
+    link.symlink_to(target)
+    device = load_device(write_device(tmp_path, device_data({"serial": {}})), link)
+    with pytest.raises(RunError, match=f"^--link {link}: points to {target}, .*another path$"):
+        device.open()
+    device.release()
+    assert str(link.readlink()) == target
+    assert (tmp_path / "precious").read_text() == "a user's own"
+
+
 def test_a_port_in_use_is_one_clear_message(tmp_path) -> None:
     first = load_device(write_device(tmp_path, device_data(TCP)))
     first.open()
@@ -148,8 +189,13 @@ def test_a_port_in_use_is_one_clear_message(tmp_path) -> None:
         first.close()
 
 
-def _start(path: Path, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", "from motorctl.cli import main; main()", "gantry-device"]
+MAIN = "from motorctl.cli import main; main()"
+NO_CAN = f"import sys; sys.modules['can'] = sys.modules['cantools'] = None; {MAIN}"
+"""The command line where the libraries of CAN are not installed."""
+
+
+def _start(path: Path, *options: str, main: str = MAIN) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", main, "gantry-device"]
     return subprocess.Popen(
         [*command, str(path), *options],
         stdout=subprocess.PIPE,
@@ -165,8 +211,8 @@ def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None
     path = write_device(tmp_path, device_data({"serial": {}}, watchdog_s=0.1, faults=[silence]))
     with _start(path, "--link", str(link), "--json") as process:
         try:
-            assert process.stdout is not None
-            ready = process.stdout.readline()
+            assert process.stderr is not None
+            ready = process.stderr.readline()
             assert ready == f"ready: {link.readlink()}\n"
             with SerialPeer(link) as peer:
                 peer.hello(watchdog_ms=30)
@@ -180,7 +226,7 @@ def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None
         finally:
             process.kill()
     assert (process.returncode, err) == (0, "")
-    told = json.loads(out)
+    told = json.loads(out)  # and nothing else is on stdout
     assert told["watchdog_trips"] == 1
     assert told["commands"] == 1
     assert told["exchanges"] >= 5
@@ -191,6 +237,31 @@ def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None
     assert told["longest_pause_s"] >= 0.0
     assert told["travelled_counts"][0][1] > 10
     assert not link.is_symlink()
+
+
+@pytest.mark.parametrize("serve", [{"serial": {}}, TCP], ids=["serial", "modbus"])
+def test_without_json_the_endpoint_is_on_stdout_and_no_bus_needs_the_libraries_of_can(
+    tmp_path, serve
+) -> None:
+    with _start(write_device(tmp_path, device_data(serve)), main=NO_CAN) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("ready: ")
+            process.send_signal(signal.SIGTERM)
+            out, err = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert (process.returncode, out, err) == (0, "", "")
+
+
+def test_without_the_libraries_of_can_its_device_says_how_to_install_them(tmp_path) -> None:
+    path = write_device(tmp_path, _can())
+    with _start(path, main=NO_CAN) as process:
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert err.startswith(f"motorctl: {path}:")
+    assert "serve.can: module 'can' is missing; pip install 'motorctl[can]'" in err
 
 
 def test_a_wrong_file_ends_the_command_with_status_2_and_one_line(tmp_path) -> None:

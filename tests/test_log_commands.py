@@ -11,7 +11,10 @@ from typer.testing import CliRunner
 from motorctl.cli import log as command
 from motorctl.errors import DataError, UsageError
 from motorctl.log import LogWriter, read_recording
-from motorctl.log.sample import FaultCause
+from motorctl.log.sample import FaultCause, SampleFlag
+
+READ_ROWS = 65536
+"""So many rows of Parquet are read at once."""
 
 
 @pytest.fixture
@@ -50,8 +53,8 @@ def test_info_shows_rows_span_axes_and_faults(invoke, tmp_path):
     assert document["axes"] == ["x", "y"]
     assert (document["begin_s"], document["end_s"]) == (0.0, 2.999)
     assert document["faults"] == [
-        {"time_s": 2.0, "axis": "y", "cause": "FOLLOWING_ERROR"},
-        {"time_s": 2.5, "axis": "x", "cause": "ESTOP"},
+        {"time_s": 2.0, "axis": "y", "cause": "FOLLOWING_ERROR", "device": []},
+        {"time_s": 2.5, "axis": "x", "cause": "ESTOP", "device": []},
     ]
     assert document["metadata"]["machine"] == "bench"
     shown = invoke("info", path).stdout
@@ -133,3 +136,30 @@ def test_recover_gives_json_and_takes_another_name(invoke, crashed, tmp_path):
         "partial_kept": False,
     }
     assert read_recording(out).metadata["seed"] == 4
+
+
+def test_info_tells_what_the_device_said_before_a_fault(invoke, tmp_path):
+    stale, corrupt, switch = 256, 512, 64
+    ticks, samples = make_rows(READ_ROWS + 100)
+    samples["flags"] = 0
+    samples["device_status"] = switch
+    # Held from before the end of one batch into the next; what was told earlier is past.
+    held = slice(READ_ROWS - 20, READ_ROWS + 30)
+    samples["flags"][held, 0] = SampleFlag.HELD
+    samples["device_status"][held, 0] = stale
+    samples["device_status"][READ_ROWS - 15, 0] = stale | corrupt
+    samples["fault"][READ_ROWS + 29 :, 0] = FaultCause.NO_NEW_SAMPLE
+    names = {stale: "STALE", corrupt: "CORRUPT", switch: "LIMIT_NEGATIVE"}
+    path = write_log(tmp_path / "run.parquet", (ticks, samples), {"device_statuses": names})
+    (fault,) = json.loads(invoke("info", path, "--json").stdout)["faults"]
+    assert fault["cause"] == "NO_NEW_SAMPLE"
+    assert fault["device"] == ["STALE", "CORRUPT"]
+    assert "NO_NEW_SAMPLE (device: STALE, CORRUPT)" in invoke("info", path).stdout
+
+
+def test_a_log_without_the_devices_word_tells_its_faults_all_the_same(invoke, tmp_path):
+    ticks, samples = make_rows(100)
+    samples["fault"][50:, 0] = FaultCause.ESTOP
+    path = write_log(tmp_path / "run.parquet", (ticks, samples))
+    (fault,) = json.loads(invoke("info", path, "--json").stdout)["faults"]
+    assert (fault["cause"], fault["device"]) == ("ESTOP", [])

@@ -134,7 +134,7 @@ def test_without_real_time_the_loop_refuses_where_it_shall():
     ("cls", "said"),
     [
         (failing_drivers.RaisesWhileReading, "OSError: the cable is out"),
-        (failing_drivers.DoesNotOpen, "no device at the other end"),
+        (failing_drivers.DoesNotOpen, "drivers.gantry: no device at the other end"),
     ],
 )
 def test_a_driver_that_breaks_ends_the_loop_with_safe_outputs(cls, said, tmp_path):

@@ -55,6 +55,30 @@ def test_a_driver_is_told_what_it_serves():
     assert driver.channels[0].max_voltage_v == 10.0
 
 
+def with_channels(x: int, y: int):
+    machine = with_driver(gantry(), Still)
+    return with_axes(with_axes(machine, ["x"], channel=x), ["y"], channel=y)
+
+
+def test_a_drivers_arrays_are_in_the_order_of_its_channels_numbers():
+    (driver,) = make_drivers(with_channels(x=1, y=0)).values()
+    assert [(c.axis, c.number) for c in driver.channels] == [("y", 0), ("x", 1)]
+
+
+@pytest.mark.slow  # another wiring is another compiled tick
+def test_axes_may_stand_in_another_order_than_their_channels():
+    rig = Rig(with_channels(x=1, y=0))
+    rig.tick.open(virtual=True)
+    rig.start()
+    rig.driver.counts[:] = 5, 2
+    rig.advance(1)
+    assert rig.last("x")["position_m"] == pytest.approx(1.0e-6)
+    assert rig.last("y")["position_m"] == pytest.approx(2.5e-6)
+    y_v, x_v = rig.driver.volts.tolist()
+    assert (x_v, y_v) == (rig.last("x")["command_v"], rig.last("y")["command_v"])
+    assert x_v != y_v
+
+
 class DoesNotOpen(Still):
     """There is no such device."""
 

@@ -190,7 +190,7 @@ def test_a_missing_port_is_named():
 
 
 def test_what_is_no_serial_port_is_named():
-    with pytest.raises(RunError, match=r"^rtu.port: cannot open /dev/null: "):
+    with pytest.raises(RunError, match=r"^rtu.port: /dev/null is no serial port$"):
         make(rtu={"port": "/dev/null", "baud": 9600}).open()
 
 
@@ -199,6 +199,18 @@ def test_settings_that_a_port_refuses_are_named():
     with pytest.raises(RunError, match=f"^rtu.baud: {peer.port} refuses 9600 baud, parity even"):
         make(rtu={"port": peer.port, "baud": 9600, "parity": "even"}).open()
     peer.close()
+
+
+def test_low_latency_that_a_port_refuses_is_noted(monkeypatch):
+    bench = opened()
+    assert bench.driver.notes == ()  # a pseudo-terminal has no such mode
+    bench.driver.close()
+    monkeypatch.setattr("motorctl_modbus.opening.PSEUDO_TERMINALS", ())  # as if it had
+    bench.open()
+    (note,) = bench.driver.notes
+    assert note.startswith(f"rtu.port: {bench.peer.port} refuses low latency (")
+    assert "16 ms" in note
+    bench.close()
 
 
 def test_a_silent_line_is_told_with_what_to_check():

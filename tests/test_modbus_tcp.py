@@ -1,5 +1,6 @@
 """The Modbus driver on TCP, step by step against a device that does what the test says."""
 
+import copy
 import time
 import tracemalloc
 
@@ -215,6 +216,33 @@ def test_safe_after_a_loss_connects_for_itself(bench):
     bench.peer.accept()
     request = bench.peer.request()
     assert (request.function, request.registers) == (16, [0, 0, 0, 0])
+
+
+def test_a_channel_that_no_axis_uses_stays_at_its_zero_and_disabled():
+    unused = copy.deepcopy(CHANNELS)
+    # Offset binary, beyond everything that the axis uses.
+    unused[1]["volts"] |= {"address": 4, "bits": 32, "signed": False, "zero_count": 1 << 31}
+    bench = tcp_bench(n=1, channels=unused, word_order="low_first")
+    asked = []
+
+    def serve():
+        asked.append(bench.peer.request())
+        bench.peer.answer(asked[0])
+
+    bench.open(serve)
+    asked.append(bench.ask((0.0,), (0,)))
+    asked.append(bench.ask((1.0,), (1,)))
+    bench.driver.safe()
+    asked.append(bench.peer.request())
+    bench.peer.drop()
+    bench.read()
+    bench.driver.safe()
+    bench.peer.accept()
+    asked.append(bench.peer.request())
+    assert [r.function for r in asked] == [23, 23, 23, 23, 16]
+    assert [r.registers[:3] for r in asked] == [[0, 0, 0]] * 2 + [[3277, 0, 1]] + [[0, 0, 0]] * 2
+    assert [r.registers[4:] for r in asked] == [[0, 0x8000]] * 5
+    bench.close()
 
 
 def test_safe_of_an_unreachable_device_is_over_within_a_second():

@@ -198,6 +198,46 @@ def test_it_passes_the_conformance_suite_with_its_own_rig(installed):
     assert re.search(r"1 skipped", told.stdout)  # it has no virtual time
 
 
+@pytest.fixture
+def follow_the_page(tmp_path):
+    """Run a command of the page, not installed, where the page says; give how it ended."""
+    shutil.copytree(EXAMPLE, tmp_path / "docs" / "drivers" / "example")
+    (tmp_path / "machine.yaml").write_text(
+        box_config(7710, **{"type: box": "type: 'motorctl_box:BoxDriver'"})
+    )
+    shown = re.findall(r"^(PYTHONPATH=(?:.*\\\n)*.*)$", PAGE.read_text(), re.MULTILINE)
+
+    def run_shown(name: str, more: str = "") -> subprocess.CompletedProcess[str]:
+        (command,) = (text for text in shown if f" {name} " in text)
+        return subprocess.run(
+            ["/bin/sh", "-c", f"{command.partition('#')[0]} {more}"],
+            env={"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin", "COLUMNS": "120"},
+            cwd=tmp_path, capture_output=True, text=True, timeout=200, check=False,
+        )  # fmt: skip
+
+    return run_shown
+
+
+def test_a_driver_that_is_not_installed_is_found_as_the_page_says(follow_the_page):
+    told = follow_the_page("motorctl check")
+    assert (told.returncode, told.stderr) == (0, "")
+    assert "motorctl_box:BoxDriver" in told.stdout
+
+
+def test_a_rig_that_is_not_installed_is_found_as_the_page_says(follow_the_page):
+    told = follow_the_page("pytest", "--collect-only -q -p no:cacheprovider")
+    assert told.returncode == 0, told.stdout
+    assert "TestDriver" in told.stdout
+
+
+def test_a_driver_whose_module_is_not_found_is_told_with_the_way_to_it(tmp_path):
+    path = tmp_path / "machine.yaml"
+    path.write_text(box_config(7710, **{"type: box": "type: 'motorctl_box:BoxDriver'"}))
+    said = str(run("check", path).exception)
+    assert "drivers.gantry.type: " in said
+    assert "module 'motorctl_box' is missing; is its folder on PYTHONPATH?" in said
+
+
 def test_the_page_shows_the_example_as_it_is():
     page = PAGE.read_text()
     for name in ("motorctl_box.py", "pyproject.toml"):

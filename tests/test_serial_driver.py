@@ -207,9 +207,16 @@ def test_open_waits_for_a_device_that_starts_late():
         driver.close()
 
 
-@pytest.mark.parametrize("port", ["/dev/no_such_port", "/dev/null", "/tmp"])
-def test_open_names_a_port_that_is_none(port):
-    with pytest.raises(RunError, match=port):
+@pytest.mark.parametrize(
+    ("port", "cause"),
+    [
+        ("/dev/no_such_port", "No such file or directory"),
+        ("/dev/null", "is no serial port"),
+        ("/tmp", "Is a directory"),
+    ],
+)
+def test_open_names_a_port_that_is_none(port, cause):
+    with pytest.raises(RunError, match=f"^port {port}: {cause}$"):
         driver_for(port).open()
 
 
@@ -256,14 +263,21 @@ def test_rs485_that_the_port_refuses_is_named():
         driver_for(device.port, rs485={}).open()
 
 
-def test_what_is_worth_knowing_stands_in_the_notes():
+def test_low_latency_that_a_port_refuses_is_noted(monkeypatch):
     with rig_open() as rig:
+        assert rig.driver.notes == ()  # a pseudo-terminal has no such mode
+    monkeypatch.setattr("motorctl_serial.port.PSEUDO_TERMINALS", ())  # as if it had
+    with rig_open(baud=921600) as rig:
         (note,) = rig.driver.notes
-        assert rig.box.port in note
-        assert "low_latency" in note
-        assert rig.driver.device.name == "bench box"
-    with rig_open(low_latency="no") as rig:
+        assert note.startswith(f"port {rig.box.port}: low_latency is refused (")
+        assert "latency_timer" in note
+    with rig_open(baud=921600, low_latency="no") as rig:
         assert rig.driver.notes == ()
+
+
+def test_what_the_device_said_of_itself_can_be_read():
+    with rig_open() as rig:
+        assert rig.driver.device.name == "bench box"
 
 
 @pytest.mark.parametrize(
@@ -284,6 +298,7 @@ def test_what_is_worth_knowing_stands_in_the_notes():
         ({"rs485": {"loopback": True}}, "rs485"),
         ({"low_latency": "yes"}, "low_latency"),
         ({"port": ""}, "port"),
+        ({"port": "/dev/tty\0USB0"}, "port"),
         ({"prot": "/dev/ttyUSB0"}, "prot"),
     ],
 )
@@ -294,20 +309,20 @@ def test_options_that_cannot_be_are_refused_by_their_key(options, key):
 
 
 @pytest.mark.parametrize(
-    ("options", "numbers", "bits", "key"),
+    ("options", "numbers", "bits", "key", "words"),
     [
-        ({}, (0, 8), 32, ("port",)),
-        ({}, (0,), 33, ("port",)),
-        ({"watchdog_s": 0.003}, (0,), 32, ("watchdog_s",)),
-        ({"wait_s": PERIOD_S}, (0,), 32, ("wait_s",)),
-        ({"wait_s": 0.5e-3, "baud": 115200}, (0,), 32, ("wait_s",)),
+        ({}, (0, 9), 32, (), "axes.axis9.channel is 9, but the protocol carries channels 0 to 7"),
+        ({}, (0,), 64, (), "axes.axis0.encoder.counter_bits is 64, but the protocol carries"),
+        ({"watchdog_s": 0.003}, (0,), 32, ("watchdog_s",), "watchdog_s: found 0.003"),
+        ({"wait_s": PERIOD_S}, (0,), 32, ("wait_s",), "wait_s: found 0.002"),
+        ({"wait_s": 0.5e-3, "baud": 115200}, (0,), 32, ("wait_s",), "wait_s: found 0.0005"),
     ],
 )
-def test_what_does_not_fit_the_channels_is_told_with_its_key(options, numbers, bits, key):
+def test_what_does_not_fit_the_channels_is_told_with_its_key(options, numbers, bits, key, words):
     checked = SerialOptions.model_validate({"port": "/dev/ttyS0", "baud": None, **options})
     driver = SerialDriver(checked, channels(*numbers, counter_bits=bits), PERIOD_S)
     assert [path for path, _ in driver.problems()] == [key]
-    with pytest.raises(RunError, match=key[0]):
+    with pytest.raises(RunError, match=f"^port /dev/ttyS0: {words}"):
         driver.open()
 
 

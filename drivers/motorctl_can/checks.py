@@ -27,6 +27,7 @@ from motorctl_can.layout import (
 
 SMALLEST_SEQUENCE_BITS = 4
 LARGEST_EXACT_BITS = 53  # of a float
+ROUNDING = 1e-9  # of the product of two floats, and more
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,30 @@ def wrong_sync(layout: Layout, identifier: int, extended: bool) -> Iterator[Wron
         if (frame.identifier, frame.extended) == (identifier, extended):
             text = f"is the identifier of frame '{frame.name}' already; SYNC needs its own"
             yield Wrong(("sync", "id"), identifier, text)
+
+
+def wrong_watchdog(layout: Layout, watchdog_s: float | None) -> Iterator[Wrong]:
+    """Tell why the time of the device's watchdog does not reach the device."""
+    where = ("watchdog_s",)
+    carriers = layout.watchdogs
+    if watchdog_s is None:
+        if carriers:
+            text = "is missing: the layout has a signal that means watchdog"
+            yield Wrong(where, None, text)
+        return
+    if not carriers:
+        text = "has no way to the device: no signal of the layout means watchdog"
+        yield Wrong(where, watchdog_s, text)
+    for signal in carriers:
+        if any(_wrong_scale(signal)):
+            continue  # told with the signal; what it carries is not known
+        low, high = signal.limits
+        least = max(low, abs(signal.scale))
+        within = least * (1 - ROUNDING) <= watchdog_s <= high * (1 + ROUNDING)
+        if not within or signal.raw(watchdog_s) == 0:
+            text = f"should be {least:g} to {high:g} s, which its signal can carry; 0 there is off"
+            yield Wrong(where, watchdog_s, text)
+            return
 
 
 def missing_from_layout(layout: Layout) -> Iterator[str]:

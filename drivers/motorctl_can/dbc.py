@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, RootModel
+from pydantic import BaseModel, ConfigDict, Discriminator, RootModel, Tag
 
 from motorctl_can.checks import Wrong
 from motorctl_can.layout import (
@@ -35,7 +35,29 @@ class Pointer(BaseModel):
     inverted: bool = False
 
 
-class DbcSignals(RootModel[dict[Means, str | Pointer | tuple[str, ...]]]):
+def _kind(given: Any) -> str | None:
+    if isinstance(given, str):
+        return "one"
+    if isinstance(given, Mapping | Pointer):
+        return "pointer"
+    return "several" if isinstance(given, Sequence) else None
+
+
+# A plain union would tell of what is none of the three once for each.
+Target = Annotated[
+    Annotated[str, Tag("one")]
+    | Annotated[Pointer, Tag("pointer")]
+    | Annotated[tuple[str, ...], Tag("several")],
+    Discriminator(
+        _kind,
+        custom_error_type="can_target",
+        custom_error_message="should be Frame.Signal, {signal: Frame.Signal, inverted: true}, "
+        "or a list of Frame.Signal",
+    ),
+]
+
+
+class DbcSignals(RootModel[dict[Means, Target]]):
     """What signals mean for one axis, or for all: meaning to ``Frame.Signal``."""
 
     model_config = ConfigDict(frozen=True)

@@ -21,13 +21,14 @@ from motorctl.hal import (
     RunError,
     Status,
     kernels_cached,
+    serial_line,
     specialise,
 )
-from motorctl_can import budget
+from motorctl_can import budget, fits
 from motorctl_can.checks import missing_from_layout
-from motorctl_can.layout import Frame, Means
+from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
-from motorctl_can.options import ALL, CanOptions
+from motorctl_can.options import CanOptions
 from motorctl_can.records import channels_of, frames_of, signals_of
 
 with kernels_cached(Path(__file__).parent):
@@ -37,7 +38,7 @@ AGE_PERIODS = 10
 SAFE_REPEATS = 3
 MOST_QUIET_PERIODS = 3
 UNSENT_PERIODS = 3
-"""So many in a row without room for the commands are a bus that is lost."""
+"""So many more without room for the commands or SYNC than with it are a bus that is lost."""
 OPENING_PERIOD_S = 0.01
 EXTENDED = 1 << 29  # above every identifier
 CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
@@ -57,6 +58,9 @@ class CanDriver(Driver):
         self._can = options
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
+        self.medium = f"CAN {options.interface} channel '{options.channel}'"
+        if options.interface == "slcan":
+            self.medium = serial_line(options.channel.partition("@")[0])
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
@@ -73,63 +77,12 @@ class CanDriver(Driver):
         return budget.rate_budget(self._can, self._layout)
 
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
-        """Tell where layout and axes do not fit together."""
-        found: list[tuple[tuple[str | int, ...], str]] = []
-        axes = [channel.axis for channel in self.channels]
-        where = "frames" if self._can.frames is not None else "signals"
-        if ALL in axes:
-            found.append(((where,), "an axis on CAN cannot be named 'all'"))
-        for axis in self._layout.axes:
-            if axis not in axes:
-                key = next(s.key for s in self._layout.signals() if s.axis == axis)
-                key = (*key, "axis") if where == "frames" else ("signals", axis)
-                text = f"names axis '{axis}', but this driver serves: {', '.join(axes)}"
-                found.append((key, text))
-        for channel in self.channels:
-            found += self._misfits(channel, where)
-        found += self._impatient()
-        return found
+        """Tell where layout, axes and period do not fit together."""
+        return tuple(fits.problems(self._can, self.channels, self.period_s))
 
     def advice(self) -> Sequence[str]:
         """Tell which signals a layout for a safe machine would have besides."""
         return tuple(missing_from_layout(self._layout))
-
-    def _misfits(self, channel: Channel, where: str) -> list[tuple[tuple[str | int, ...], str]]:
-        found: list[tuple[tuple[str | int, ...], str]] = []
-        axis = channel.axis
-        volts = self._layout.find(Means.VOLTS, axis)
-        counts = self._layout.find(Means.COUNTS, axis)
-        if volts is None or counts is None:
-            found.append(((where,), f"has no volts and counts for axis '{axis}'"))
-            return found
-        if counts.place.bits != channel.counter_bits:
-            text = (
-                f"found {counts.place.bits} bits of counts, but axis '{axis}' has "
-                f"encoder.counter_bits {channel.counter_bits}: the two must be equal"
-            )
-            found.append(((*counts.key, "bits") if where == "frames" else counts.key, text))
-        low, high = volts.limits
-        step = abs(volts.scale)
-        if channel.max_voltage_v > min(-low, high) + step:
-            text = (
-                f"carries {low:g} to {high:g} V, but axis '{axis}' has limits.max_voltage_v "
-                f"{channel.max_voltage_v:g}"
-            )
-            found.append(((*volts.key, "bits") if where == "frames" else volts.key, text))
-        return found
-
-    def _impatient(self) -> list[tuple[tuple[str | int, ...], str]]:
-        sync = self._can.sync
-        if sync is None or self._can.interface in budget.HOST_COST_S:
-            return []
-        least_s = budget.answer_s(self._can, self._layout)
-        if sync.wait_s >= least_s:
-            return []
-        text = (
-            f"found {sync.wait_s * 1e6:g} us, but SYNC and its answers take up to "
-            f"{least_s * 1e6:.1f} us on the bus alone"
-        )
-        return [(("sync", "wait_s"), text)]
 
     def prepare(self) -> None:
         """Make tables and messages, and compile the codec or take it from the cache."""
@@ -156,6 +109,7 @@ class CanDriver(Driver):
         self._compile()
         self._quiet = 0
         self._unsent = 0
+        self._asked = True  # SYNC found room in this period, or none was due
         self._late = 0
 
     def _compile(self) -> None:
@@ -288,9 +242,12 @@ class CanDriver(Driver):
         """Send every command frame."""
         link = self._link
         if link is not None:
-            self._unsent = 0 if self._send_all(link, outputs) else self._unsent + 1
-            if self._unsent >= UNSENT_PERIODS:
-                self._unsent = UNSENT_PERIODS
+            whole = self._send_all(link, outputs) and self._asked
+            self._asked = True
+            # A bus that has room now and then is lost as well, only later.
+            unsent = self._unsent - 1 if whole else self._unsent + 1
+            self._unsent = min(max(unsent, 0), UNSENT_PERIODS)
+            if self._unsent == UNSENT_PERIODS:
                 link.lose_commands()
 
     def safe(self) -> None:
@@ -338,7 +295,8 @@ class CanDriver(Driver):
         if self._quiet:
             self._wait_for_quiet()
             return
-        if not link.send(self._sync):
+        self._asked = link.send(self._sync)
+        if not self._asked:
             return
         self._sync_sent(self._states, self._records)
         deadline = time.monotonic() + self._wait_s

@@ -14,7 +14,8 @@ from motorctl_can.records import Kind, Records
 RESYNCHRONISE = 3
 """So many frames behind the last number, each following the one before, are right"""
 AFTER_GOOD = 16
-"""if they are at most so far ahead of the number before the last."""
+"""if they are at most so far ahead of the number before the last, and further behind the last: what
+is nearer may be old, and a wrong number so near is soon passed anyway."""
 ACCEPTED, DUPLICATE, BACKWARDS, LATE = 0, 1, 2, 3
 BEFORE_SYNC, AFTER_SYNC, FREE = 0, 1, 2
 
@@ -94,12 +95,17 @@ def take(
                 frame.behind = frame.behind + 1 if follows else 1
                 frame.last_behind = sequence
                 # A device that began anew is behind the last good number, too.
+                near = min(AFTER_GOOD, frame.half - 1)
                 after_good = (sequence - frame.before) & frame.mask
-                if frame.behind < RESYNCHRONISE or after_good > min(AFTER_GOOD, frame.half - 1):
+                follows_good = 1 <= after_good <= near
+                far_behind = (frame.last - sequence) & frame.mask > near
+                if frame.behind < RESYNCHRONISE or not (follows_good and far_behind):
                     frame.refused = 1
                     frame.answered += 1
                     return BACKWARDS
-                # The number that was ahead of these was wrong. Those refused have answered, too.
+                # The number that was ahead of these was wrong; the last right one was refused.
+                # Those refused have answered, too.
+                frame.last = (sequence - 1) & frame.mask
                 frame.owed = max(0, frame.owed - frame.answered)
                 step = 1
         frame.behind, frame.answered = 0, 0

@@ -104,6 +104,14 @@ class Signal:
     maximum: float | None = None
     """Limits of the value that the description of the layout gives besides those of the bits."""
 
+    def raw(self, value: float) -> int:
+        """Give the raw number nearest to a value."""
+        return round((value - self.offset) / self.scale)
+
+    def value(self, raw: int) -> float:
+        """Give what a raw number says."""
+        return raw * self.scale + self.offset
+
     @property
     def raw_limits(self) -> tuple[int, int]:
         """Give the lowest and the highest raw number that may be sent."""
@@ -112,7 +120,7 @@ class Signal:
         for bound, is_low in ((self.minimum, True), (self.maximum, False)):
             if bound is None:
                 continue
-            raw = round((bound - self.offset) / self.scale)
+            raw = self.raw(bound)
             if is_low == (self.scale > 0):
                 low = max(low, raw)
             else:
@@ -122,7 +130,7 @@ class Signal:
     @property
     def limits(self) -> tuple[float, float]:
         """Give the lowest and the highest value that may be sent."""
-        ends = [raw * self.scale + self.offset for raw in self.raw_limits]
+        ends = [self.value(raw) for raw in self.raw_limits]
         return min(ends), max(ends)
 
 
@@ -168,6 +176,11 @@ class Layout:
     def axes(self) -> tuple[str, ...]:
         """Give the axes that are named, in the order of their first signals."""
         return tuple(dict.fromkeys(s.axis for s in self.signals() if s.axis is not None))
+
+    @property
+    def watchdogs(self) -> tuple[Signal, ...]:
+        """Give the signals that tell the device the time of its watchdog."""
+        return tuple(s for s in self.signals() if s.means is Means.WATCHDOG)
 
     def signals(self) -> Iterator[Signal]:
         """Give every signal of every frame."""

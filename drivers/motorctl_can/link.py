@@ -18,7 +18,7 @@ from motorctl_can.options import CanOptions
 
 GONE = int(Status.BUS_OFF | Status.COMMUNICATION_LOST)
 NOT_SENT = int(Status.COMMUNICATION_LOST)
-GARBAGE = int(Status.CORRUPT)
+GARBAGE = UNSENT = int(Status.CORRUPT)
 
 # Classes of linux/can/error.h, in the identifier of an error frame
 ERROR_BUS_OFF = 0x40
@@ -100,21 +100,22 @@ class Link:
     def send(self, message: can.Message) -> bool:
         """Hand a frame over without waiting; False where there was no room, or the bus is gone."""
         try:
-            if self._lines is not None:
-                taken = self._lines.send(message)
-            else:
+            if self._lines is None:
                 self._bus.send(message, 0)
-                taken = True
+                return True
+            if self._lines.send(message):
+                return True
         except Exception as error:
-            taken = False
             self.complaint = error.with_traceback(None)
             cause = error.__cause__ if isinstance(error, can.CanError) else error
             if getattr(cause, "errno", None) not in FULL:
                 self.lost = GONE
-        return taken
+                return False
+        self.passing |= UNSENT
+        return False
 
     def lose_commands(self) -> None:
-        """Note that commands have not been sent for too long."""
+        """Note that too many periods passed in which not everything could be sent."""
         self.passing |= NOT_SENT
 
     def error_frame(self, message: can.Message) -> None:

@@ -20,7 +20,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from motorctl.hal import DriverOptions
-from motorctl_can.checks import Wrong, wrong_in_layout, wrong_sync
+from motorctl_can.checks import Wrong, wrong_in_layout, wrong_sync, wrong_watchdog
 from motorctl_can.dbc import DbcSignals, layout_of_dbc
 from motorctl_can.layout import Frame, Key, Layout, Means, Place, Signal
 
@@ -100,19 +100,15 @@ class CanOptions(DriverOptions):
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
-        _refuse(self._wrong_keys())
-        if self.frames is not None:
-            layout = _layout_of(self.frames)
-        else:
-            assert self.dbc is not None
-            assert self.signals is not None
-            layout, wrong = layout_of_dbc(self.dbc, self.signals)
-            _refuse(wrong)
-        wrong = list(wrong_in_layout(layout, self.fd))
+        wrong = self._wrong_keys()
+        layout, gaps = self._read_layout()
+        wrong += gaps
+        if layout.frames and not gaps:
+            wrong += wrong_in_layout(layout, self.fd)
+            wrong += wrong_watchdog(layout, self.watchdog_s)
         if self.sync is not None:
             wrong += wrong_sync(layout, self.sync.id, self.sync.extended)
         _refuse(wrong)
-        _refuse(self._wrong_watchdog(layout))
         self._layout = layout
         return self
 
@@ -120,6 +116,14 @@ class CanOptions(DriverOptions):
     def layout(self) -> Layout:
         """Give the frames, whether written out or taken from a DBC file."""
         return self._layout
+
+    def _read_layout(self) -> tuple[Layout, list[Wrong]]:
+        """Give the layout, and what left gaps in it; none where it is not given in one way."""
+        if self.frames is not None and self.dbc is None:
+            return _layout_of(self.frames), []
+        if self.dbc is not None and self.frames is None and self.signals:
+            return layout_of_dbc(self.dbc, self.signals)
+        return Layout(()), []
 
     def _wrong_keys(self) -> list[Wrong]:
         wrong: list[Wrong] = []
@@ -153,22 +157,6 @@ class CanOptions(DriverOptions):
             if given is not None and not given:
                 add((name,), {}, "should not be empty")
         return wrong
-
-    def _wrong_watchdog(self, layout: Layout) -> list[Wrong]:
-        carriers = [s for s in layout.signals() if s.means is Means.WATCHDOG]
-        if self.watchdog_s is None:
-            text = "is missing: the layout has a signal that means watchdog"
-            return [Wrong(("watchdog_s",), None, text)] if carriers else []
-        if not carriers:
-            text = "has no way to the device: no signal of the layout means watchdog"
-            return [Wrong(("watchdog_s",), self.watchdog_s, text)]
-        for signal in carriers:
-            low, high = signal.limits
-            step = abs(signal.scale)
-            if not max(low, step) - step / 2 <= self.watchdog_s <= high:
-                text = f"should be {max(low, step):g} to {high:g} s, which its signal can carry"
-                return [Wrong(("watchdog_s",), self.watchdog_s, text)]
-        return []
 
 
 def _layout_of(frames: dict[str, FrameOptions]) -> Layout:

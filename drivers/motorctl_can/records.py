@@ -128,8 +128,7 @@ def _fill_signal(row: Any, signal: Signal, order: dict[str, int], watchdog_s: fl
     low, high = signal.raw_limits
     row["low"], row["high"] = low, high
     if signal.means is Means.WATCHDOG:
-        raw = round((watchdog_s - signal.offset) / signal.scale)
-        row["fixed"] = min(max(raw, low), high)
+        row["fixed"] = signal.raw(watchdog_s)
 
 
 def frames_of(frames: Sequence[Frame]) -> Records:

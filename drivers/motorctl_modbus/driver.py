@@ -10,8 +10,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from motorctl.hal import Channel, Driver, DriverOptions, Inputs, Outputs, RateBudget, Status
-from motorctl_modbus import budget
+from motorctl.hal import (
+    Channel,
+    Driver,
+    DriverOptions,
+    Inputs,
+    Outputs,
+    RateBudget,
+    Status,
+    serial_line,
+)
+from motorctl_modbus import budget, checks
 from motorctl_modbus.claim import claim
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
 from motorctl_modbus.exchange import (
@@ -30,6 +39,7 @@ from motorctl_modbus.opening import (
     connect,
     first_exchange,
     line_of,
+    lower_latency,
     release,
     switch_off,
 )
@@ -68,6 +78,12 @@ class ModbusDriver(Driver):
         super().__init__(options, channels, period_s)
         assert isinstance(options, ModbusOptions)
         self._modbus = options
+        tcp, rtu = options.tcp, options.rtu
+        if tcp is not None:
+            # Behind one gateway there may be several units.
+            self.medium = f"Modbus {tcp.host}:{tcp.port} unit {options.unit}"
+        elif rtu is not None:
+            self.medium = serial_line(rtu.port)
         self._client: Client | None = None
         self._line: Line | None = None
         self._claim: socket.socket | None = None
@@ -85,55 +101,13 @@ class ModbusDriver(Driver):
         self._marks = np.zeros(len(self.channels), np.uint32)
 
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
-        """Tell what is wrong between options, channels and period."""
-        found: list[tuple[tuple[str | int, ...], str]] = []
+        """Tell what is wrong in the register map, and between it, channels and period."""
+        options = self._modbus
+        found = checks.map_problems(options)
         for channel in self.channels:
-            found += self._problems_of(channel)
-        if found:
-            return found
-        rtu, options = self._modbus.rtu, self._modbus
-        if rtu is not None and rtu.timeout_s is not None and rtu.timeout_s >= self.period_s:
-            message = f"found {rtu.timeout_s:g} s, expected less than the period, {self.period_s:g}"
-            found.append((("rtu", "timeout_s"), message))
-        elif rtu is not None and rtu.timeout_s is not None:
-            needed_s = budget.rtu_exchange_s(rtu, *self._sizes(), options.device_turnaround_s)
-            if rtu.timeout_s < needed_s - rtu.t35_s:
-                message = (
-                    f"found {rtu.timeout_s:g} s, but a reply takes {needed_s - rtu.t35_s:.3g} s "
-                    "from the start of its request"
-                )
-                found.append((("rtu", "timeout_s"), message))
-        if options.watchdog_s is not None and options.watchdog_s <= 2 * self.period_s:
-            message = (
-                f"found {options.watchdog_s:g} s, expected more than two periods, "
-                f"{2 * self.period_s:g} s: every late reply would trip it"
-            )
-            found.append((("watchdog_s",), message))
-        return found
-
-    def _problems_of(self, channel: Channel) -> list[tuple[tuple[str | int, ...], str]]:
-        part = self._modbus.channels.get(channel.number)
-        if part is None:
-            message = f"has no entry {channel.number}, which axis '{channel.axis}' uses"
-            return [(("channels",), message)]
-        key = ("channels", channel.number)
-        found: list[tuple[tuple[str | int, ...], str]] = []
-        if part.counts.bits != channel.counter_bits:
-            message = (
-                f"found {part.counts.bits}, but axis '{channel.axis}' has counter_bits "
-                f"{channel.counter_bits}"
-            )
-            found.append(((*key, "counts", "bits"), message))
-        volts = part.volts
-        lowest = (volts.lowest - volts.zero_count) * volts.volts_per_count
-        highest = (volts.highest - volts.zero_count) * volts.volts_per_count
-        reach = min(-lowest, highest) + volts.volts_per_count
-        if reach < channel.max_voltage_v:
-            message = (
-                f"carries {lowest:g} to {highest:g} V, but axis '{channel.axis}' has "
-                f"max_voltage_v {channel.max_voltage_v:g}"
-            )
-            found.append(((*key, "volts"), message))
+            found += checks.axis_problems(options, channel)
+        # With a wrong map, how long an exchange takes would mislead.
+        found += checks.time_problems(options, self.period_s, None if found else self._sizes())
         return found
 
     def advice(self) -> Sequence[str]:
@@ -171,9 +145,9 @@ class ModbusDriver(Driver):
     def _sizes(self) -> tuple[int, int]:
         """Registers written and read."""
         options = self._modbus
-        maps = {c.number: options.channels[c.number] for c in self.channels}
-        _, written = block(output_claims(maps, options.sequence))
-        _, read = block(input_claims(maps, options.sequence, options.boot_id))
+        _, written = block(output_claims(options.channels, options.sequence))
+        used = {c.number: options.channels[c.number] for c in self.channels}
+        _, read = block(input_claims(used, options.sequence, options.boot_id))
         return written, read
 
     def prepare(self) -> None:
@@ -211,6 +185,7 @@ class ModbusDriver(Driver):
             arm_watchdog(client, self._modbus)
             self._sequence = 1
             registers = first_exchange(client, self._modbus, outputs, inputs, self._sequence)
+            notes = lower_latency(client, self._modbus)
             line = line_of(client)
             line.forget()
         except BaseException:
@@ -221,6 +196,7 @@ class ModbusDriver(Driver):
         self._boot_id = inputs.boot_id(registers)
         self._latched = np.uint32(0)
         self._client, self._line = client, line
+        self.notes = notes
         self._lost, self._unread = False, True
 
     def close(self) -> None:

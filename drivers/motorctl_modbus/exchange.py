@@ -230,6 +230,6 @@ def _request(
         read_address=inputs.address,
         read_count=inputs.count,
         write_address=outputs.address,
-        write_registers=[0] * outputs.count,
+        write_registers=outputs.off_registers(0),
         dev_id=unit,
     )

@@ -15,15 +15,23 @@ REGISTER = struct.Struct(">H")
 
 
 class OutputBlock:
-    """The registers that every request writes, from the lowest to the highest address."""
+    """The registers that every request writes, from the lowest to the highest address.
+
+    Channels of the map that no axis uses are among them, at zero and disabled.
+    """
 
     def __init__(self, options: ModbusOptions, channels: Sequence[Channel]) -> None:
         maps = [options.channels[channel.number] for channel in channels]
-        claims = output_claims(dict(enumerate(maps)), options.sequence)
-        first, self.count = block(claims)
+        first, self.count = block(output_claims(options.channels, options.sequence))
         self.address = (options.output_base or 0) + first
         high_first = options.word_order == "high_first"
         self._volts = [_volts_plan(part.volts, first, high_first) for part in maps]
+        used = {channel.number for channel in channels}
+        self._unused = [
+            _volts_plan(part.volts, first, high_first)
+            for number, part in options.channels.items()
+            if number not in used
+        ]
         enables = sorted({part.enable.address - first for part in maps})
         self._enables = [(enables.index(m.enable.address - first), 1 << m.enable.bit) for m in maps]
         self._enable_at = [2 * address for address in enables]
@@ -50,18 +58,17 @@ class OutputBlock:
                 count = low if exact <= low else high if exact >= high else round(exact)
                 word, bit = self._enables[i]
                 words[word] |= bit
-            count &= mask
-            if swap:
-                count = (count >> 16) | ((count & 0xFFFF) << 16)
-            packing.pack_into(frame, at + offset, count)
+            packing.pack_into(frame, at + offset, _word(count, mask, swap))
         for offset, word in zip(self._enable_at, words, strict=True):
             REGISTER.pack_into(frame, at + offset, word)
         if self._sequence_at is not None:
             REGISTER.pack_into(frame, at + self._sequence_at, sequence)
 
     def off_registers(self, sequence: int) -> list[int]:
-        """Give the registers of every axis at zero and disabled."""
+        """Give the registers of every channel at zero and disabled."""
         frame = bytearray(2 * self.count)
+        for packing, offset, _, zero, _, _, mask, swap in self._unused:
+            packing.pack_into(frame, offset, _word(zero, mask, swap))
         self.encode(frame, 0, self.off, sequence)
         return list(struct.unpack(f">{self.count}H", frame))
 
@@ -120,6 +127,12 @@ def _volts_plan(volts: Volts, first: int, high_first: bool) -> VoltsPlan:
         (1 << volts.bits) - 1,
         volts.bits == 32 and not high_first,
     )
+
+
+def _word(count: int, mask: int, swap: bool) -> int:
+    """Give a count as it goes out: without its sign, the registers in the device's order."""
+    count &= mask
+    return (count >> 16) | ((count & 0xFFFF) << 16) if swap else count
 
 
 def _input_plan(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,6 +19,9 @@ from motorctl_modbus.line import Line, RtuLine, TcpLine
 from motorctl_modbus.options import ModbusOptions
 
 Client = ModbusTcpClient | ModbusSerialClient
+
+PSEUDO_TERMINALS = range(136, 144)
+"""Their major numbers."""
 
 EXCEPTIONS = {
     1: "illegal function",
@@ -73,11 +78,26 @@ def line_of(client: Client) -> Line:
     if isinstance(client, ModbusTcpClient):
         assert client.socket is not None
         return TcpLine(client.socket)
+    assert client.socket is not None
+    return RtuLine(client.socket.fileno())
+
+
+def lower_latency(client: Client, options: ModbusOptions) -> tuple[str, ...]:
+    """Ask a serial port for low latency; gives a note where it is refused."""
+    if isinstance(client, ModbusTcpClient) or options.rtu is None:
+        return ()
     port = client.socket
     assert port is not None
-    with contextlib.suppress(ValueError, OSError, AttributeError):
-        port.set_low_latency_mode(True)  # where the adapter has none, it is as good as it is
-    return RtuLine(port.fileno())
+    if os.major(os.fstat(port.fileno()).st_rdev) in PSEUDO_TERMINALS:
+        return ()  # has no such mode and needs none
+    try:
+        port.set_low_latency_mode(True)
+    except (ValueError, OSError, NotImplementedError) as error:
+        return (
+            f"rtu.port: {options.rtu.port} refuses low latency ({error}); a USB adapter with a "
+            "latency timer may hold every reply back for up to 16 ms",
+        )
+    return ()
 
 
 def ask(client: Client, what: str, question: Callable[[], ModbusPDU]) -> ModbusPDU:
@@ -183,6 +203,8 @@ def _why_not_connected(options: ModbusOptions, heard: list[str]) -> str:
         return f"rtu.port: there is no port {options.rtu.port}"
     if "exclusively lock" in reason:
         return f"rtu.port: {options.rtu.port} is in use by another program"
+    if os.strerror(errno.ENOTTY) in reason:
+        return f"rtu.port: {options.rtu.port} is no serial port"
     if "baud" in reason.lower():
         return f"rtu.baud: {options.rtu.port} refuses {options.rtu.baud} baud: {reason}"
     if "Invalid argument" in reason:

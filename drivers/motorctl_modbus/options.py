@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from motorctl.hal import DriverOptions
-from motorctl_modbus.registers import (
-    MOST_READ,
-    MOST_WRITTEN,
-    Address,
-    BootId,
-    ChannelMap,
-    Part,
-    Sequence,
-    conflict,
-    input_claims,
-    output_claims,
-)
+from motorctl_modbus.registers import Address, BootId, ChannelMap, Part, Sequence
 
 CouplerName = Literal["generic", "beckhoff_bk9000", "beckhoff_bk73x0"]
 
@@ -27,17 +16,26 @@ FACTORY_WATCHDOG_S = 1.0
 T35_ABOVE_19200_S = 1.75e-3
 
 
+def _without_nul(name: str) -> str:
+    if "\0" in name:
+        raise ValueError("should not contain a NUL byte: no name of a host or port has one")
+    return name
+
+
+Name = Annotated[str, Field(min_length=1), AfterValidator(_without_nul)]
+
+
 class Tcp(Part):
     """A device on the network."""
 
-    host: str = Field(min_length=1)
+    host: Name
     port: int = Field(default=502, ge=1, le=65535)
 
 
 class Rtu(Part):
     """A device on a serial line. Parity is even where nothing else is said, as in the standard."""
 
-    port: str = Field(min_length=1)
+    port: Name
     baud: int = Field(ge=300, le=12_000_000)
     parity: Literal["none", "even", "odd"] = "even"
     stop_bits: Literal[1, 2] = 1
@@ -122,55 +120,6 @@ class ModbusOptions(DriverOptions):
         beckhoff = info.data.get("coupler", "generic") != "generic"
         return BECKHOFF_OUTPUTS if beckhoff and info.field_name == "output_base" else 0
 
-    @field_validator("channels")
-    @classmethod
-    def _channels_fit(
-        cls, channels: dict[int, ChannelMap], info: ValidationInfo
-    ) -> dict[int, ChannelMap]:
-        _insist(info, channels)
-        for number, channel in channels.items():
-            if channel.status.index_latched and channel.index_counts is None:
-                raise ValueError(f"channels.{number}.status.index_latched needs index_counts")
-            index = channel.index_counts
-            if index is not None and index.bits != channel.counts.bits:
-                raise ValueError(
-                    f"channels.{number}.index_counts has {index.bits} bit, and counts "
-                    f"{channel.counts.bits}"
-                )
-            volts = channel.volts
-            if not volts.lowest <= volts.zero_count <= volts.highest:
-                raise ValueError(
-                    f"channels.{number}.volts.zero_count {volts.zero_count} is not within "
-                    f"{volts.lowest} to {volts.highest}, which {volts.bits} bit carry"
-                )
-        return channels
-
-    @field_validator("sequence")
-    @classmethod
-    def _sequence_fits(cls, sequence: Sequence | None, info: ValidationInfo) -> Sequence | None:
-        if "channels" in info.data:
-            _insist(info, info.data["channels"], sequence)
-        return sequence
-
-    @field_validator("boot_id")
-    @classmethod
-    def _boot_id_fits(cls, boot_id: BootId | None, info: ValidationInfo) -> BootId | None:
-        if "channels" in info.data and "sequence" in info.data:
-            _insist(info, info.data["channels"], info.data["sequence"], boot_id)
-        return boot_id
-
-    @model_validator(mode="after")
-    def _timeout_holds_a_reply(self) -> Self:
-        rtu = self.rtu
-        if rtu is not None and rtu.timeout_s is not None:
-            shortest = rtu.t35_s + self.device_turnaround_s
-            if rtu.timeout_s <= shortest:
-                raise ValueError(
-                    f"rtu.timeout_s {rtu.timeout_s:g} s is not longer than silence and "
-                    f"device_turnaround_s, {shortest:g} s: no reply can come within it"
-                )
-        return self
-
     @property
     def device(self) -> str:
         """Name of the device, for messages."""
@@ -178,20 +127,3 @@ class ModbusOptions(DriverOptions):
             return f"{self.tcp.host}:{self.tcp.port}"
         assert self.rtu is not None
         return self.rtu.port
-
-
-def _insist(
-    info: ValidationInfo,
-    channels: dict[int, ChannelMap],
-    sequence: Sequence | None = None,
-    boot_id: BootId | None = None,
-) -> None:
-    outputs = output_claims(channels, sequence)
-    inputs = input_claims(channels, sequence, boot_id)
-    for claims, name, most, kind in (
-        (outputs, "output_base", MOST_WRITTEN, "output"),
-        (inputs, "input_base", MOST_READ, "input"),
-    ):
-        wrong = conflict(claims, info.data.get(name) or 0, most, kind)
-        if wrong is not None:
-            raise ValueError(wrong)

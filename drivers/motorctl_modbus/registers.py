@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 MOST_READ = 125
 """Registers that one function code 23 may read, and write: the request has to fit 253 bytes."""
@@ -30,15 +30,30 @@ class Volts(Part):
     volts_per_count: float = Field(gt=0, allow_inf_nan=False)
     zero_count: int = Field(default=0, ge=-(2**31), lt=2**32)
 
+    @field_validator("zero_count")
+    @classmethod
+    def _is_carried(cls, zero_count: int, info: ValidationInfo) -> int:
+        if {"bits", "signed"} <= info.data.keys():
+            bits, signed = info.data["bits"], info.data["signed"]
+            lowest, highest = _range(bits, signed)
+            if not lowest <= zero_count <= highest:
+                kind = "signed" if signed else "unsigned"
+                raise ValueError(f"expected {lowest} to {highest}, which {bits} bit {kind} carry")
+        return zero_count
+
     @property
     def lowest(self) -> int:
         """The smallest count that the word can carry."""
-        return -(1 << (self.bits - 1)) if self.signed else 0
+        return _range(self.bits, self.signed)[0]
 
     @property
     def highest(self) -> int:
         """The largest count that the word can carry."""
-        return (1 << (self.bits - self.signed)) - 1
+        return _range(self.bits, self.signed)[1]
+
+
+def _range(bits: int, signed: bool) -> tuple[int, int]:
+    return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
 
 
 class Counts(Part):
@@ -110,12 +125,17 @@ class BootId(Part):
 class Claim:
     """A key that claims registers, or one bit of a register."""
 
-    key: str
+    path: tuple[str, ...]
     address: int
     registers: int
     bit: int | None = None
     shared: tuple[str, bool] | None = None
     """Claims of the same bit may stand side by side where this is the same."""
+
+    @property
+    def key(self) -> str:
+        """The key as people write it."""
+        return ".".join(self.path)
 
 
 def output_claims(
@@ -124,11 +144,11 @@ def output_claims(
     """Give everything that a request writes."""
     claims = []
     for number, channel in channels.items():
-        volts, enable = channel.volts, channel.enable
-        claims.append(Claim(f"channels.{number}.volts", volts.address, volts.bits // 16))
-        claims.append(Claim(f"channels.{number}.enable", enable.address, 1, enable.bit))
+        part, volts, enable = ("channels", str(number)), channel.volts, channel.enable
+        claims.append(Claim((*part, "volts"), volts.address, volts.bits // 16))
+        claims.append(Claim((*part, "enable"), enable.address, 1, enable.bit))
     if sequence is not None:
-        claims.append(Claim("sequence.output", sequence.output, 1))
+        claims.append(Claim(("sequence", "output"), sequence.output, 1))
     return claims
 
 
@@ -140,17 +160,17 @@ def input_claims(
     """Give everything that a request reads."""
     claims = []
     for number, channel in channels.items():
+        part = ("channels", str(number))
         for name, word in (("counts", channel.counts), ("index_counts", channel.index_counts)):
             if word is not None:
-                key = f"channels.{number}.{name}"
-                claims.append(Claim(key, word.address, word.bits // 16))
+                claims.append(Claim((*part, name), word.address, word.bits // 16))
         for name, bit in channel.status.named():
-            key, shared = f"channels.{number}.status.{name}", (name, bit.inverted)
-            claims.append(Claim(key, bit.address, 1, bit.bit, shared))
+            shared = (name, bit.inverted)
+            claims.append(Claim((*part, "status", name), bit.address, 1, bit.bit, shared))
     if sequence is not None:
-        claims.append(Claim("sequence.input", sequence.input, 1))
+        claims.append(Claim(("sequence", "input"), sequence.input, 1))
     if boot_id is not None:
-        claims.append(Claim("boot_id", boot_id.address, 1))
+        claims.append(Claim(("boot_id",), boot_id.address, 1))
     return claims
 
 
@@ -158,35 +178,3 @@ def block(claims: list[Claim]) -> tuple[int, int]:
     """Give the first address and the number of registers that cover all claims."""
     first = min(claim.address for claim in claims)
     return first, max(claim.address + claim.registers for claim in claims) - first
-
-
-def conflict(claims: list[Claim], base: int, most: int, kind: str) -> str | None:
-    """Tell what keeps these claims from being one block of at most `most` registers, or None."""
-    words: dict[int, Claim] = {}
-    bits: dict[tuple[int, int], Claim] = {}
-    for claim in claims:
-        for address in range(claim.address, claim.address + claim.registers):
-            held = words.get(address)
-            if claim.bit is None:
-                held = held or next((c for (a, _), c in bits.items() if a == address), None)
-                words[address] = claim
-            elif held is None:
-                held = bits.setdefault((address, claim.bit), claim)
-                if held is claim or (claim.shared is not None and held.shared == claim.shared):
-                    continue
-            if held is not None:
-                where = f"{kind} register {address}"
-                if claim.bit is not None and held.bit is not None:
-                    where += f" bit {claim.bit}"
-                return f"{claim.key} is on {where}, which {held.key} uses already"
-    first, count = block(claims)
-    if base + first + count > 0x10000:
-        last = max(claims, key=lambda claim: claim.address + claim.registers)
-        return f"{last.key} ends at {kind} register {base + first + count - 1:#x}, past 0xffff"
-    if count > most:
-        ends = sorted(claims, key=lambda claim: claim.address)
-        return (
-            f"the {kind} registers from {ends[0].key} to {ends[-1].key} are {count} in a row, and "
-            f"one request carries at most {most}"
-        )
-    return None

@@ -20,6 +20,7 @@ from motorctl.hal import (
     RunError,
     Status,
     kernels_cached,
+    serial_line,
     specialise,
 )
 
@@ -71,8 +72,7 @@ class SerialDriver(Driver):
         super().__init__(options, channels, period_s)
         assert isinstance(options, SerialOptions)
         self._settings = options
-        self.notes: tuple[str, ...] = ()
-        """What the last `open` found worth knowing and no reason to refuse."""
+        self.medium = serial_line(options.port)
         self.device: Capabilities | None = None
         """What the device said of itself at the last `open`."""
         self.exchange_delay_periods = DELAY_PERIODS[options.mode]
@@ -112,17 +112,19 @@ class SerialDriver(Driver):
         found: list[tuple[tuple[str | int, ...], str]] = []
         options = self._settings
         for channel in self.channels:
+            # The key at fault is the axis', and a driver can point to its own section alone.
+            axis = f"axes.{channel.axis}"
             if channel.number >= MOST_CHANNELS:
                 found.append((
-                    ("port",),
-                    f"the protocol carries channels 0 to {MOST_CHANNELS - 1}, axis "
-                    f"'{channel.axis}' has channel {channel.number}",
+                    (),
+                    f"{axis}.channel is {channel.number}, but the protocol carries channels 0 to "
+                    f"{MOST_CHANNELS - 1}",
                 ))  # fmt: skip
             if channel.counter_bits > WIDEST_COUNTER_BITS:
                 found.append((
-                    ("port",),
-                    f"the protocol carries counters of up to {WIDEST_COUNTER_BITS} bits, axis "
-                    f"'{channel.axis}' has counter_bits {channel.counter_bits}",
+                    (),
+                    f"{axis}.encoder.counter_bits is {channel.counter_bits}, but the protocol "
+                    f"carries counters of up to {WIDEST_COUNTER_BITS} bits",
                 ))  # fmt: skip
         if options.watchdog_s < WATCHDOG_PERIODS * self.period_s:
             found.append((
@@ -175,7 +177,8 @@ class SerialDriver(Driver):
         if self._port is not None:
             raise RunError(f"port {self._settings.port}: this driver has it open already")
         if wrong := self.problems():
-            raise RunError(f"port {self._settings.port}: {wrong[0][0][0]}: {wrong[0][1]}")
+            path, message = wrong[0]
+            raise RunError(": ".join((f"port {self._settings.port}", *map(str, path), message)))
         self.prepare()
         port = Port(self._settings)
         try:

@@ -63,6 +63,13 @@ class SerialOptions(DriverOptions):
     )
     connect_s: Seconds = Field(default=2.0, description="how long open waits for the device")
 
+    @field_validator("port")
+    @classmethod
+    def _can_be_a_path(cls, port: str) -> str:
+        if "\0" in port:
+            raise ValueError("should not contain a NUL byte: no path has one")
+        return port
+
     @field_validator("wait_s")
     @classmethod
     def _waits_only_where_it_polls(cls, wait_s: float | None, info: ValidationInfo) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import select
@@ -156,7 +157,8 @@ class Port:
             self._serial.set_low_latency_mode(True)
         except (ValueError, OSError, NotImplementedError) as error:
             message = f"port {options.port}: low_latency is refused ({error}); "
-            if os.major(os.fstat(self._fd).st_rdev) in PSEUDO_TERMINALS:
+            pseudo = os.major(os.fstat(self._fd).st_rdev) in PSEUDO_TERMINALS
+            if pseudo:
                 message += "a pseudo-terminal has no latency timer and needs none"
             elif timer.exists():
                 message += f"{timer} holds {_text(timer)} ms, write 1 into it"
@@ -164,7 +166,8 @@ class Port:
                 message += f"an FTDI adapter would have its timer in {timer}"
             if options.low_latency == "require":
                 raise RunError(f"{message}; low_latency: ask goes on without") from error
-            self.notes.append(message)
+            if not pseudo:  # there the mode does not exist: nothing is refused
+                self.notes.append(message)
             return
         if timer.exists() and _text(timer) not in {"0", "1"}:
             self.notes.append(
@@ -209,6 +212,8 @@ def _reason(error: serial.SerialException) -> str:
     text = str(error)
     if "exclusively lock" in text:
         return "in use by another program"
+    if os.strerror(errno.ENOTTY) in text:
+        return "is no serial port"
     return os.strerror(error.errno) if error.errno else text
 
 

@@ -44,7 +44,7 @@ def _table(title: str, *columns: str, numbers: bool = True) -> Table:
 
 def _budgets(drivers: Part) -> Table:
     title = "Drivers and rate budgets"
-    columns = ("driver", "type", "axes", "rate", "at most", "used")
+    columns = ("driver", "type", "axes", "rate", "at most", "used", "delay", "no sample")
     table = _table(title, *columns, numbers=False)
     for name, driver in drivers.items():
         used = "?" if driver["used"] is None else f"{100 * driver['used']:.0f} %"
@@ -56,8 +56,19 @@ def _budgets(drivers: Part) -> Table:
             f"{_number(driver['rate_hz'])} Hz",
             "any" if most is None else f"{_number(most)} Hz",
             used,
+            f"{_number(driver['delay_s'] * 1e3)} ms" if driver["delay_s"] else "none",
+            _late(driver["late"]),
         )
     return table
+
+
+def _late(late: Part) -> str:
+    """Say what happens in ticks that find no new sample, until the axes trip."""
+    ticks = late["hold_ticks"]
+    if not ticks:
+        return "trip"
+    meant = "predict" if late["predict"] else "hold"
+    return f"{meant} {ticks} tick{'s' if ticks > 1 else ''}"
 
 
 def _wiring(name: str, axis: Part) -> Table:

@@ -31,7 +31,10 @@ def gantry_device(
         ),
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON line on stdout at the end.")
+        bool,
+        typer.Option(
+            "--json", help="At the end, one JSON line on stdout; the endpoint is told on stderr."
+        ),
     ] = False,
 ) -> None:
     """Serve the simulated gantry over CAN, serial or Modbus, with faults to order.
@@ -43,7 +46,7 @@ def gantry_device(
     from motorctl.gantry_device import run_device
 
     def ready(endpoint: str) -> None:
-        typer.echo(f"ready: {endpoint}")
+        typer.echo(f"ready: {endpoint}", err=as_json)
 
     told = run_device(device, link, ready, raise_workers=raise_workers)
     if as_json:

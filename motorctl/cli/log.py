@@ -97,7 +97,9 @@ def _told(info: LogInfo) -> str:
             lines.append(f"  {name}: {_durations(found)}")
     if missing := timing.get("ticks_missing"):
         lines.append(f"  {missing} ticks are missing (skipped or lost)")
-    lines += [f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}" for f in info.faults]
+    for f in info.faults:
+        device = f" (device: {', '.join(f.device)})" if f.device else ""
+        lines.append(f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}{device}")
     lines += [f"  note: {note}" for note in info.notes]
     return "\n".join(lines)
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from motorctl.config.document import Document, KeyPath, holds
+from motorctl.config.document import Document, holds
+from motorctl.config.exchange import ask_exchange
 from motorctl.config.machine import Axis, DriverSetup
 from motorctl.config.shape import DriverShape, options_of
 from motorctl.config.validation import suggest, validate, validate_options
 from motorctl.errors import MotorctlError, UsageError
-from motorctl.hal import Channel, Driver, RateBudget, driver_class
+from motorctl.hal import Channel, driver_class
 
 WAIT_SHARE = 0.8
 """Of the loop's period: the rest is for computing and for the writes."""
@@ -48,36 +49,6 @@ def channels_of(driver: str, wirings: Iterable[Wiring]) -> tuple[Channel, ...]:
         for w in sorted(wirings, key=lambda w: w.channel)
         if w.driver == driver
     )
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """What a driver says of its exchange with the device."""
-
-    problems: tuple[tuple[KeyPath, str], ...]
-    budget: RateBudget | None
-    """None where there are problems."""
-    delay_s: float
-    """How much later than in a direct exchange a command acts on what was read."""
-    wait_s: float
-    """How long the loop may have to wait for it in a tick."""
-    advice: tuple[str, ...]
-    """What it leaves open that a safe machine would want."""
-
-
-def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
-    """Ask a driver about its exchange; no I/O. Raises UsageError where it fails to answer."""
-    try:
-        driver: Driver = setup.cls(setup.options, channels, period_s)
-        problems = tuple(driver.problems())
-        budget = None if problems else driver.rate_budget()
-        delay_s = driver.exchange_delay_periods * period_s
-        advice = () if problems else tuple(driver.advice())
-        return Exchange(problems, budget, delay_s, driver.longest_wait_s, advice)
-    except MotorctlError:
-        raise
-    except Exception as error:  # a driver of a third party may fail in any way
-        raise UsageError(f"{type(error).__name__}: {error}") from error
 
 
 def build_drivers(document: Document, directory: Path) -> dict[str, DriverSetup]:
@@ -142,6 +113,7 @@ def check_rates(
     """Check the rate against every driver's budget, where all of its axes could be read."""
     claimed = [driver for _, driver, _ in _claims(document)]
     waits_s: dict[str, float] = {}
+    media: dict[str, str] = {}
     for name, setup in drivers.items():
         channels = channels_of(name, wirings)
         distinct = {channel.number for channel in channels}
@@ -157,6 +129,7 @@ def check_rates(
             continue
         for path, message in exchange.problems:
             document.add(("drivers", name, *path), message)
+        _check_medium(document, name, exchange.medium, media)
         waits_s[name] = exchange.wait_s
         budget = exchange.budget
         if budget and not own_rate_hz <= budget.max_rate_hz:
@@ -169,6 +142,19 @@ def check_rates(
             )
     if rate_hz is not None:
         _check_waits(document, waits_s, rate_hz)
+
+
+def _check_medium(document: Document, name: str, medium: str | None, media: dict[str, str]) -> None:
+    """Check that no other driver has the same bus: neither could tell what is on it."""
+    if medium is None:
+        return
+    first = media.setdefault(medium, name)
+    if first != name:
+        message = (
+            f"is on {medium}, which driver '{first}' has already; give one driver the axes of "
+            "both: it checks their identifiers and the load of the bus together"
+        )
+        document.add(("drivers", name), message)
 
 
 def _check_waits(document: Document, waits_s: Mapping[str, float], rate_hz: float) -> None:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 from motorctl import __version__
 from motorctl.config.machine import Machine
+from motorctl.hal import Status
 
 
 def log_metadata(machine: Machine) -> dict[str, object]:
@@ -16,6 +17,7 @@ def log_metadata(machine: Machine) -> dict[str, object]:
         "version": __version__,
         "machine": machine.name,
         "rate_hz": machine.rate_hz,
+        "device_statuses": {bit.value: bit.name for bit in Status},
         "config": machine.resolved,
         "seed": seeds,
         "host": {

@@ -9,8 +9,9 @@ from pydantic import TypeAdapter, ValidationError
 from motorctl.config.document import Document
 from motorctl.config.shape import Rate
 
-WHOLE = 1e-9
-"""How far, as a part, a ratio of two rates may be from a whole number."""
+WHOLE = 1e-5
+"""How far, as a part, a ratio of two rates may be from a whole number: a third of 1000 Hz has no
+end as a decimal, and six digits of it are enough. The driver then gets the whole part itself."""
 
 
 def loop_rate(document: Document) -> float | None:

@@ -44,8 +44,8 @@ class LateShape(Shape):
     )
     predict: bool = Field(
         default=False,
-        description="meanwhile the model moves the position on, and samples that no motion "
-        "explains are doubted; else position and command are held",
+        description="meanwhile the model moves the position on, and one sample that no motion "
+        "explains is left out; else position and command are held",
     )
 
 

@@ -17,7 +17,8 @@ from motorctl.config.analysis import (
     required_command,
     smallest_slope,
 )
-from motorctl.config.hardware import ask_exchange, channels_of, wiring_of
+from motorctl.config.exchange import ask_exchange
+from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError

@@ -26,7 +26,7 @@ _WITHOUT_LIMIT = {
 _DEVICE = {
     Status.BUS_OFF: "the bus or the port is gone",
     Status.DEVICE_RESTARTED: "the device began anew",
-    Status.CORRUPT: "what came was refused: checksum, length or sequence",
+    Status.CORRUPT: "what came was refused (checksum, length or sequence), or the bus had no room",
 }
 """What a driver may add to the cause."""
 _TROUBLES = {

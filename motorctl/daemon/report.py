@@ -68,7 +68,7 @@ class Report:
             "time_s": _finite(status["time_s"]),
             "overruns": int(status["overruns"]),
             "skipped_periods": int(status["skipped_periods"]),
-            "degraded": reasons(int(status["degraded"])),
+            "degraded": [*reasons(int(status["degraded"])), *self._memory.notes],
             "turnaround": timing.get("turnaround"),
             "lateness": timing.get("lateness"),
         }

@@ -234,6 +234,8 @@ class Supervisor:
         degraded = reasons(int(self._loop.memory.status["degraded"][0]))
         if degraded:
             _log.warning("DEGRADED, not real time: %s", "; ".join(degraded))
+        for note in self._loop.memory.notes:
+            _log.warning("%s", note)
 
 
 async def _problems(doing: Awaitable[object]) -> list[str]:

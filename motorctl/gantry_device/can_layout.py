@@ -144,6 +144,7 @@ def layouts(shape: CanShape, axes: Sequence[str], folder: Path) -> list[FrameLay
     else:
         found = _from_dbc(shape, axes, folder)
     _check(found, axes, ("frames",) if shape.frames is not None else ("signals",))
+    _check_identifiers(shape, found)
     return found
 
 
@@ -235,6 +236,23 @@ def _place(
 def _check_length(where: Where, length: int, fd: bool) -> None:
     if length not in FD_LENGTHS or (length > 8 and not fd):
         raise LayoutError(where, f"found {length}, no frame has that length")
+
+
+def _check_identifiers(shape: CanShape, found: Sequence[FrameLayout]) -> None:
+    """Refuse two frames of one identifier, of which a node could not tell which came."""
+    taken: dict[tuple[int, bool], str] = {}
+    for layout in found:
+        message = layout.message
+        identifier = (message.frame_id, message.is_extended_frame)
+        if identifier in taken:
+            where: Where = ("dbc",) if shape.dbc is not None else ("frames", message.name, "id")
+            text = f"frame {message.name} has {message.frame_id:#x}, as {taken[identifier]} has"
+            raise LayoutError(where, text)
+        taken[identifier] = f"frame {message.name}"
+    sync = shape.sync
+    if sync is not None and (sync.id, sync.extended) in taken:
+        first = taken[sync.id, sync.extended]
+        raise LayoutError(("sync", "id"), f"SYNC has {sync.id:#x}, as {first} has")
 
 
 def _check(found: Sequence[FrameLayout], axes: Sequence[str], where: Where) -> None:

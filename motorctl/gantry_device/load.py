@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from motorctl.config.document import Document, KeyPath, read_document
+from motorctl.config.document import Document, read_document
 from motorctl.config.shipped import locate_device
 from motorctl.config.validation import validate, validate_options
 from motorctl.errors import UsageError
 from motorctl.gantry_device import modbus_layout
-from motorctl.gantry_device.can_bus import CanBus, LibraryBus, SlcanAdapter
-from motorctl.gantry_device.can_layout import CanShape, FrameLayout, LayoutError, layouts
-from motorctl.gantry_device.can_node import CanNode
 from motorctl.gantry_device.device import Device
 from motorctl.gantry_device.endpoint import Endpoint
 from motorctl.gantry_device.machine import Machine
@@ -22,8 +18,13 @@ from motorctl.gantry_device.modbus_layout import ModbusShape
 from motorctl.gantry_device.modbus_server import ModbusEndpoint, ModbusRtu, ModbusTcp
 from motorctl.gantry_device.schedule import Schedule
 from motorctl.gantry_device.serial_box import SerialBox, SerialShape, Traits
-from motorctl.gantry_device.shape import DeviceShape
+from motorctl.gantry_device.shape import DeviceShape, ServeShape
 from motorctl.hal import Channel, driver_class
+
+if TYPE_CHECKING:  # its libraries are an extra, which a device on another bus does without
+    from motorctl.gantry_device.can_device import CanDevice
+
+CAN = ("serve", "can")
 
 
 def load_device(path: Path, link: Path | None = None) -> Device:
@@ -35,12 +36,16 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     path = locate_device(path)
     document = read_document(path)
     shape = validate(document, (), DeviceShape, document.data)
+    can = _read_can(document)
     sim = driver_class("sim")
     gantry = document.data.get("gantry", {})
     options = None
     if isinstance(gantry, dict):
         options = validate_options(document, ("gantry",), sim.Options, gantry, ())
-    found = _layout_problems(document, shape, path.parent) if shape is not None else []
+    if shape is not None:
+        _check_channels(document, shape)
+        if can is not None:
+            can.lay_out(document, _axes(shape), _bits(shape), path.parent)
     document.raise_problems()
     assert shape is not None
     assert options is not None
@@ -52,17 +57,17 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     ]
     machine = Machine(
         sim(options, channels, 1.0 / shape.rate_hz),
-        [c.counter_bits for c in shape.channels],
+        _bits(shape),
         shape.watchdog_s,
         _wraps(shape),
-        _signed(shape, found),
+        _signed(shape, can),
     )
     schedule = Schedule(shape.faults, shape.seed)
     serve = shape.serve
-    _check_link(shape, link)
+    _check_link(serve, can, link)
     endpoint: Endpoint[Any]
-    if serve.can is not None:
-        endpoint = _can(serve.can, found, machine, schedule, shape.rate_hz, link)
+    if can is not None:
+        endpoint = can.node(machine, schedule, shape.rate_hz, link)
     elif serve.serial is not None:
         endpoint = SerialBox(machine, schedule.faults, _traits(shape, serve.serial), link)
     else:
@@ -71,10 +76,24 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     return Device(machine, endpoint, schedule, shape.spin_s)
 
 
-def _layout_problems(document: Document, shape: DeviceShape, folder: Path) -> list[FrameLayout]:
-    """Note what does not fit between bus and channels; give the frames of a CAN bus."""
-    bits = [channel.counter_bits for channel in shape.channels]
-    names = _axes(shape)
+def _read_can(document: Document) -> CanDevice | None:
+    """Give what the file says of CAN; None where that is nothing, or wrong, and then noted."""
+    given = document.at(CAN)
+    if not isinstance(given, dict):
+        return None
+    try:
+        from motorctl.gantry_device.can_device import CanDevice
+        from motorctl.gantry_device.can_layout import CanShape
+    except ModuleNotFoundError as error:
+        document.add(CAN, f"module '{error.name}' is missing; pip install 'motorctl[can]'")
+        return None
+    shape = validate(document, CAN, CanShape, given)
+    return None if shape is None else CanDevice(shape)
+
+
+def _check_channels(document: Document, shape: DeviceShape) -> None:
+    """Note what does not fit between channels, faults and bus; CAN looks at its own frames."""
+    bits, names = _bits(shape), _axes(shape)
     if len(set(names)) < len(names):
         document.add(("channels",), f"two channels have the same axis: {', '.join(names)}")
     for number, order in enumerate(shape.faults):
@@ -84,41 +103,16 @@ def _layout_problems(document: Document, shape: DeviceShape, folder: Path) -> li
     if shape.serve.modbus is not None:
         for where, message in modbus_layout.problems(shape.serve.modbus, bits):
             document.add(("serve", "modbus", *where), message)
-    elif shape.serve.serial is not None:
-        if len(set(bits)) > 1 or max(bits) > 32:
-            message = "the serial box tells one width for all counters, of at most 32 bits"
-            document.add(("channels",), message)
-    elif shape.serve.can is not None:
-        return _frames(document, shape.serve.can, names, bits, folder)
-    return []
+    elif shape.serve.serial is not None and (len(set(bits)) > 1 or max(bits) > 32):
+        message = "the serial box tells one width for all counters, of at most 32 bits"
+        document.add(("channels",), message)
 
 
-def _frames(
-    document: Document, can: CanShape, names: Sequence[str], bits: Sequence[int], folder: Path
-) -> list[FrameLayout]:
-    top: KeyPath = ("serve", "can")
-    try:
-        found = layouts(can, names, folder)
-    except LayoutError as error:
-        document.add((*top, *error.where), str(error))
-        return []
-    for layout in found:
-        for meant in layout.meant:
-            if meant.means not in ("counts", "index_counts") or meant.channel is None:
-                continue
-            if meant.bits != bits[meant.channel]:
-                message = f"{meant.signal} has {meant.bits} bits, the channel's counter_bits are"
-                where = "frames" if can.frames is not None else "signals"
-                document.add((*top, where), f"{message} {bits[meant.channel]}")
-    return found
-
-
-def _check_link(shape: DeviceShape, link: Path | None) -> None:
-    serve = shape.serve
+def _check_link(serve: ServeShape, can: CanDevice | None, link: Path | None) -> None:
     has_port = (
         serve.serial is not None
         or (serve.modbus is not None and serve.modbus.rtu is not None)
-        or (serve.can is not None and serve.can.interface == "slcan")
+        or (can is not None and can.has_port)
     )
     if link is not None and not has_port:
         raise UsageError("--link: this device has no serial port to link to")
@@ -126,6 +120,10 @@ def _check_link(shape: DeviceShape, link: Path | None) -> None:
 
 def _axes(shape: DeviceShape) -> list[str]:
     return [channel.axis or f"axis{i}" for i, channel in enumerate(shape.channels)]
+
+
+def _bits(shape: DeviceShape) -> list[int]:
+    return [channel.counter_bits for channel in shape.channels]
 
 
 def _wraps(shape: DeviceShape) -> list[int | None]:
@@ -138,40 +136,16 @@ def _wraps(shape: DeviceShape) -> list[int | None]:
     return wraps
 
 
-def _signed(shape: DeviceShape, found: Sequence[FrameLayout]) -> list[bool]:
+def _signed(shape: DeviceShape, can: CanDevice | None) -> list[bool]:
     """Tell which counters the wire shows as signed numbers, so where they wrap."""
     signed = [True] * len(shape.channels)
     if shape.serve.modbus is not None:
         for number, channel in shape.serve.modbus.channels.items():
             signed[number] = channel.counts.signed
-    for layout in found:
-        for meant in layout.meant:
-            if meant.means == "counts" and meant.channel is not None:
-                signal = layout.message.get_signal_by_name(meant.signal)
-                signed[meant.channel] = signal.is_signed
+    if can is not None:
+        for number, is_signed in can.signed_counters().items():
+            signed[number] = is_signed
     return signed
-
-
-def _can(
-    can: CanShape,
-    found: Sequence[FrameLayout],
-    machine: Machine,
-    schedule: Schedule,
-    rate_hz: float,
-    link: Path | None,
-) -> CanNode:
-    bus: CanBus
-    if can.interface == "slcan":
-        bus = SlcanAdapter(link)
-    else:
-        assert can.channel is not None
-        settings: dict[str, Any] = {}
-        if can.interface == "socketcan":
-            settings = {"fd": can.fd}
-        elif can.interface == "udp_multicast":
-            settings = {"fd": can.fd, "port": can.port, "hop_limit": 0}
-        bus = LibraryBus(can.interface, can.channel, **settings)
-    return CanNode(machine, schedule.faults, bus, found, can.sync, rate_hz, can.fd)
 
 
 def _traits(shape: DeviceShape, serial: SerialShape) -> Traits:

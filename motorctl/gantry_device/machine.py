@@ -155,6 +155,7 @@ class Machine:
 
     def disable_all(self) -> None:
         """Zero and disable every channel, and forget that the watchdog fired."""
+        self.catch_up(time.monotonic_ns())
         for i in range(self.channels):
             self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, False
         self._write()
@@ -166,21 +167,19 @@ class Machine:
 
     def check_watchdog(self, now_ns: int) -> None:
         """Take the amplifiers away from whom no command came; call from `due_ns` on."""
-        late = [
-            i
-            for i in range(self.channels)
-            if self.enabled[i] and now_ns - self._heard_ns[i] >= self._watchdog_ns
-        ]
-        if late:
-            self.catch_up(now_ns)
-            for i in late:
-                self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, True
+        if self.due_ns <= now_ns:
             self.watchdog_trips += 1
-        self._write()
+        while (due_ns := self.due_ns) <= now_ns:
+            # It acts when it is due, however late this process gets to it.
+            self.catch_up(due_ns)
+            for i in range(self.channels):
+                if self.enabled[i] and due_ns - self._heard_ns[i] >= self._watchdog_ns:
+                    self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, True
+            self._write()
 
     def restart(self) -> None:
         """Begin anew as after a power failure: other boot id, counters at zero, no volts."""
-        self.catch_up(time.monotonic_ns())
+        self.disable_all()
         for i in range(self.channels):
             self._offsets[i] -= self.counts[i]
             self.counts[i] = 0
@@ -188,7 +187,6 @@ class Machine:
         self.boot_id = self.boot_id + 1 & 0xFFFF
         self.restarts += 1
         self.set_watchdog(self._watchdog_s)
-        self.disable_all()
 
     def signed(self, channel: int, count: int) -> int:
         """Give a counter's value in two's complement."""

@@ -20,7 +20,7 @@ from pathlib import Path
 from motorctl.errors import RunError
 
 PRIORITY = 75
-"""Between the device, for which they work, and the loop."""
+"""Between the device, for which they work, and the loop with its usual priority of 80."""
 LOOK_PERIOD_S = 0.25
 """The kernel starts new ones as it needs them."""
 WORKERS = "kworker/u"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tty
 from pathlib import Path
@@ -10,14 +11,15 @@ from pathlib import Path
 from motorctl.errors import RunError
 
 READ_AT_MOST = 65536
+TERMINALS = Path("/dev/pts")
 
 
 class PtyPort:
     """The device's end of a serial line, raw and never blocking.
 
-    `link`, if given, is a symbolic link to the host's end, and follows it where the port is
-    plugged in again. The host's end is kept open here too, so that a host that comes and goes
-    is no hang-up.
+    `link`, if given, is a symbolic link to the host's end, in place of one to an older
+    pseudo-terminal, and follows it where the port is plugged in again. The host's end is kept
+    open here too, so that a host that comes and goes is no hang-up.
     """
 
     def __init__(self, link: Path | None) -> None:
@@ -39,8 +41,7 @@ class PtyPort:
         if self._link is None:
             return
         try:
-            if self._link.is_symlink():
-                self._link.unlink()
+            _remove_old(self._link)
             self._link.symlink_to(self.path)
         except OSError as error:
             self.close()
@@ -75,3 +76,17 @@ class PtyPort:
         except OSError:
             sent = 0
         self.lost_bytes += len(data) - sent
+
+
+def _remove_old(link: Path) -> None:
+    """Remove what an earlier run left. Raises OSError for a link that no port made."""
+    if not link.is_symlink():
+        return
+    target = link.readlink()
+    if target.parent != TERMINALS:
+        raise FileExistsError(
+            errno.EEXIST,
+            f"points to {target}, which is no pseudo-terminal under {TERMINALS}: "
+            "remove it, or give another path",
+        )
+    link.unlink()

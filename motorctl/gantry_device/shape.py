@@ -6,7 +6,6 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from motorctl.gantry_device.can_layout import CanShape
 from motorctl.gantry_device.modbus_layout import ModbusShape
 from motorctl.gantry_device.orders import FaultOrder, Settings
 from motorctl.gantry_device.serial_box import SerialShape
@@ -28,7 +27,8 @@ class ChannelShape(Settings):
 class ServeShape(Settings):
     """The bus that the device is on: one of these."""
 
-    can: CanShape | None = None
+    can: dict[str, Any] | None = None
+    """As it stands in the file: `load` checks it, with libraries that no other bus needs."""
     serial: SerialShape | None = None
     modbus: ModbusShape | None = None
 

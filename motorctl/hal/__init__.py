@@ -10,6 +10,7 @@ from motorctl.hal.contract import (
     Outputs,
     RateBudget,
     Status,
+    serial_line,
 )
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
 from motorctl.kernels import kernels_cached, specialise
@@ -28,5 +29,6 @@ __all__ = [
     "driver_class",
     "installed_drivers",
     "kernels_cached",
+    "serial_line",
     "specialise",
 ]

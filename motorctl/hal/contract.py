@@ -39,6 +39,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntFlag
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -67,7 +68,8 @@ class Status(IntFlag):
     """No new sample has come since the last read, and the count repeats the last one. Not a fault:
     the loop holds the position for as many periods as the configuration allows, then trips."""
     CORRUPT = 1 << 9
-    """Something came and was refused: checksum, length, or sequence. Tells the cause of STALE."""
+    """Something came and was refused: checksum, length, or sequence; or could not be sent, as the
+    bus had no room. Tells the cause of STALE."""
     BUS_OFF = 1 << 10
     """The controller is off the bus, or the port is gone. With COMMUNICATION_LOST."""
     DEVICE_RESTARTED = 1 << 11
@@ -133,6 +135,11 @@ class RateBudget:
     """How that number comes about, in words and numbers, for `check` and for error messages."""
 
 
+def serial_line(port: str) -> str:
+    """Give the `Driver.medium` of a serial port, whatever link it is named by."""
+    return f"serial port {Path(port).resolve()}"
+
+
 class DriverOptions(BaseModel):
     """Base of every driver's own options; unknown keys are errors."""
 
@@ -158,6 +165,13 @@ class Driver(ABC):
     longest_wait_s: float = 0.0
     """How long one `read` and the `write` after it may wait for the device at most. The waits of
     all drivers have to fit into the loop's period, also where a driver has a slower one."""
+    medium: str | None = None
+    """The bus or line that it has for itself, in words, as in "serial port /dev/ttyUSB0"; two
+    drivers of one machine may not have the same."""
+    notes: tuple[str, ...] = ()
+    """What the last `open` found worth knowing and no reason to refuse, such as a setting that the
+    port does not take. It is read once, after `open` and before the first tick; the daemon tells
+    each note as it tells what the machine refuses of real time."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 
@@ -176,7 +190,7 @@ class Driver(ABC):
         """Tell what is wrong between options and channels, without any I/O.
 
         Each with the path of the option that is at fault, as in ``(("frames", "command"), "...")``.
-        What is wrong with the options alone is the business of their schema.
+        What is wrong with one option alone is the business of their schema.
         """
         return ()
 

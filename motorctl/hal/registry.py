@@ -35,29 +35,43 @@ def driver_class(type_name: str) -> type[Driver]:
     Raises UsageError, naming what is installed, where there is no such driver or it fails to load.
     """
     if ":" in type_name:
-        return _import(type_name, type_name)
+        return _import(type_name, type_name, "")
     points = {point.name: point for point in entry_points(group=GROUP)}
     if type_name not in points:
         known = ", ".join(sorted(points)) or "none"
         raise UsageError(f"unknown driver '{type_name}'; installed: {known}")
-    return _import(points[type_name].value, type_name)
+    point = points[type_name]
+    return _import(point.value, point.name, _remedy(point))
 
 
 def _load(point: EntryPoint) -> DriverEntry:
     name, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
     try:
-        driver = _import(point.value, point.name)
+        driver = _import(point.value, point.name, _remedy(point))
     except UsageError as error:
         return DriverEntry(point.name, point.value, name, version, None, str(error))
     return DriverEntry(point.name, point.value, name, version, driver, None)
 
 
-def _import(target: str, name: str) -> type[Driver]:
+def _remedy(point: EntryPoint) -> str:
+    """Say how to install what a driver needs, where its package has an extra of its name."""
+    extras = point.dist.metadata.get_all("Provides-Extra", []) if point.dist else []
+    if point.dist is None or point.name not in extras:
+        return ""
+    return f"pip install '{point.dist.name}[{point.name}]'"
+
+
+def _import(target: str, name: str, remedy: str) -> type[Driver]:
+    """Import a driver; `remedy` is told where a library is missing. Raises UsageError."""
     module_name, _, attribute = target.partition(":")
     try:
         driver = getattr(importlib.import_module(module_name), attribute)
     except Exception as error:  # a third party's module may fail in any way
         cause = f"{type(error).__name__}: {error}"
+        if isinstance(error, ModuleNotFoundError) and error.name:
+            own = f"{module_name}.".startswith(f"{error.name}.")
+            hint = "is its folder on PYTHONPATH?" if own else remedy
+            cause = f"module '{error.name}' is missing" + (f"; {hint}" if hint else "")
         raise UsageError(f"driver '{name}' ({target}) failed to import: {cause}") from error
     if not (isinstance(driver, type) and issubclass(driver, Driver)):
         raise UsageError(f"driver '{name}' ({target}) is not a subclass of motorctl.hal.Driver")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,10 @@ from motorctl.log.convert import load_metadata
 from motorctl.log.open_table import is_unfinished, open_table
 from motorctl.log.partial import PartialFile
 from motorctl.log.read import read_recording
-from motorctl.log.sample import FaultCause
+from motorctl.log.sample import FaultCause, SampleFlag
 from motorctl.log.table_parquet import ParquetTable
 
-_FAULT = ".fault"
+_FAULT, _FLAGS, _DEVICE = ".fault", ".flags", ".device_status"
 _POSITION = ".position_m"
 _MOST_FAULTS = 50
 
@@ -31,6 +31,8 @@ class Fault:
     time_s: float
     axis: str
     cause: str
+    device: tuple[str, ...]
+    """What its driver told in that tick, and in those without a sample right before it."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def describe(path: Path) -> LogInfo:
     if is_unfinished(path):
         source = PartialFile(path)
         try:
-            scan = _scan(source.batches(), source.schema.names)
+            scan = _scan(source.batches(), source.schema.names, _statuses(source.schema))
             notes = ["not finished; to make it a log: motorctl log recover"]
             notes += [f"{source.given_up_bytes} bytes of it are torn"] if source.torn else []
             return _of_log(path, source.schema, scan, finished=False, notes=notes)
@@ -72,7 +74,8 @@ def describe(path: Path) -> LogInfo:
     if path.suffix.lower() not in (".yaml", ".yml"):
         table = open_table(path)
         if isinstance(table, ParquetTable) and table.metadata:
-            return _of_log(path, table.schema, _scan_log(path, table.names), True, [])
+            scan = _scan_log(path, table.names, _statuses(table.schema))
+            return _of_log(path, table.schema, scan, True, [])
     return _of_recording(path)
 
 
@@ -84,18 +87,31 @@ class _Scan:
     faults: list[Fault]
 
 
-def _scan_log(path: Path, names: Iterable[str]) -> _Scan:
-    columns = [n for n in names if n in ("tick", "time_s") or n.endswith(_FAULT)]
+def _statuses(schema: pa.Schema) -> dict[int, str]:
+    """Give the names of the bits of `device_status`; none where a log has no such column."""
+    names = load_metadata(schema).get("device_statuses")
+    if not (isinstance(names, dict) and any(n.endswith(_DEVICE) for n in schema.names)):
+        return {}
+    return {int(bit): str(name) for bit, name in names.items()}
+
+
+def _scan_log(path: Path, names: Iterable[str], statuses: Mapping[int, str]) -> _Scan:
+    wanted = (_FAULT, _FLAGS, _DEVICE) if statuses else (_FAULT,)
+    columns = [n for n in names if n in ("tick", "time_s") or n.endswith(wanted)]
     try:
         with pq.ParquetFile(path) as log:
-            return _scan(log.iter_batches(columns=columns), columns)
+            return _scan(log.iter_batches(columns=columns), columns, statuses)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(f"{path}: a damaged log: {error}") from error
 
 
-def _scan(batches: Iterable[pa.RecordBatch], names: Iterable[str]) -> _Scan:
+def _scan(
+    batches: Iterable[pa.RecordBatch], names: Iterable[str], statuses: Mapping[int, str]
+) -> _Scan:
     found = _Scan(0, None, None, [])
-    before = dict.fromkeys((n for n in names if n.endswith(_FAULT)), 0)
+    axes = [n.removesuffix(_FAULT) for n in names if n.endswith(_FAULT)]
+    before = dict.fromkeys(axes, 0)
+    told = dict.fromkeys(axes, 0)
     for batch in batches:
         time_s = batch.column("time_s").to_numpy()
         if len(time_s) == 0:
@@ -103,17 +119,39 @@ def _scan(batches: Iterable[pa.RecordBatch], names: Iterable[str]) -> _Scan:
         found.rows += len(time_s)
         found.begin_s = float(time_s[0]) if found.begin_s is None else found.begin_s
         found.end_s = float(time_s[-1])
-        for name in before:
-            fault = batch.column(name).to_numpy()
-            changed = np.flatnonzero(np.diff(fault, prepend=before[name]))
-            found.faults += [
-                Fault(float(time_s[k]), name.removesuffix(_FAULT), _cause(int(fault[k])))
-                for k in changed
-                if fault[k] != FaultCause.NONE
-            ]
-            before[name] = int(fault[-1])
+        for axis in axes:
+            fault = batch.column(axis + _FAULT).to_numpy()
+            device = _Device(batch, axis, told[axis]) if statuses else None
+            for k in np.flatnonzero(np.diff(fault, prepend=before[axis])).tolist():
+                if fault[k] != FaultCause.NONE:
+                    word = device.told_until(k) if device else 0
+                    bits = tuple(name for bit, name in statuses.items() if word & bit)
+                    found.faults.append(Fault(float(time_s[k]), axis, _cause(int(fault[k])), bits))
+            before[axis] = int(fault[-1])
+            told[axis] = device.left_over() if device else 0
         del found.faults[_MOST_FAULTS:]
     return found
+
+
+class _Device:
+    """What a driver told of an axis in a batch of rows."""
+
+    def __init__(self, batch: pa.RecordBatch, axis: str, before: int) -> None:
+        self._held = batch.column(axis + _FLAGS).to_numpy() & int(SampleFlag.HELD) > 0
+        self._words = batch.column(axis + _DEVICE).to_numpy()
+        self._before = before  # in the ticks without a sample that the last batch ended with
+
+    def told_until(self, row: int) -> int:
+        """Give all bits of a row, and of those without a sample right before it."""
+        sampled = np.flatnonzero(~self._held[:row])
+        first = sampled[-1] + 1 if len(sampled) else 0
+        word = int(np.bitwise_or.reduce(self._words[first : row + 1]))
+        return word if len(sampled) else word | self._before
+
+    def left_over(self) -> int:
+        """Give the bits of the rows without a sample at the end."""
+        last = len(self._held) - 1
+        return self.told_until(last) if self._held[last] else 0
 
 
 def _cause(code: int) -> str:

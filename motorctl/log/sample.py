@@ -93,6 +93,7 @@ def axis_sample(parameters: int) -> np.dtype[np.void]:
             ("state", "i4"),  # AxisState
             ("fault", "i4"),  # FaultCause
             ("flags", "u4"),  # SampleFlag
+            ("device_status", "u4"),  # motorctl.hal.Status, as the driver gave it
         ],
         align=True,
     )

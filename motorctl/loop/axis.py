@@ -13,13 +13,15 @@ from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.held import (
     counter_step,
     hold_position,
-    is_doubtful,
+    is_unexpected,
+    leave_out,
+    may_be_doubted,
     place_of,
     predict_motion,
     predicts,
 )
 from motorctl.loop.homing import home
-from motorctl.loop.records import DRIFT_WEIGHT
+from motorctl.loop.records import DRIFT_WEIGHT, TRUSTED_TICKS
 from motorctl.loop.reference import brake, follow, hold_where_it_is
 from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,
@@ -54,7 +56,7 @@ HOME_SWITCH = int(SampleFlag.HOME_SWITCH)
 INDEX = int(SampleFlag.INDEX)
 HELD = int(SampleFlag.HELD)
 BETWEEN = int(SampleFlag.BETWEEN)
-STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
+STALE = int(Status.STALE)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
 DEVICE_LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 DEVICE_LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
@@ -151,20 +153,46 @@ def axis_inputs(
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if axis.state != OFF:
             check_freshness(settings, axis, t)
-    elif predicts(settings, axis) and is_doubtful(correct, settings, axis, raw, elapsed):
-        axis.held_status |= CORRUPT
-        axis.doubted_ticks += elapsed
-        hold_position(feedforward, settings, axis, law, elapsed, t)
-    elif axis.held_ticks and predicts(settings, axis):
-        # What the prediction missed is an error of the position, not a speed.
-        expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
-        forget_pause(axis)
-        read_position(correct, settings, axis, raw, elapsed, t)
-        law.y1 += axis.position_m - expected
-        law.y2 += axis.position_m - expected
     else:
-        forget_pause(axis)
+        unexpected = is_unexpected(correct, settings, axis, raw, elapsed)
+        if unexpected and may_be_doubted(settings, axis, elapsed):
+            leave_out(correct, feedforward, settings, axis, law, raw, elapsed, t)
+        else:
+            believe(correct, feedforward, settings, axis, law, raw, elapsed, unexpected, t)
+
+
+@njit
+def believe(
+    correct: Callable[..., float],
+    feedforward: Callable[..., float],
+    settings: Any,
+    axis: Any,
+    law: Any,
+    raw: int,
+    elapsed: int,
+    unexpected: bool,
+    t: float,
+) -> None:
+    """Take a sample for true, after ticks that did without one, too."""
+    confirmed = unexpected and axis.doubted_ticks and axis.blind_ticks == axis.doubted_blind_ticks
+    predicted = axis.held_ticks and predicts(settings, axis)
+    expected = axis.position_m
+    if predicted:
+        expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
+    forget_pause(axis)
+    if confirmed:
+        # The last one was true as well, so the law sees the speed between the two.
+        law.y1 += axis.doubted_miss_m
+        read_position(correct, settings, axis, axis.doubted_raw_counts, 0, t)
         read_position(correct, settings, axis, raw, elapsed, t)
+        axis.drift_m_s = axis.velocity_m_s - axis.reference_velocity_m_s
+    else:
+        read_position(correct, settings, axis, raw, elapsed, t)
+        if predicted:
+            # What the prediction missed is an error of the position, not a speed.
+            law.y1 += axis.position_m - expected
+            law.y2 += axis.position_m - expected
+    axis.trust_ticks = TRUSTED_TICKS if unexpected else max(0, axis.trust_ticks - elapsed)
 
 
 @njit
@@ -309,6 +337,7 @@ def axis_step(
     sample.state = axis.state
     sample.fault = axis.fault
     sample.flags = flags
+    sample.device_status = status
     return u
 
 
@@ -329,6 +358,7 @@ def axis_between(axis: Any, last: Any, n: int, sample: Any) -> None:
     sample.state = axis.state
     sample.fault = axis.fault
     sample.flags = last.flags | BETWEEN
+    sample.device_status = last.device_status
 
 
 @njit

@@ -8,6 +8,7 @@ from typing import Any
 
 from numba import njit
 
+from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop.records import (
     DOUBT_ACCELERATION_RATIO,
@@ -18,7 +19,9 @@ from motorctl.loop.records import (
 from motorctl.loop.safety import count_is_ambiguous
 
 OFF = int(AxisState.OFF)
+HOMING = int(AxisState.HOMING)
 FAULT = int(AxisState.FAULT)
+CORRUPT = int(Status.CORRUPT)
 
 
 @njit(error_model="numpy")
@@ -63,17 +66,15 @@ def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: in
 
 
 @njit
-def is_doubtful(
+def is_unexpected(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int
 ) -> bool:
     """Tell whether a sample is one that no motion explains: taken at another time, or damaged.
 
-    A few at most between two that are believed, as what stays so is true; the axis does not trip
-    for it. A jump that is no motion at all is not doubted, but a fault. Where device and loop have
-    clocks of their own, samples move by a period now and then, and nothing is doubted.
+    A jump that is no motion at all is a fault, not this. Where device and loop have clocks of
+    their own, samples move by a period now and then, and nothing is expected.
     """
-    most = min(MOST_DOUBTED_TICKS, settings.hold_ticks)
-    if not settings.asked or axis.doubted_ticks + elapsed > most:
+    if not (settings.asked and predicts(settings, axis)):
         return False
     step = counter_step(settings, axis, raw)
     ticks = axis.blind_ticks + elapsed
@@ -89,6 +90,17 @@ def is_doubtful(
     reach = DOUBT_PERIODS * abs(v) * settings.period_s
     reach += jerked * settings.possible_acceleration_m_s2 + 8.0 * unit
     return abs(y - expected) > reach  # type: ignore[no-any-return]
+
+
+@njit
+def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
+    """Tell whether a sample may be left out: one between two that are believed, and not often.
+
+    Homing is slow, and looks for edges that one sample may bring.
+    """
+    longest = min(MOST_DOUBTED_TICKS, settings.hold_ticks)
+    known = axis.trust_ticks == 0 and axis.doubted_ticks == 0
+    return known and axis.state != HOMING and elapsed <= longest  # type: ignore[no-any-return]
 
 
 @njit
@@ -110,3 +122,23 @@ def hold_position(
     axis.blind_ticks += elapsed
     if not axis.have_counts:  # there is no last position
         axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
+
+
+@njit
+def leave_out(
+    correct: Callable[..., float],
+    feedforward: Callable[..., float],
+    settings: Any,
+    axis: Any,
+    law: Any,
+    raw: int,
+    elapsed: int,
+    t: float,
+) -> None:
+    """Doubt a sample: the model's prediction stands, and what came is kept for the next tick."""
+    hold_position(feedforward, settings, axis, law, elapsed, t)
+    y = place_of(correct, settings, axis, axis.counts + counter_step(settings, axis, raw))
+    axis.held_status |= CORRUPT
+    axis.doubted_ticks += elapsed
+    axis.doubted_raw_counts, axis.doubted_blind_ticks = raw, axis.blind_ticks
+    axis.doubted_miss_m = y - axis.position_m

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
+from motorctl.hal import Driver
 from motorctl.loop.clock import WallClock
 from motorctl.loop.realtime import NEEDED, enter_realtime, reasons
 from motorctl.loop.runner import run_wall
@@ -96,11 +97,21 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     _insist(orders.machine, degraded)
     tick.open()
     try:
+        status["notes"][0] = "\n".join(_notes(tick.drivers)).encode()
         status["phase"][0] = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:
         tick.close()
     return bool(tick.watch["orphaned"][0])
+
+
+def _notes(drivers: Mapping[str, Driver]) -> list[str]:
+    """Give what the drivers noted as they were opened, a line each."""
+    return [
+        f"drivers.{name}: {' '.join(note.split())}"
+        for name, driver in drivers.items()
+        for note in driver.notes
+    ]
 
 
 def _insist(machine: Machine, degraded: Degraded) -> None:

@@ -83,7 +83,11 @@ def hold_shallow_idle() -> int:
     Raises OSError where that is not allowed.
     """
     fd = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
-    os.write(fd, (0).to_bytes(4, "little"))
+    try:
+        os.write(fd, (0).to_bytes(4, "little"))
+    except OSError:
+        os.close(fd)
+        raise
     return fd
 
 

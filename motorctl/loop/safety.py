@@ -75,14 +75,20 @@ def check_device(axis: Any, t: float) -> None:
 def check_freshness(settings: Any, axis: Any, t: float) -> None:
     """Trip where no new sample has come for longer than the configuration allows."""
     if is_overdue(settings, axis):
-        trip(axis, CAUSE_NO_NEW_SAMPLE, float(axis.held_ticks), float(settings.hold_ticks), t)
+        without = float(ticks_without(axis))
+        trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
 
 
 @njit
 def is_overdue(settings: Any, axis: Any) -> bool:
     """Tell whether the last sample is older than an axis may be driven by."""
-    # Samples that were doubted came all the same.
-    return axis.held_ticks - axis.doubted_ticks > settings.hold_ticks  # type: ignore[no-any-return]
+    return ticks_without(axis) > settings.hold_ticks  # type: ignore[no-any-return]
+
+
+@njit
+def ticks_without(axis: Any) -> int:
+    """Give for how many ticks no sample has come; those that were doubted came all the same."""
+    return axis.held_ticks - axis.doubted_ticks  # type: ignore[no-any-return]
 
 
 @njit

@@ -20,6 +20,7 @@ from motorctl.log.sample import TICK_SAMPLE, axis_sample
 from motorctl.motion import SEGMENT
 
 HEADER_BYTES = 4096
+NOTES_BYTES = 4096
 MAILBOX_SIZE = 64
 PROGRAM_SEGMENTS = 65536
 """Longest program of one axis, in segments."""
@@ -95,6 +96,7 @@ LOOP_STATUS = np.dtype(
         ("mail_head", "i8"),  # written by the supervisor
         ("mail_tail", "i8"),
         ("message", "S512"),  # why the process failed or ended
+        ("notes", f"S{NOTES_BYTES}"),  # of the drivers, when they were opened, a line each
     ],
     align=True,
 )
@@ -189,6 +191,12 @@ class LoopMemory:
         """Map the memory that the other process made."""
         header = os.pread(fd, HEADER_BYTES, 0)
         return cls(fd, json.loads(header.rstrip(b"\0")))
+
+    @property
+    def notes(self) -> list[str]:
+        """What the drivers found worth knowing when they were opened."""
+        text: bytes = self.status["notes"][0]
+        return text.decode(errors="replace").splitlines()
 
     def beat(self) -> None:
         """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""

@@ -9,9 +9,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
-from motorctl.hal import Channel, Driver, Inputs, Outputs
+from motorctl.errors import RunError
+from motorctl.hal import Driver, Inputs, Outputs
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
@@ -29,23 +31,14 @@ scheduled_ns is the deadline that was missed, `elapsed` - 1 periods ago; 0: ther
 
 
 def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> dict[str, Driver]:
-    """Make every driver of the machine, not yet opened, with its channels in the axes' order.
+    """Make every driver of the machine, not yet opened.
 
     driver_class stands in for every driver's own class.
     """
     drivers = {}
+    wirings = [wiring_of(axis) for axis in machine.axes.values()]
     for name, setup in machine.drivers.items():
-        channels = [
-            Channel(
-                axis=axis.name,
-                number=axis.channel,
-                resolution_m=axis.encoder.resolution_m,
-                counter_bits=axis.encoder.counter_bits,
-                max_voltage_v=axis.limits.max_voltage_v,
-            )
-            for axis in machine.axes.values()
-            if axis.driver == name
-        ]
+        channels = channels_of(name, wirings)
         if channels:
             period_s = machine.period_of(channels[0].axis)
             drivers[name] = (driver_class or setup.cls)(setup.options, channels, period_s)
@@ -132,8 +125,8 @@ class Tick:
 
     def _make_step(self, virtual: bool) -> Step:
         axes = self.machine.axes.values()
-        order = [axis for name in self.drivers for axis in axes if axis.driver == name]
-        place = {axis.name: i for i, axis in enumerate(order)}
+        order = [channel.axis for driver in self.drivers.values() for channel in driver.channels]
+        place = {name: i for i, name in enumerate(order)}
         counts = np.zeros(len(order), np.int64)
         index_counts = np.zeros(len(order), np.int64)
         words = np.zeros(len(order), np.uint32)
@@ -226,10 +219,10 @@ class Tick:
         """Open every driver; what was opened is made safe again where one fails."""
         opened: list[Driver] = []
         try:
-            for driver in self.drivers.values():
+            for name, driver in self.drivers.items():
                 if virtual:
                     driver.start_virtual_time()
-                driver.open()
+                _open(name, driver)
                 opened.append(driver)
         except BaseException:
             self.safe()
@@ -246,6 +239,14 @@ class Tick:
         """Make every output safe and release the devices."""
         self.safe()
         _close(self.drivers.values())
+
+
+def _open(name: str, driver: Driver) -> None:
+    """Open a driver; its error tells which one of the configuration's it is."""
+    try:
+        driver.open()
+    except RunError as error:
+        raise RunError(f"drivers.{name}: {error}") from error
 
 
 def _close(drivers: Iterable[Driver]) -> None:

@@ -27,12 +27,14 @@ def main() -> None:
     told: dict[str, Any] = {}
     path = RESULT / "device.yaml"
     path.write_text(yaml.safe_dump(device_file()))
-    device = subprocess.Popen([*DEVICE, str(path), "--json"], stdout=subprocess.PIPE, text=True)
+    device = subprocess.Popen(
+        [*DEVICE, str(path), "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         # beside each other: the daemon takes longer until it opens the bus
         starting = Daemon(RESULT / "daemon", yaml.safe_dump(config(can_driver())))
-        assert device.stdout is not None
-        told["ready"] = device.stdout.readline().strip()
+        assert device.stderr is not None
+        told["ready"] = device.stderr.readline().strip()
         with starting as daemon:
             _live(daemon, told)
             told["exit_status"] = daemon.end()
@@ -40,7 +42,7 @@ def main() -> None:
         told["failed"] = traceback.format_exc()
     device.send_signal(signal.SIGTERM)
     said, _ = device.communicate(timeout=30)
-    told["device"] = json.loads(said.splitlines()[-1]) if said else None
+    told["device"] = json.loads(said) if said else None
     (RESULT / "loop.json").write_text(json.dumps(told))
 
 

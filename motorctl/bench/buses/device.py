@@ -30,7 +30,7 @@ def device_running(file: dict[str, Any], folder: Path) -> Iterator[str]:
     settings = ["--raise-workers"] if can_be_prompt() else []
     command = [sys.executable, "-P", "-c", "from motorctl.cli import main; main()"]
     process = subprocess.Popen(
-        [*command, "gantry-device", str(path), "--json", *settings],
+        [*command, "gantry-device", str(path), *settings],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -13,7 +13,8 @@ from motorctl.bench.buses.machines import device_file, direct, machine_on
 from motorctl.bench.buses.transports import AXES, Transport
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.bench.latency.loop_run import run_loop
-from motorctl.config.hardware import Exchange, ask_exchange, channels_of, wiring_of
+from motorctl.config.exchange import Exchange, ask_exchange
+from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.machine import Machine
 from motorctl.insight.measures import Measures, Timing, measure_axis, measure_timing
 from motorctl.log import Recording, read_recording

@@ -1,0 +1,95 @@
+"""What a driver says of its exchange with the device, whoever wrote it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from motorctl.config.document import KeyPath
+from motorctl.config.machine import DriverSetup
+from motorctl.errors import MotorctlError, UsageError
+from motorctl.hal import Channel, Driver, RateBudget
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What a driver says of its exchange with the device."""
+
+    problems: tuple[tuple[KeyPath, str], ...]
+    budget: RateBudget | None
+    """None where there are problems."""
+    delay_s: float
+    """How much later than in a direct exchange a command acts on what was read."""
+    wait_s: float
+    """How long the loop may have to wait for it in a tick."""
+    medium: str | None
+    """The bus or line that it has for itself."""
+    advice: tuple[str, ...]
+    """What it leaves open that a safe machine would want."""
+
+
+def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
+    """Ask a driver about its exchange; no I/O. Raises UsageError where it fails to answer."""
+    try:
+        driver: Driver = setup.cls(setup.options, channels, period_s)
+        problems = tuple(_problem(told) for told in driver.problems())
+        budget = None if problems else _budget(driver.rate_budget())
+        delay_periods = _amount("exchange_delay_periods", driver.exchange_delay_periods)
+        wait_s = _amount("longest_wait_s", driver.longest_wait_s)
+        medium = _medium(driver.medium)
+    except MotorctlError:
+        raise
+    except (Exception, SystemExit) as error:  # a driver of a third party may fail in any way
+        raise UsageError(f"{type(error).__name__}: {error}") from error
+    advice = () if problems else _advice(driver)
+    return Exchange(problems, budget, delay_periods * period_s, wait_s, medium, advice)
+
+
+def _wrong(what: str, told: Any, right: str) -> UsageError:
+    return UsageError(f"the driver's {what} is {told!r}, should be {right}")
+
+
+def _problem(told: Any) -> tuple[KeyPath, str]:
+    if isinstance(told, tuple) and len(told) == 2:
+        path, text = told
+        keys = isinstance(path, tuple) and all(isinstance(key, (str, int)) for key in path)
+        if keys and isinstance(text, str):
+            return path, text
+    raise _wrong("problems()", told, 'pairs as in (("frames", "command"), "what is wrong")')
+
+
+def _medium(told: Any) -> str | None:
+    if told is None or isinstance(told, str):
+        return told
+    raise _wrong("medium", told, "words, or None")
+
+
+def _budget(told: Any) -> RateBudget:
+    if not isinstance(told, RateBudget):
+        raise _wrong("rate_budget()", told, "a RateBudget")
+    if not (_is_number(told.max_rate_hz) and told.max_rate_hz > 0):
+        raise _wrong("rate_budget().max_rate_hz", told.max_rate_hz, "a number above 0")
+    return told
+
+
+def _amount(what: str, told: Any) -> float:
+    if not (_is_number(told) and 0 <= told < math.inf):
+        raise _wrong(what, told, "a finite number, 0 or more")
+    return float(told)
+
+
+def _is_number(told: Any) -> bool:
+    return isinstance(told, (int, float, np.number)) and not isinstance(told, bool)
+
+
+def _advice(driver: Driver) -> tuple[str, ...]:
+    """Give its advice; no reason to refuse a configuration, even where there is none to be had."""
+    try:
+        told: Iterable[str] = driver.advice()
+        return (told,) if isinstance(told, str) else tuple(map(str, told))
+    except (Exception, SystemExit) as error:
+        return (f"its advice failed: {type(error).__name__}: {error}",)

@@ -1,0 +1,116 @@
+"""What a configuration asks its drivers, and what becomes of drivers that answer wrongly."""
+
+from __future__ import annotations
+
+import copy
+
+import config_bench
+import pytest
+from config_bench import BenchDriver, machine, problems
+
+from motorctl.config import load, summarise
+from motorctl.hal import RateBudget
+
+
+class Odd(BenchDriver):
+    """Answers what the test says."""
+
+    budget = RateBudget(1e4, "plenty")
+    wrong = ()
+    says = ()
+
+    def rate_budget(self):
+        return self.budget
+
+    def problems(self):
+        return self.wrong
+
+    def advice(self):
+        if isinstance(self.says, Exception):
+            raise self.says
+        return self.says
+
+
+class OnALine(BenchDriver):
+    """Has the line of its port for itself."""
+
+    @property
+    def medium(self):
+        return f"line {self.options.port}"
+
+
+@pytest.fixture
+def odd(monkeypatch):
+    monkeypatch.setattr(config_bench, "Odd", Odd, raising=False)
+
+    def answering(name, answer):
+        monkeypatch.setattr(Odd, name, answer)
+        return machine(drivers__line__type="config_bench:Odd")
+
+    return answering
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("budget", None),
+        ("budget", 5000.0),
+        ("budget", RateBudget("5000", "words")),
+        ("budget", RateBudget(float("nan"), "words")),
+        ("wrong", ["wrong"]),
+        ("wrong", [("port", "wrong")]),
+        ("wrong", [(("port",), None)]),
+        ("longest_wait_s", None),
+        ("longest_wait_s", float("nan")),
+        ("exchange_delay_periods", float("inf")),
+        ("medium", 3),
+    ],
+)
+def test_a_driver_that_answers_nonsense_is_named_with_what_it_said(tmp_path, odd, name, answer):
+    (told,) = problems(tmp_path, odd(name, answer))
+    assert told.key == "drivers.line"
+    assert "should be" in told.message
+
+
+@pytest.mark.parametrize(
+    ("says", "told"),
+    [
+        ("arm its watchdog", ["arm its watchdog"]),
+        (["one", "two"], ["one", "two"]),
+        (None, None),
+        (ValueError("nothing to say"), None),
+    ],
+)
+def test_advice_is_never_a_reason_to_refuse(tmp_path, odd, says, told):
+    path = config_bench.write(tmp_path, odd("says", says))
+    advice = summarise(load(path))["drivers"]["line"]["advice"]
+    if told is None:
+        assert len(advice) == 1
+        assert "failed" in advice[0]
+    else:
+        assert advice == told
+
+
+def test_a_driver_that_wants_to_end_the_program_does_not(tmp_path, odd):
+    def leave(self):
+        raise SystemExit(7)
+
+    (told,) = problems(tmp_path, odd("rate_budget", leave))
+    assert "SystemExit" in told.message
+
+
+def on_two_lines(first: str, second: str):
+    data = machine(drivers__line={"type": "config_bench:OnALine", "port": first})
+    data["drivers"]["other"] = {"type": "config_bench:OnALine", "port": second}
+    data["axes"]["y"] = copy.deepcopy(data["axes"]["x"]) | {"driver": "other"}
+    del data["axes"]["y"]["program"]
+    return data
+
+
+def test_two_drivers_on_one_line_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(config_bench, "OnALine", OnALine, raising=False)
+    assert problems(tmp_path, on_two_lines("/dev/a", "/dev/b")) == ()
+    (told,) = problems(tmp_path, on_two_lines("/dev/a", "/dev/a"))
+    assert told.key == "drivers.other"
+    assert "'line'" in told.message
+    assert "/dev/a" in told.message
