@@ -205,11 +205,22 @@ def test_udp_multicast_carries_samples_and_commands(fd):
         assert status[0] & ~int(Status.CORRUPT) == 0
         seen(driver, inputs)
         assert bytes.fromhex("D00730F803") in {data[:5] for data in commands}
+        another_program_is_refused_and_sends_nothing(CanDriver(chosen, channels(), 0.01), commands)
     finally:
         driver.close()
         stop.set()
         thread.join()
         peer.shutdown()
+
+
+def another_program_is_refused_and_sends_nothing(other, commands):
+    time.sleep(0.05)
+    commands.clear()
+    with pytest.raises(RunError, match=r"frame 0x.* is driven by another program"):
+        other.open()
+    other.safe()
+    time.sleep(0.05)
+    assert not commands
 
 
 class StandIn(can.BusABC):

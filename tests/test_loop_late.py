@@ -20,13 +20,12 @@ PERIOD_COUNTS = round(SPEED_M_S * TS / 0.5e-6)
 
 
 class Deaf(SimDriver):
-    """A gantry that hears nothing new in the reads of `deaf`, and a wrong count in `shifted`."""
+    """A gantry that hears nothing new in the reads of `deaf`, and a wrong count in `shifts`."""
 
     def __init__(self, options, channels, period_s):
         super().__init__(options, channels, period_s)
         self.deaf: set[int] = set()
-        self.shifted: set[int] = set()
-        self.periods = 1
+        self.shifts: dict[int, float] = {}
         self.reads = 0
         self.heard = Inputs(len(self.channels))
 
@@ -38,8 +37,7 @@ class Deaf(SimDriver):
         else:
             inputs.counts[:] = self.heard.counts
             inputs.status[:] = self.heard.status | Status.STALE
-        if self.reads - 1 in self.shifted:
-            inputs.counts += round(self.periods * PERIOD_COUNTS)
+        inputs.counts += round(self.shifts.get(self.reads - 1, 0.0) * PERIOD_COUNTS)
 
 
 def rig_of(*, predict: bool = False, hold_ticks: int = HOLD, faults=()) -> Rig:
@@ -60,8 +58,7 @@ def run(
         rig.move("x", 0.2, SPEED_M_S)
         middle = rig.ticks + round(0.15 / TS)
         rig.driver.deaf = {middle + k for k in missing}
-        rig.driver.shifted = {middle + k for k in shifted}
-        rig.driver.periods = periods
+        rig.driver.shifts = {middle + k: periods for k in shifted}
         rig.seconds(seconds)
     return rig
 
@@ -230,6 +227,43 @@ def test_a_sample_that_is_a_little_early_is_believed_and_the_next_one_too():
     assert not (rows["flags"] & SampleFlag.HELD).any()
 
 
+def glitched(shifts, *, predict, silent=0):
+    """Let x move over samples that are off by so many periods, then none for a while."""
+    rig = rig_of(predict=predict, hold_ticks=40)
+    with rig:
+        rig.start()
+        rig.move("x", 0.2, SPEED_M_S)
+        middle = rig.ticks + round(0.15 / TS)
+        rig.driver.shifts = {middle + k: periods for k, periods in enumerate(shifts)}
+        rig.driver.deaf = {middle + len(shifts) + k for k in range(silent)}
+        rig.seconds(0.4)
+    return rig.rows("x")
+
+
+@pytest.mark.parametrize("shifts", [(1.0, -1.0), (3.0, -1.5), (-2.0, 1.0)])
+def test_two_wrong_samples_that_disagree_are_no_speed_to_predict_a_silence_from(shifts):
+    rows, quiet = (glitched(k, predict=True, silent=5) for k in (shifts, ()))
+    assert not rows["fault"].any()
+    off = np.abs(rows["position_m"] - quiet["position_m"]).max()
+    assert off < (np.abs(shifts).max() + 1.0) * SPEED_M_S * TS
+
+
+def test_samples_that_are_left_out_again_and_again_trip_as_if_none_were():
+    rows = glitched([0.0, 2.0] * 300, predict=True)
+    assert FaultCause(int(rows["fault"][-1])) is not FaultCause.NONE
+    left_out = (rows["flags"] & SampleFlag.LEFT_OUT) > 0
+    assert 1 <= np.count_nonzero(left_out) < 0.2 * 600
+
+
+def test_a_sample_that_was_left_out_is_flagged_and_a_silence_is_not():
+    rows = run((3, 4), predict=True, shifted=(0,)).rows("x")
+    held = (rows["flags"] & SampleFlag.HELD) > 0
+    left_out = (rows["flags"] & SampleFlag.LEFT_OUT) > 0
+    assert np.count_nonzero(held) == 3
+    assert np.count_nonzero(left_out) == 1
+    assert held[left_out].all()
+
+
 @pytest.mark.parametrize("force_v", [-8.0, -15.0, -25.0, 25.0])
 @pytest.mark.parametrize("duration_s", [0.001, 0.002])
 def test_a_knock_is_answered_as_if_nothing_were_ever_doubted(force_v, duration_s):
@@ -250,11 +284,12 @@ def test_a_knock_is_answered_as_if_nothing_were_ever_doubted(force_v, duration_s
     assert doubting[-500:].max() < 1.2 * believing[-500:].max() + 1e-6
 
 
-def test_a_second_jump_of_the_encoder_is_found_though_the_first_was_doubted():
+@pytest.mark.parametrize("later", [1, 3])
+def test_a_second_jump_of_the_encoder_is_found_though_the_first_was_doubted(later):
     limit_m = JUMP_SPEED_RATIO * gantry().axes["x"].limits.max_velocity_m_s * TS
     jumps = [
         {"kind": "encoder_jump", "at_s": 0.1 + k * TS, "channel": 0, "jump_m": share * limit_m}
-        for k, share in ((0, 0.9), (3, -1.3))
+        for k, share in ((0, 0.9), (later, -1.3))
     ]
     with rig_of(predict=True, hold_ticks=40, faults=jumps) as rig:
         rig.start()

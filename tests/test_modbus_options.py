@@ -127,7 +127,7 @@ def test_one_estop_may_serve_every_channel_but_no_other_status():
     ],
 )  # fmt: skip
 def test_registers_that_cannot_be_together_are_told_by_their_own_key(changes, key, words):
-    ((path, message),) = make(n=1, **changes).problems()
+    ((path, message),) = make(n=2, **changes).problems()
     assert ".".join(path) == key
     assert words in message
 

@@ -219,10 +219,14 @@ def test_safe_after_a_loss_connects_for_itself(bench):
 
 
 def test_a_channel_that_no_axis_uses_stays_at_its_zero_and_disabled():
-    unused = copy.deepcopy(CHANNELS)
-    # Offset binary, beyond everything that the axis uses.
-    unused[1]["volts"] |= {"address": 4, "bits": 32, "signed": False, "zero_count": 1 << 31}
-    bench = tcp_bench(n=1, channels=unused, word_order="low_first")
+    some = copy.deepcopy(CHANNELS)
+    # Offset binary, between the axis' own registers; and another one beyond them all.
+    some[0]["enable"]["address"] = 6
+    some[1]["volts"] |= {"address": 4, "bits": 32, "signed": False, "zero_count": 1 << 31}
+    some[2] = copy.deepcopy(some[1])
+    some[2]["volts"]["address"], some[2]["enable"]["bit"] = 20, 2
+    some[2]["counts"]["address"] = 10
+    bench = tcp_bench(n=1, channels=some, word_order="low_first")
     asked = []
 
     def serve():
@@ -240,8 +244,10 @@ def test_a_channel_that_no_axis_uses_stays_at_its_zero_and_disabled():
     bench.peer.accept()
     asked.append(bench.peer.request())
     assert [r.function for r in asked] == [23, 23, 23, 23, 16]
-    assert [r.registers[:3] for r in asked] == [[0, 0, 0]] * 2 + [[3277, 0, 1]] + [[0, 0, 0]] * 2
-    assert [r.registers[4:] for r in asked] == [[0, 0x8000]] * 5
+    volts_and_enable = [(r.registers[0], r.registers[6]) for r in asked]
+    assert volts_and_enable == [(0, 0)] * 2 + [(3277, 1)] + [(0, 0)] * 2
+    assert [r.registers[4:6] for r in asked] == [[0, 0x8000]] * 5
+    assert {len(r.registers) for r in asked} == {7}
     bench.close()
 
 
@@ -483,6 +489,17 @@ def test_a_command_that_disables_does_not_wait_for_unanswered_requests(bench):
     assert bench.ask((0.0, 1.0), (0, 1)).registers[2] == 0b10
     bench.driver.write(bench.outputs)
     assert bench.peer.idle(0.01)
+
+
+def test_a_program_whose_outputs_overlap_is_refused_too(bench):
+    apart = {0: copy.deepcopy(CHANNELS[1])}
+    other = make(
+        n=1, channels=apart, sequence=None, tcp={"host": "127.0.0.1", "port": bench.peer.port}
+    )
+    with pytest.raises(RunError, match="output register 257 is driven by another program"):
+        other.open()
+    other.safe()
+    assert not select.select([bench.peer.listener], [], [], 0.1)[0], "it connected"
 
 
 def test_one_program_of_a_machine_drives_the_outputs_of_a_device(bench):

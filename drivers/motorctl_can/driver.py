@@ -13,6 +13,7 @@ import numpy as np
 
 from motorctl.hal import (
     Channel,
+    Claim,
     Driver,
     DriverOptions,
     Inputs,
@@ -59,12 +60,15 @@ class CanDriver(Driver):
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
         self.medium = f"CAN {options.interface} channel '{options.channel}'"
-        if options.interface == "slcan":
+        if options.interface == "udp_multicast":
+            self.medium += f" port {options.port}"
+        elif options.interface == "slcan":
             self.medium = serial_line(options.channel.partition("@")[0])
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
         self._link: Link | None = None
+        self._claim: Claim | None = None
         self._took: Callable[..., int] = kernels.take
         self._refuse: Callable[..., None] = kernels.refuse
         self._sync_sent: Callable[..., None] = kernels.sync_sent
@@ -144,8 +148,9 @@ class CanDriver(Driver):
         if self._link is not None:
             self.close()
         self.prepare()
-        self._link = Link(self._can, self._layout)
+        self._claim = self._claimed()
         try:
+            self._link = Link(self._can, self._layout)
             self.safe()
             self._await_device(self._link)
         except BaseException:
@@ -214,6 +219,18 @@ class CanDriver(Driver):
             self.safe()
             self._link = None
             link.close()
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+    def _claimed(self) -> Claim | None:
+        """Claim what is sent: a bus obeys everybody. A serial port is claimed by itself."""
+        if self._can.interface not in ("socketcan", "udp_multicast") or self.medium is None:
+            return None
+        sent = [frame.address for frame in self._layout.commands]
+        if self._can.sync is not None:
+            sent.append(f"0x{self._can.sync.id:X}")
+        return Claim(self.medium, [f"frame {address}" for address in sent])
 
     def read(self, inputs: Inputs) -> None:
         """Fill `inputs` with the newest whole sample of each channel."""
@@ -257,11 +274,17 @@ class CanDriver(Driver):
                 self._send_off(self._link)
                 return
             self.prepare()
-            link = Link(self._can, self._layout)
+            # What another program drives is not this one's to make safe.
+            claim = None if self._claim else self._claimed()
             try:
-                self._send_off(link)
+                link = Link(self._can, self._layout)
+                try:
+                    self._send_off(link)
+                finally:
+                    link.close()
             finally:
-                link.close()
+                if claim is not None:
+                    claim.release()
 
     def _send_off(self, link: Link) -> None:
         for _ in range(SAFE_REPEATS):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from motorctl.hal import Channel
 from motorctl_modbus import budget
 from motorctl_modbus.options import ModbusOptions
@@ -23,15 +25,17 @@ LEAST_STEPS = 50
 PAST_THE_LAST = 0x10000
 
 
-def map_problems(options: ModbusOptions) -> list[Problem]:
-    """Tell what cannot be on the device together, whatever the axes are."""
+def map_problems(options: ModbusOptions, used: Mapping[int, ChannelMap]) -> list[Problem]:
+    """Tell what cannot be on the device together, and in one request for the channels in use."""
     found: list[Problem] = []
     for number, part in options.channels.items():
         found += _index_problems(("channels", str(number)), part)
-    outputs = output_claims(options.channels, options.sequence)
-    inputs = input_claims(options.channels, options.sequence, options.boot_id)
-    found += _claim_problems(outputs, options.output_base or 0, MOST_WRITTEN, "output")
-    found += _claim_problems(inputs, options.input_base or 0, MOST_READ, "input")
+    sequence, boot_id = options.sequence, options.boot_id
+    outputs, inputs = options.output_base or 0, options.input_base or 0
+    found += _claim_problems(output_claims(options.channels, sequence), outputs, "output")
+    found += _claim_problems(input_claims(options.channels, sequence, boot_id), inputs, "input")
+    found += _length_problems(output_claims(used, sequence), MOST_WRITTEN, "output")
+    found += _length_problems(input_claims(used, sequence, boot_id), MOST_READ, "input")
     return found
 
 
@@ -105,8 +109,8 @@ def _index_problems(key: tuple[str, str], part: ChannelMap) -> list[Problem]:
     return []
 
 
-def _claim_problems(claims: list[Claim], base: int, most: int, kind: str) -> list[Problem]:
-    """Tell what keeps these claims from being one block of at most `most` registers."""
+def _claim_problems(claims: list[Claim], base: int, kind: str) -> list[Problem]:
+    """Tell which claims are on one another's registers, or on none that there is."""
     found: list[Problem] = []
     words: dict[int, Claim] = {}
     bits: dict[int, dict[int, Claim]] = {}
@@ -128,6 +132,13 @@ def _claim_problems(claims: list[Claim], base: int, most: int, kind: str) -> lis
         if end > PAST_THE_LAST:
             message = f"ends at {kind} register {end - 1:#x} with {kind}_base, past 0xffff"
             found.append((claim.path, message))
+    return found
+
+
+def _length_problems(claims: list[Claim], most: int, kind: str) -> list[Problem]:
+    """Tell what keeps these claims from being one block of at most `most` registers."""
+    if not claims:
+        return []
     _, count = block(claims)
     if count > most:
         ends = sorted(claims, key=lambda claim: claim.address)
@@ -135,8 +146,8 @@ def _claim_problems(claims: list[Claim], base: int, most: int, kind: str) -> lis
             f"the {kind} registers from {ends[0].key} to here are {count} in a row, and one "
             f"request carries at most {most}"
         )
-        found.append((ends[-1].path, message))
-    return found
+        return [(ends[-1].path, message)]
+    return []
 
 
 def _holder(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 import time
 from collections.abc import Sequence
 from typing import ClassVar
@@ -12,6 +11,7 @@ import numpy as np
 
 from motorctl.hal import (
     Channel,
+    Claim,
     Driver,
     DriverOptions,
     Inputs,
@@ -21,7 +21,6 @@ from motorctl.hal import (
     serial_line,
 )
 from motorctl_modbus import budget, checks
-from motorctl_modbus.claim import claim
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
 from motorctl_modbus.exchange import (
     EXCEPTION,
@@ -32,7 +31,7 @@ from motorctl_modbus.exchange import (
     RtuExchange,
     TcpExchange,
 )
-from motorctl_modbus.layout import InputBlock, OutputBlock
+from motorctl_modbus.layout import InputBlock, OutputBlock, used_of
 from motorctl_modbus.line import LOST, SENT, Line
 from motorctl_modbus.opening import (
     Client,
@@ -86,7 +85,7 @@ class ModbusDriver(Driver):
             self.medium = serial_line(rtu.port)
         self._client: Client | None = None
         self._line: Line | None = None
-        self._claim: socket.socket | None = None
+        self._claim: Claim | None = None
         self._exchange: Exchange | None = None
         self._outputs: OutputBlock | None = None
         self._inputs: InputBlock | None = None
@@ -103,7 +102,7 @@ class ModbusDriver(Driver):
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
         """Tell what is wrong in the register map, and between it, channels and period."""
         options = self._modbus
-        found = checks.map_problems(options)
+        found = checks.map_problems(options, used_of(options, self.channels))
         for channel in self.channels:
             found += checks.axis_problems(options, channel)
         # With a wrong map, how long an exchange takes would mislead.
@@ -145,8 +144,8 @@ class ModbusDriver(Driver):
     def _sizes(self) -> tuple[int, int]:
         """Registers written and read."""
         options = self._modbus
-        _, written = block(output_claims(options.channels, options.sequence))
-        used = {c.number: options.channels[c.number] for c in self.channels}
+        used = used_of(options, self.channels)
+        _, written = block(output_claims(used, options.sequence))
         _, read = block(input_claims(used, options.sequence, options.boot_id))
         return written, read
 
@@ -172,7 +171,7 @@ class ModbusDriver(Driver):
         self.prepare()
         assert self._outputs is not None
         assert self._inputs is not None
-        self._claim = claim(self._modbus, self._outputs)
+        self._claim = self._claimed(self._outputs)
         try:
             self._connect(self._outputs, self._inputs)
         except BaseException:
@@ -205,7 +204,7 @@ class ModbusDriver(Driver):
         self._client = self._line = None
         self._unread = False
         if self._claim is not None:
-            self._claim.close()
+            self._claim.release()
             self._claim = None
         if client is None or line is None or exchange is None:
             return
@@ -347,6 +346,25 @@ class ModbusDriver(Driver):
     def _safe_on_own_connection(self) -> None:
         options = self._modbus
         outputs = OutputBlock(options, self.channels)
+        # What another program drives is not this one's to make safe.
+        claim = None if self._claim else self._claimed(outputs)
+        try:
+            self._switch_off(outputs)
+        finally:
+            if claim is not None:
+                claim.release()
+
+    def _claimed(self, outputs: OutputBlock) -> Claim | None:
+        """Claim what is written; a serial port is claimed by itself."""
+        options = self._modbus
+        if options.tcp is None:
+            return None
+        registers = range(outputs.address, outputs.address + outputs.count)
+        device = f"tcp: {options.device}, unit {options.unit}"
+        return Claim(device, [f"output register {register}" for register in registers])
+
+    def _switch_off(self, outputs: OutputBlock) -> None:
+        options = self._modbus
         client = connect(options, SAFE_CONNECT_S)
         try:
             switch_off(client, options, outputs, InputBlock(options, self.channels))

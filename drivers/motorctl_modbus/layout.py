@@ -14,15 +14,21 @@ from motorctl_modbus.registers import ChannelMap, Volts, block, input_claims, ou
 REGISTER = struct.Struct(">H")
 
 
-class OutputBlock:
-    """The registers that every request writes, from the lowest to the highest address.
+def used_of(options: ModbusOptions, channels: Sequence[Channel]) -> dict[int, ChannelMap]:
+    """Give the part of the map that axes use."""
+    used = {channel.number for channel in channels}
+    return {number: part for number, part in options.channels.items() if number in used}
 
-    Channels of the map that no axis uses are among them, at zero and disabled.
+
+class OutputBlock:
+    """The registers that every request writes, from the lowest to the highest of the axes' own.
+
+    Channels in between that no axis uses are at zero and disabled.
     """
 
     def __init__(self, options: ModbusOptions, channels: Sequence[Channel]) -> None:
         maps = [options.channels[channel.number] for channel in channels]
-        first, self.count = block(output_claims(options.channels, options.sequence))
+        first, self.count = block(output_claims(used_of(options, channels), options.sequence))
         self.address = (options.output_base or 0) + first
         high_first = options.word_order == "high_first"
         self._volts = [_volts_plan(part.volts, first, high_first) for part in maps]
@@ -30,7 +36,7 @@ class OutputBlock:
         self._unused = [
             _volts_plan(part.volts, first, high_first)
             for number, part in options.channels.items()
-            if number not in used
+            if number not in used and 0 <= part.volts.address - first < self.count
         ]
         enables = sorted({part.enable.address - first for part in maps})
         self._enables = [(enables.index(m.enable.address - first), 1 << m.enable.bit) for m in maps]
@@ -78,7 +84,7 @@ class InputBlock:
 
     def __init__(self, options: ModbusOptions, channels: Sequence[Channel]) -> None:
         maps = [options.channels[channel.number] for channel in channels]
-        claims = input_claims(dict(enumerate(maps)), options.sequence, options.boot_id)
+        claims = input_claims(used_of(options, channels), options.sequence, options.boot_id)
         first, self.count = block(claims)
         self.address = (options.input_base or 0) + first
         high_first = options.word_order == "high_first"

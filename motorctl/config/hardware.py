@@ -151,8 +151,8 @@ def _check_medium(document: Document, name: str, medium: str | None, media: dict
     first = media.setdefault(medium, name)
     if first != name:
         message = (
-            f"is on {medium}, which driver '{first}' has already; give one driver the axes of "
-            "both: it checks their identifiers and the load of the bus together"
+            f"is on {medium}, which driver '{first}' has already: neither could tell what the "
+            "other sends there, nor how much; give one of them all axes, or this one another line"
         )
         document.add(("drivers", name), message)
 

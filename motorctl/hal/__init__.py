@@ -1,6 +1,7 @@
 """What a driver is: the contract, the registry, the budget of a bus."""
 
 from motorctl.errors import RunError
+from motorctl.hal.claim import Claim
 from motorctl.hal.contract import (
     FAULT_BITS,
     Channel,
@@ -18,6 +19,7 @@ from motorctl.kernels import kernels_cached, specialise
 __all__ = [
     "FAULT_BITS",
     "Channel",
+    "Claim",
     "Driver",
     "DriverEntry",
     "DriverOptions",

@@ -35,11 +35,11 @@ checked by `motorctl.hal.conformance`.
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntFlag
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -137,7 +137,7 @@ class RateBudget:
 
 def serial_line(port: str) -> str:
     """Give the `Driver.medium` of a serial port, whatever link it is named by."""
-    return f"serial port {Path(port).resolve()}"
+    return f"serial port {os.path.realpath(port)}"
 
 
 class DriverOptions(BaseModel):

@@ -92,7 +92,7 @@ def _statuses(schema: pa.Schema) -> dict[int, str]:
     names = load_metadata(schema).get("device_statuses")
     if not (isinstance(names, dict) and any(n.endswith(_DEVICE) for n in schema.names)):
         return {}
-    return {int(bit): str(name) for bit, name in names.items()}
+    return {int(bit): str(name) for bit, name in names.items() if str(bit).isdecimal()}
 
 
 def _scan_log(path: Path, names: Iterable[str], statuses: Mapping[int, str]) -> _Scan:

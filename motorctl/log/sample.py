@@ -39,6 +39,8 @@ class SampleFlag(IntFlag):
     """The driver had no new sample: the position is the last one, or the model's prediction."""
     BETWEEN = 1 << 10
     """No tick of the axis, which has fewer than the loop: the row repeats its last."""
+    LEFT_OUT = 1 << 11
+    """With HELD: a sample came, but no motion of the axis explains it, so the model stood in."""
 
 
 class FaultCause(IntEnum):

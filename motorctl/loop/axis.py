@@ -14,6 +14,7 @@ from motorctl.loop.held import (
     counter_step,
     hold_position,
     is_unexpected,
+    just_left_out,
     leave_out,
     may_be_doubted,
     place_of,
@@ -21,7 +22,7 @@ from motorctl.loop.held import (
     predicts,
 )
 from motorctl.loop.homing import home
-from motorctl.loop.records import DRIFT_WEIGHT, TRUSTED_TICKS
+from motorctl.loop.records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
 from motorctl.loop.reference import brake, follow, hold_where_it_is
 from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,
@@ -55,6 +56,7 @@ LIMIT_POSITIVE = int(SampleFlag.LIMIT_POSITIVE)
 HOME_SWITCH = int(SampleFlag.HOME_SWITCH)
 INDEX = int(SampleFlag.INDEX)
 HELD = int(SampleFlag.HELD)
+LEFT_OUT = int(SampleFlag.LEFT_OUT)
 BETWEEN = int(SampleFlag.BETWEEN)
 STALE = int(Status.STALE)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
@@ -68,6 +70,14 @@ DEVICE_INDEX = int(Status.INDEX_LATCHED)
 def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
     """Set the position from the count."""
     axis.position_m = place_of(correct, settings, axis, axis.counts)
+
+
+@njit
+def jump(settings: Any, axis: Any, step: int, t: float) -> None:
+    """Note that the count went where no motion leads."""
+    if axis.state != OFF:
+        trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
+    axis.homed = settings.absolute
 
 
 @njit(error_model="numpy")
@@ -87,11 +97,9 @@ def read_position(
             axis.counts += span * round((middle / settings.metres_per_count - raw) / span)
         locate(correct, settings, axis)
         return
-    step = counter_step(settings, axis, raw)
+    step = counter_step(settings, axis.raw_counts, raw)
     if count_is_ambiguous(settings, axis, step, elapsed):
-        if axis.state != OFF:
-            trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
-        axis.homed = settings.absolute
+        jump(settings, axis, step, t)
     axis.blind_ticks = 0
     axis.raw_counts = raw
     axis.counts += step
@@ -174,18 +182,30 @@ def believe(
     t: float,
 ) -> None:
     """Take a sample for true, after ticks that did without one, too."""
-    confirmed = unexpected and axis.doubted_ticks and axis.blind_ticks == axis.doubted_blind_ticks
     predicted = axis.held_ticks and predicts(settings, axis)
     expected = axis.position_m
     if predicted:
         expected, _ = predict_motion(feedforward, settings, axis, law, elapsed, t)
+    confirmed = False
+    if just_left_out(axis):
+        step = counter_step(settings, axis.doubted_raw_counts, raw)
+        if count_is_ambiguous(settings, axis, step, elapsed):
+            jump(settings, axis, step, t)
+        y = place_of(
+            correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)
+        )
+        confirmed = unexpected and (y - expected) * axis.doubted_miss_m > 0.0
     forget_pause(axis)
     if confirmed:
         # The last one was true as well, so the law sees the speed between the two.
         law.y1 += axis.doubted_miss_m
+        before, passed = axis.counts, axis.blind_ticks + elapsed
         read_position(correct, settings, axis, axis.doubted_raw_counts, 0, t)
         read_position(correct, settings, axis, raw, elapsed, t)
-        axis.drift_m_s = axis.velocity_m_s - axis.reference_velocity_m_s
+        moved = settings.metres_per_count * (axis.counts - before)
+        fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+        speed = min(max(moved / (passed * settings.period_s), -fastest), fastest)
+        axis.drift_m_s = speed - axis.reference_velocity_m_s
     else:
         read_position(correct, settings, axis, raw, elapsed, t)
         if predicted:
@@ -193,6 +213,7 @@ def believe(
             law.y1 += axis.position_m - expected
             law.y2 += axis.position_m - expected
     axis.trust_ticks = TRUSTED_TICKS if unexpected else max(0, axis.trust_ticks - elapsed)
+    axis.doubt_level = max(0, axis.doubt_level - elapsed)
 
 
 @njit
@@ -265,6 +286,8 @@ def axis_step(
     u, v = 0.0, 0.0
     if axis.held_ticks:
         flags |= HELD
+        if just_left_out(axis):
+            flags |= LEFT_OUT
     if axis.state in (OFF, FAULT):
         axis.fresh, axis.gap_ticks = 0, 0
         law.d0 = 0.0

@@ -8,12 +8,13 @@ from typing import Any
 
 from numba import njit
 
-from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop.records import (
     DOUBT_ACCELERATION_RATIO,
     DOUBT_PERIODS,
+    DOUBT_TICKS,
     MISSED_ACCELERATION_RATIO,
+    MOST_DOUBT,
     MOST_DOUBTED_TICKS,
 )
 from motorctl.loop.safety import count_is_ambiguous
@@ -21,7 +22,6 @@ from motorctl.loop.safety import count_is_ambiguous
 OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)
 FAULT = int(AxisState.FAULT)
-CORRUPT = int(Status.CORRUPT)
 
 
 @njit(error_model="numpy")
@@ -46,13 +46,13 @@ def predict_motion(
 
 
 @njit
-def counter_step(settings: Any, axis: Any, raw: int) -> int:
-    """Give how far the counter went since it was last read, its wrap undone."""
-    step = raw - axis.raw_counts
+def counter_step(settings: Any, before: int, raw: int) -> int:
+    """Give how far the counter went, its wrap undone."""
+    step = raw - before
     span = settings.counter_span
     if span:
         step = (step + span // 2) % span - span // 2
-    return step  # type: ignore[no-any-return]
+    return step
 
 
 @njit
@@ -76,7 +76,7 @@ def is_unexpected(
     """
     if not (settings.asked and predicts(settings, axis)):
         return False
-    step = counter_step(settings, axis, raw)
+    step = counter_step(settings, axis.raw_counts, raw)
     ticks = axis.blind_ticks + elapsed
     if count_is_ambiguous(settings, axis, step, ticks):
         return False
@@ -99,8 +99,17 @@ def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
     Homing is slow, and looks for edges that one sample may bring.
     """
     longest = min(MOST_DOUBTED_TICKS, settings.hold_ticks)
-    known = axis.trust_ticks == 0 and axis.doubted_ticks == 0
-    return known and axis.state != HOMING and elapsed <= longest  # type: ignore[no-any-return]
+    seldom = axis.doubt_level <= MOST_DOUBT and axis.doubted_ticks == 0
+    known = axis.trust_ticks == 0 and axis.state != HOMING
+    return seldom and known and elapsed <= longest  # type: ignore[no-any-return]
+
+
+@njit
+def just_left_out(axis: Any) -> bool:
+    """Tell whether the last sample came in the last tick, and was left out."""
+    return (  # type: ignore[no-any-return]
+        axis.doubted_ticks > 0 and axis.blind_ticks == axis.doubted_blind_ticks
+    )
 
 
 @njit
@@ -137,8 +146,10 @@ def leave_out(
 ) -> None:
     """Doubt a sample: the model's prediction stands, and what came is kept for the next tick."""
     hold_position(feedforward, settings, axis, law, elapsed, t)
-    y = place_of(correct, settings, axis, axis.counts + counter_step(settings, axis, raw))
-    axis.held_status |= CORRUPT
+    y = place_of(
+        correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)
+    )
     axis.doubted_ticks += elapsed
+    axis.doubt_level += DOUBT_TICKS
     axis.doubted_raw_counts, axis.doubted_blind_ticks = raw, axis.blind_ticks
     axis.doubted_miss_m = y - axis.position_m

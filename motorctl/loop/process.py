@@ -16,7 +16,7 @@ from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
 from motorctl.hal import Driver
 from motorctl.loop.clock import WallClock
-from motorctl.loop.realtime import NEEDED, enter_realtime, reasons
+from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
 from motorctl.loop.runner import run_wall
 from motorctl.loop.shared import Degraded, LoopMemory, Phase
 from motorctl.loop.tick import Tick
@@ -94,24 +94,33 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     tick.prepare()
     degraded = enter_realtime(orders.machine.loop)
     status["degraded"][0] = degraded
-    _insist(orders.machine, degraded)
-    tick.open()
     try:
-        status["notes"][0] = "\n".join(_notes(tick.drivers)).encode()
+        _insist(orders.machine, degraded)
+        tick.open()
+        _tick_until_the_end(orders, memory, tick)
+    finally:
+        leave_priority()
+    return bool(tick.watch["orphaned"][0])
+
+
+def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
+    status = memory.status
+    try:
+        status["notes"][0] = "\n".join(_notes(tick.drivers)).encode(errors="replace")
         status["phase"][0] = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:
         tick.close()
-    return bool(tick.watch["orphaned"][0])
 
 
 def _notes(drivers: Mapping[str, Driver]) -> list[str]:
     """Give what the drivers noted as they were opened, a line each."""
-    return [
-        f"drivers.{name}: {' '.join(note.split())}"
-        for name, driver in drivers.items()
-        for note in driver.notes
-    ]
+    found = []
+    for name, driver in drivers.items():
+        notes = driver.notes
+        for note in (notes,) if isinstance(notes, str) else notes or ():
+            found.append(f"drivers.{name}: {' '.join(str(note).split())}")
+    return found
 
 
 def _insist(machine: Machine, degraded: Degraded) -> None:

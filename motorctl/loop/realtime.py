@@ -54,6 +54,10 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     switched off for good.
     """
     degraded = Degraded(0)
+    # Before the priority is taken: it lasts long enough to stop another loop on this CPU.
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     libc = ctypes.CDLL(None, use_errno=True)
     libc.mallopt(M_TRIM_THRESHOLD, -1)
     libc.mallopt(M_MMAP_MAX, 0)
@@ -71,10 +75,13 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
         degraded |= Degraded.NO_CPU_LATENCY
     if not _kernel_is_rt():
         degraded |= Degraded.KERNEL_NOT_RT
-    gc.collect()
-    gc.freeze()
-    gc.disable()
     return degraded
+
+
+def leave_priority() -> None:
+    """Give the real-time priority back: what is left may take its time, other loops may not."""
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def hold_shallow_idle() -> int:

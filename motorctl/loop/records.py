@@ -60,6 +60,7 @@ AXIS_STATE = np.dtype(
         ("doubted_blind_ticks", "i8"),  # blind_ticks when it had come
         ("doubted_miss_m", "f8"),  # how far it was from the prediction
         ("trust_ticks", "i8"),  # nothing is doubted in these
+        ("doubt_level", "i8"),  # how much was doubted lately
         ("held_status", "i8"),  # what the driver said meanwhile
         ("gap_ticks", "i8"),  # periods that the law has not seen
         ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there
@@ -103,14 +104,18 @@ DRIFT_WEIGHT = 0.1
 # Where the model can stand in, a sample is doubted that no motion explains: one that is off by more
 # than half a period's motion, by this many times what the full voltage accelerates since the last
 # tick, and by what a prediction may have missed of it since the last sample. If the next one is off
-# as well, it is motion, and nothing is doubted until so many ticks have brought what was expected:
-# a knock must not be answered with predictions.
+# as well, and on the same side, it is motion, and nothing is doubted until so many ticks have
+# brought what was expected: a knock must not be answered with predictions.
 DOUBT_PERIODS = 0.5
 DOUBT_ACCELERATION_RATIO = 4.0
 MISSED_ACCELERATION_RATIO = 0.25
 TRUSTED_TICKS = 40
 # After more skipped periods than these no sample is doubted.
 MOST_DOUBTED_TICKS = 4
+# An encoder whose samples are doubted again and again is broken, and shall trip the axis: a doubt
+# counts for so many ticks, and beyond so much nothing is doubted.
+DOUBT_TICKS = 10
+MOST_DOUBT = 20
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 OVERSPEED_TICKS = 5
