@@ -44,6 +44,7 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
         second = daemon.launch()
         assert second.wait(120) == 2
         assert f"a daemon already answers on {daemon.socket}" in daemon.said
+        assert "program" not in daemon.ask("start", axis="x", hold=True)
         started = daemon.ask("start", axis="x")
         assert started["program"] == "shuttle"
         wait_until(lambda: daemon.ask("status", axis="x")["axes"]["x"]["velocity_m_s"] > 0.01)

@@ -14,6 +14,8 @@ from motorctl.cli.status_view import status_view
 AXIS: dict[str, Any] = {
     "state": "running",
     "fault": None,
+    "device": None,
+    "samples": {"missed": 0, "longest_missed": 0, "allowed": 50},
     "homed": True,
     "controller": "C2",
     "position_m": 0.1234567,
@@ -117,3 +119,12 @@ def test_the_dot_stands_where_the_axis_stands(position_m: float, cell: int) -> N
 def test_one_axis_shows_its_parameters() -> None:
     assert "position_dependent_friction_spline_12" in drawn(DOCUMENT, detailed=True)
     assert "spline_12" not in drawn(DOCUMENT)
+
+
+def test_samples_that_are_missing_and_a_device_in_trouble_are_told_whatever_the_state():
+    document = copy.deepcopy(DOCUMENT)
+    document["axes"]["x"]["samples"] = {"missed": 932, "longest_missed": 4, "allowed": 50}
+    document["axes"]["y"] |= {"state": "off", "device": "no new sample comes"}
+    text = " ".join(drawn(document).split())
+    assert "x: 932 ticks without a new sample, at most 4 in a row; 50 are allowed" in text
+    assert "y: its device now: no new sample comes" in text

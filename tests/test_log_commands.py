@@ -154,6 +154,8 @@ def test_info_tells_what_the_device_said_before_a_fault(invoke, tmp_path):
     (fault,) = json.loads(invoke("info", path, "--json").stdout)["faults"]
     assert fault["cause"] == "NO_NEW_SAMPLE"
     assert fault["device"] == ["STALE", "CORRUPT"]
+    assert json.loads(invoke("info", path, "--json").stdout)["missed"] == {"x": 50, "y": 0}
+    assert "axis x: 50 of" in invoke("info", path).stdout
     assert "NO_NEW_SAMPLE (device: STALE, CORRUPT)" in invoke("info", path).stdout
 
 

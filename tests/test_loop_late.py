@@ -308,3 +308,24 @@ def test_overspeed_is_found_as_soon_as_if_nothing_were_ever_doubted():
             assert rig.fault_of("x") is FaultCause.OVERSPEED
             trips_s.append(float(rig.state("x")["fault_time_s"]))
     assert trips_s[0] - trips_s[1] <= 1.5 * TS
+
+
+def test_a_loop_that_was_stopped_for_too_long_is_the_cause_itself():
+    machine = with_sim(gantry())
+    setup = dataclasses.replace(machine.drivers["gantry"], cls=Paused, hold_ticks=5, predict=True)
+    with Hand(dataclasses.replace(machine, drivers={"gantry": setup})) as hand:
+        hand.steps(5)
+        assert hand.ask(Verb.START) is Reply.OK
+        hand.steps(5)
+        hand.number += 20
+        now = time.monotonic_ns()
+        # The loop wakes 20 periods late, and reads late once more.
+        hand.tick.step(hand.number, 20, True, now - round(25 * TS * 1e9), now)
+        assert FaultCause(int(hand.status()["fault"])) is FaultCause.OVERRUN
+        assert (hand.status()["fault_value"], hand.status()["fault_limit"]) == (20, 5)
+
+
+def test_ticks_without_a_sample_are_counted():
+    rig = run((0, 1, 2, 50, 51), predict=True)
+    status = rig.state("x")
+    assert (status["missed_ticks"], status["longest_missed_ticks"]) == (5, 3)

@@ -1,6 +1,7 @@
 """The Modbus driver on TCP, step by step against a device that does what the test says."""
 
 import copy
+import select
 import time
 import tracemalloc
 

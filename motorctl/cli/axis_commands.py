@@ -20,8 +20,15 @@ REACHED_TIMEOUT_S = 5.0
 STOP_TIMEOUT_S = 60.0
 
 
-def start(axis: AxisArgument, socket: SocketOption = None, wait: WaitOption = False) -> None:
-    """Enable an axis; it holds or follows its program.
+def start(
+    axis: AxisArgument,
+    socket: SocketOption = None,
+    wait: WaitOption = False,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Hold, whatever program the axis has.")
+    ] = False,
+) -> None:
+    """Enable an axis; it follows its program, or holds where it has none.
 
     It is enabled without a bump, where it stands. A program over several axes begins when the
     last of them is started.
@@ -31,7 +38,7 @@ def start(axis: AxisArgument, socket: SocketOption = None, wait: WaitOption = Fa
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        answer = _ask(client, "start", axis=axis)
+        answer = _ask(client, "start", axis=axis, hold=hold)
         if missing := answer.get("waits_for"):
             others = " and ".join(missing)
             _say(axis, f"enabled, holds; program {answer['program']} waits for {others}")

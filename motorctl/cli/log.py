@@ -97,6 +97,11 @@ def _told(info: LogInfo) -> str:
             lines.append(f"  {name}: {_durations(found)}")
     if missing := timing.get("ticks_missing"):
         lines.append(f"  {missing} ticks are missing (skipped or lost)")
+    lines += [
+        f"  axis {axis}: {missed} of {info.rows} rows without a new sample"
+        for axis, missed in info.missed.items()
+        if missed
+    ]
     for f in info.faults:
         device = f" (device: {', '.join(f.device)})" if f.device else ""
         lines.append(f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}{device}")

@@ -32,6 +32,10 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
             parts.append(_motion(name, axis["motion"]))
         if axis["fault"]:
             parts.append(Text(f"{name}: {axis['fault']['message']}", "bold red"))
+        if axis["device"]:
+            parts.append(Text(f"{name}: its device now: {axis['device']}", "yellow"))
+        if axis["samples"]["missed"]:
+            parts.append(_missed(name, axis["samples"]))
     if detailed:
         parts += [_parameters(axis) for axis in document["axes"].values()]
     parts += [Text(), _loop(document["loop"], document["recording"])]
@@ -44,6 +48,15 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
         subtitle_align="right",
         border_style="dim",
         expand=False,
+    )
+
+
+def _missed(name: str, samples: Mapping[str, int]) -> Text:
+    longest, allowed = samples["longest_missed"], samples["allowed"]
+    return Text(
+        f"{name}: {samples['missed']} ticks without a new sample, at most {longest} in a row; "
+        f"{allowed} are allowed",
+        "yellow" if 2 * longest > allowed else "dim",
     )
 
 

@@ -106,7 +106,7 @@ class Commander:
                     return await self._program(request)
             case AxisCommand(do="start"):
                 async with self._ordering:
-                    return await self._start(self._machine.axes[request.axis])
+                    return await self._start(self._machine.axes[request.axis], request.hold)
             case AxisCommand():
                 await self._order(Verb[request.do.upper()], request.axis)
                 return {"axis": request.axis, "state": self._state(request.axis).name.lower()}
@@ -126,9 +126,10 @@ class Commander:
         }
         return self._report.document([axis] if axis else self._names, motions)
 
-    async def _start(self, axis: Axis) -> dict[str, Any]:
+    async def _start(self, axis: Axis, hold: bool) -> dict[str, Any]:
         """Enable the axis; then its program, as soon as every axis of it is enabled."""
-        program = self._machine.programs[axis.program] if axis.program else None
+        own = None if hold else axis.program
+        program = self._machine.programs[own] if own else None
         if program is not None and not self._homed(axis.name):
             raise RefusedError(
                 Code.NOT_HOMED,
@@ -139,7 +140,7 @@ class Commander:
             await self._order(Verb.START, axis.name)
             await self._until_idle(axis.name)
         program = program or next((p for p in self._waiting.values() if axis.name in p.axes), None)
-        if program is None:
+        if hold or program is None:
             return {"axis": axis.name, "state": "idle"}
         missing = [n for n in program.axes if self._state(n) is not AxisState.IDLE]
         if missing:

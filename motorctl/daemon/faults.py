@@ -57,6 +57,11 @@ def fault_message(
     """
     if cause is FaultCause.NO_NEW_SAMPLE:
         text = f"no new sample from the device for {value:.0f} ticks, {limit:.0f} are allowed"
+    elif cause is FaultCause.OVERRUN and value > 0.0:
+        text = (
+            f"this computer did not run the loop for {value:.0f} ticks of the axis at once, "
+            f"{limit:.0f} without a sample are allowed"
+        )
     elif cause in _WITH_LIMIT:
         what, scale, unit = _WITH_LIMIT[cause]
         text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"

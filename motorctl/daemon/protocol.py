@@ -66,6 +66,8 @@ class AxisCommand(_Request):
 
     do: Literal["start", "stop", "home", "reset"]
     axis: str
+    hold: bool = False
+    """With `start`: hold, whatever program the axis has."""
 
 
 class MoveCommand(_Request):

@@ -13,8 +13,9 @@ import numpy as np
 
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
-from motorctl.daemon.faults import fault_message
+from motorctl.daemon.faults import device_message, fault_message
 from motorctl.daemon.recorder import Recorder
+from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase, reasons
 
@@ -101,6 +102,13 @@ class Report:
             "failure": recorder.failure if recorder else None,
         }
 
+    def _trouble(self, axis: Axis, status: np.void) -> str | None:
+        """Say what the driver reports now; that a sample is missing, once it is for too long."""
+        word = int(status["device_status"])
+        if status["held_ticks"] <= self._machine.drivers[axis.driver].hold_ticks:
+            word &= ~int(Status.STALE | Status.CORRUPT)
+        return device_message(word) or None
+
     def _axis(self, index: int, axis: Axis, motion: dict[str, Any] | None) -> dict[str, Any]:
         status = self._memory.axis_status[index].copy()
         state = AxisState(int(status["state"]))
@@ -108,6 +116,12 @@ class Report:
         return {
             "state": state.name.lower(),
             "fault": fault_of(status),
+            "device": self._trouble(axis, status),
+            "samples": {
+                "missed": int(status["missed_ticks"]),
+                "longest_missed": int(status["longest_missed_ticks"]),
+                "allowed": self._machine.drivers[axis.driver].hold_ticks,
+            },
             "homed": bool(status["homed"]),
             "controller": axis.controller,
             "position_m": _finite(status["position_m"]),

@@ -52,6 +52,8 @@ class LogInfo:
     """Of a log; a foreign recording's are in its description."""
     faults: tuple[Fault, ...]
     """The first ones."""
+    missed: dict[str, int]
+    """Of each axis, how many rows had no new sample of its device."""
     metadata: dict[str, Any]
     """A log's own; `timing` of one in virtual time is what was measured while simulating."""
     notes: tuple[str, ...]
@@ -85,6 +87,7 @@ class _Scan:
     begin_s: float | None
     end_s: float | None
     faults: list[Fault]
+    missed: dict[str, int]
 
 
 def _statuses(schema: pa.Schema) -> dict[int, str]:
@@ -96,7 +99,7 @@ def _statuses(schema: pa.Schema) -> dict[int, str]:
 
 
 def _scan_log(path: Path, names: Iterable[str], statuses: Mapping[int, str]) -> _Scan:
-    wanted = (_FAULT, _FLAGS, _DEVICE) if statuses else (_FAULT,)
+    wanted = (_FAULT, _FLAGS, _DEVICE)
     columns = [n for n in names if n in ("tick", "time_s") or n.endswith(wanted)]
     try:
         with pq.ParquetFile(path) as log:
@@ -108,8 +111,9 @@ def _scan_log(path: Path, names: Iterable[str], statuses: Mapping[int, str]) -> 
 def _scan(
     batches: Iterable[pa.RecordBatch], names: Iterable[str], statuses: Mapping[int, str]
 ) -> _Scan:
-    found = _Scan(0, None, None, [])
+    names = list(names)
     axes = [n.removesuffix(_FAULT) for n in names if n.endswith(_FAULT)]
+    found = _Scan(0, None, None, [], dict.fromkeys(axes, 0))
     before = dict.fromkeys(axes, 0)
     told = dict.fromkeys(axes, 0)
     for batch in batches:
@@ -127,6 +131,9 @@ def _scan(
                     word = device.told_until(k) if device else 0
                     bits = tuple(name for bit, name in statuses.items() if word & bit)
                     found.faults.append(Fault(float(time_s[k]), axis, _cause(int(fault[k])), bits))
+            if axis + _FLAGS in names:
+                flags = batch.column(axis + _FLAGS).to_numpy()
+                found.missed[axis] += int(np.count_nonzero(flags & int(SampleFlag.HELD)))
             before[axis] = int(fault[-1])
             told[axis] = device.left_over() if device else 0
         del found.faults[_MOST_FAULTS:]
@@ -180,6 +187,7 @@ def _of_log(
         axes=tuple(n.removesuffix(_POSITION) for n in schema.names if n.endswith(_POSITION)),
         columns=tuple(schema.names),
         faults=tuple(sorted(scan.faults, key=lambda fault: fault.time_s)),
+        missed=scan.missed,
         metadata=metadata,
         notes=tuple(notes),
     )
@@ -198,6 +206,7 @@ def _of_recording(path: Path) -> LogInfo:
         axes=tuple(recording.axes),
         columns=(),
         faults=(),
+        missed={},
         metadata=dict(recording.metadata),
         notes=recording.notes,
     )

@@ -160,7 +160,7 @@ def axis_inputs(
         axis.held_status |= status
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if axis.state != OFF:
-            check_freshness(settings, axis, t)
+            check_freshness(settings, axis, elapsed, t)
     else:
         unexpected = is_unexpected(correct, settings, axis, raw, elapsed)
         if unexpected and may_be_doubted(settings, axis, elapsed):
@@ -404,4 +404,7 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.fault_time_s = axis.fault_time_s
     status.fault_status = axis.fault_status
     status.device_status = axis.status
+    status.held_ticks = axis.held_ticks
+    status.missed_ticks = axis.missed_ticks
+    status.longest_missed_ticks = axis.longest_missed_ticks
     status.state = axis.state  # last: whoever sees FAULT finds its cause

@@ -129,6 +129,8 @@ def hold_position(
         axis.position_m, axis.velocity_m_s = x, v
     axis.held_ticks += elapsed
     axis.blind_ticks += elapsed
+    axis.missed_ticks += elapsed
+    axis.longest_missed_ticks = max(axis.longest_missed_ticks, axis.held_ticks)
     if not axis.have_counts:  # there is no last position
         axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
 

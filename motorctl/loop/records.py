@@ -61,6 +61,8 @@ AXIS_STATE = np.dtype(
         ("doubted_miss_m", "f8"),  # how far it was from the prediction
         ("trust_ticks", "i8"),  # nothing is doubted in these
         ("doubt_level", "i8"),  # how much was doubted lately
+        ("missed_ticks", "i8"),  # all without a new sample, since the loop began
+        ("longest_missed_ticks", "i8"),
         ("held_status", "i8"),  # what the driver said meanwhile
         ("gap_ticks", "i8"),  # periods that the law has not seen
         ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there

@@ -36,6 +36,7 @@ CAUSE_ENCODER_JUMP = int(FaultCause.ENCODER_JUMP)
 CAUSE_AMPLIFIER = int(FaultCause.AMPLIFIER)
 CAUSE_COMMUNICATION = int(FaultCause.COMMUNICATION)
 CAUSE_NO_NEW_SAMPLE = int(FaultCause.NO_NEW_SAMPLE)
+CAUSE_OVERRUN = int(FaultCause.OVERRUN)
 CAUSE_ESTOP = int(FaultCause.ESTOP)
 CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
 
@@ -72,9 +73,14 @@ def check_device(axis: Any, t: float) -> None:
 
 
 @njit
-def check_freshness(settings: Any, axis: Any, t: float) -> None:
-    """Trip where no new sample has come for longer than the configuration allows."""
-    if is_overdue(settings, axis):
+def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
+    """Trip where no new sample has come for longer than the configuration allows.
+
+    Where the loop itself was stopped for so long, that is the cause, and not the device.
+    """
+    if is_overdue(settings, axis) and elapsed > settings.hold_ticks:
+        trip(axis, CAUSE_OVERRUN, float(elapsed), float(settings.hold_ticks), t)
+    elif is_overdue(settings, axis):
         without = float(ticks_without(axis))
         trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
 

@@ -125,6 +125,9 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("fault_time_s", "f8"),
             ("fault_status", "i8"),  # the driver's status word then
             ("device_status", "i8"),  # and now
+            ("held_ticks", "i8"),  # without a new sample until now
+            ("missed_ticks", "i8"),  # all of them since the loop began
+            ("longest_missed_ticks", "i8"),
         ],
         align=True,
     )
