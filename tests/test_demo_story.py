@@ -75,6 +75,7 @@ def stage_story(tmp_path_factory: pytest.TempPathFactory) -> Story:
         return tell(tmp_path_factory.mktemp("stage"), quiet, "small_stage")
 
 
+@pytest.mark.slow
 def test_the_page_tells_what_was_found_beside_what_is_there_and_what_it_gives(
     stage_story: Story,
 ) -> None:
