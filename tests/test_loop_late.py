@@ -103,9 +103,9 @@ def test_a_prediction_teaches_nothing():
     assert (rows["theta_hat"][last] == rows["theta_hat"][first - 1]).all()
 
 
-@pytest.mark.parametrize("predict", [False, True])
-def test_samples_that_stay_away_trip_the_axis_after_the_configured_ticks(predict):
-    rig = rig_of(predict=predict)
+@pytest.mark.parametrize(("predict", "hold"), [(False, HOLD), (True, HOLD), (False, 0)])
+def test_samples_that_stay_away_trip_the_axis_after_the_configured_ticks(predict, hold):
+    rig = rig_of(predict=predict, hold_ticks=hold)
     with rig:
         rig.start()
         rig.move("x", 0.2, SPEED_M_S)
@@ -116,10 +116,10 @@ def test_samples_that_stay_away_trip_the_axis_after_the_configured_ticks(predict
         assert rig.state_of("x") is AxisState.FAULT
         assert rig.fault_of("x") is FaultCause.NO_NEW_SAMPLE
         status = rig.state("x")
-        assert (status["fault_value"], status["fault_limit"]) == (HOLD + 1, HOLD)
+        assert (status["fault_value"], status["fault_limit"]) == (hold + 1, hold)
         rows = rig.rows("x")[silent:]
-        assert (rows["state"][:HOLD] == AxisState.RUNNING).all()
-        assert (rows["command_v"][HOLD:] == 0.0).all()
+        assert (rows["state"][:hold] == AxisState.RUNNING).all()
+        assert (rows["command_v"][hold:] == 0.0).all()
         assert not rig.driver._states["enable"].any()
 
 
@@ -248,6 +248,23 @@ def test_two_wrong_samples_that_disagree_are_no_speed_to_predict_a_silence_from(
     assert off < (np.abs(shifts).max() + 1.0) * SPEED_M_S * TS
 
 
+@pytest.mark.parametrize(("share", "silent"), [(-0.9, 0), (-0.7, 0), (1.5, 3)])
+def test_one_wild_sample_is_left_out_and_trips_nothing(share, silent):
+    """`share` is of what the counter may move in a period, which a silence makes more of."""
+    reach = JUMP_SPEED_RATIO * gantry().axes["x"].limits.max_velocity_m_s / SPEED_M_S
+    rig = rig_of(predict=True, hold_ticks=40)
+    with rig:
+        rig.start()
+        rig.move("x", 0.2, SPEED_M_S)
+        middle = rig.ticks + round(0.15 / TS)
+        rig.driver.deaf = set(range(middle - silent, middle))
+        rig.driver.shifts = {middle: share * reach}
+        rig.seconds(0.2)
+    rows = rig.rows("x")
+    assert not rows["fault"].any()
+    assert np.count_nonzero(rows["flags"] & SampleFlag.LEFT_OUT) == 1
+
+
 def test_samples_that_are_left_out_again_and_again_trip_as_if_none_were():
     rows = glitched([0.0, 2.0] * 300, predict=True)
     assert FaultCause(int(rows["fault"][-1])) is not FaultCause.NONE
@@ -322,7 +339,7 @@ def test_a_loop_that_was_stopped_for_too_long_is_the_cause_itself():
         # The loop wakes 20 periods late, and reads late once more.
         hand.tick.step(hand.number, 20, True, now - round(25 * TS * 1e9), now)
         assert FaultCause(int(hand.status()["fault"])) is FaultCause.OVERRUN
-        assert (hand.status()["fault_value"], hand.status()["fault_limit"]) == (20, 5)
+        assert (hand.status()["fault_value"], hand.status()["fault_limit"]) == (19, 5)
 
 
 def test_ticks_without_a_sample_are_counted():

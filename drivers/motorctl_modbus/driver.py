@@ -203,16 +203,18 @@ class ModbusDriver(Driver):
         client, line, exchange = self._client, self._line, self._exchange
         self._client = self._line = None
         self._unread = False
-        if self._claim is not None:
-            self._claim.release()
-            self._claim = None
-        if client is None or line is None or exchange is None:
-            return
-        # A socket closed over unread replies is reset, and the last request may be lost with it.
-        for _ in range(DRAINS):
-            if line.receive(memoryview(bytearray(4096))) <= 0:
-                break
-        release(client)
+        claim, self._claim = self._claim, None
+        try:
+            if client is None or line is None or exchange is None:
+                return
+            # A socket closed over unread replies is reset, and the last request lost with it.
+            for _ in range(DRAINS):
+                if line.receive(memoryview(bytearray(4096))) <= 0:
+                    break
+            release(client)
+        finally:
+            if claim is not None:
+                claim.release()
 
     def read(self, inputs: Inputs) -> None:
         """Collect the reply to the request of the last `write`, if it is there."""
@@ -354,14 +356,18 @@ class ModbusDriver(Driver):
             if claim is not None:
                 claim.release()
 
-    def _claimed(self, outputs: OutputBlock) -> Claim | None:
+    def _claimed(self, block: OutputBlock) -> Claim | None:
         """Claim what is written; a serial port is claimed by itself."""
         options = self._modbus
         if options.tcp is None:
             return None
-        registers = range(outputs.address, outputs.address + outputs.count)
+        registers = range(block.address, block.address + block.count)
         device = f"tcp: {options.device}, unit {options.unit}"
-        return Claim(device, [f"output register {register}" for register in registers])
+        outputs = [f"output register {register}" for register in registers]
+        if options.watchdog_s is not None:
+            # There is one for all of it: whoever writes anything feeds it for everybody.
+            outputs.append("watchdog")
+        return Claim(device, outputs)
 
     def _switch_off(self, outputs: OutputBlock) -> None:
         options = self._modbus

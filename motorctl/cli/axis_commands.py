@@ -38,7 +38,7 @@ def start(
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        answer = _ask(client, "start", axis=axis, hold=hold)
+        answer = _ask(client, "start", axis=axis, **({"hold": True} if hold else {}))
         if missing := answer.get("waits_for"):
             others = " and ".join(missing)
             _say(axis, f"enabled, holds; program {answer['program']} waits for {others}")

@@ -32,9 +32,9 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
             parts.append(_motion(name, axis["motion"]))
         if axis["fault"]:
             parts.append(Text(f"{name}: {axis['fault']['message']}", "bold red"))
-        if axis["device"]:
+        if axis.get("device"):
             parts.append(Text(f"{name}: its device now: {axis['device']}", "yellow"))
-        if axis["samples"]["missed"]:
+        if axis.get("samples", {}).get("missed"):
             parts.append(_missed(name, axis["samples"]))
     if detailed:
         parts += [_parameters(axis) for axis in document["axes"].values()]

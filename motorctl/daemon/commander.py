@@ -140,6 +140,8 @@ class Commander:
             await self._order(Verb.START, axis.name)
             await self._until_idle(axis.name)
         program = program or next((p for p in self._waiting.values() if axis.name in p.axes), None)
+        if hold:
+            self._waiting = {n: p for n, p in self._waiting.items() if axis.name not in p.axes}
         if hold or program is None:
             return {"axis": axis.name, "state": "idle"}
         missing = [n for n in program.axes if self._state(n) is not AxisState.IDLE]

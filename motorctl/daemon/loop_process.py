@@ -113,7 +113,7 @@ class LoopProcess:
         for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
             problem = self._make_safe(name)
             if problem is None:
-                _log.warning("driver %s: told from here to zero and disable every output", name)
+                _log.warning("driver %s: asked from here to zero and disable what it drives", name)
             else:
                 _log.error("driver %s: its outputs may NOT be safe: %s", name, problem)
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import socket
 from collections.abc import Iterable
 
 from motorctl.errors import RunError
+
+MOST_BYTES = 107
+"""Of the kernel's names for sockets, after the zero."""
 
 
 class Claim:
@@ -19,10 +23,13 @@ class Claim:
     def __init__(self, device: str, outputs: Iterable[str]) -> None:
         self._held: list[socket.socket] = []
         for output in outputs:
-            one = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-            self._held.append(one)
+            name = f"motorctl {device} {output}".encode(errors="surrogateescape")
+            if len(name) > MOST_BYTES:
+                name = b"motorctl " + hashlib.sha256(name).hexdigest().encode()
             try:
-                one.bind(f"\0motorctl {device} {output}")
+                one = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+                self._held.append(one)
+                one.bind(b"\0" + name)
             except OSError as error:
                 self.release()
                 if error.errno != errno.EADDRINUSE:

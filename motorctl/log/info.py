@@ -133,7 +133,8 @@ def _scan(
                     found.faults.append(Fault(float(time_s[k]), axis, _cause(int(fault[k])), bits))
             if axis + _FLAGS in names:
                 flags = batch.column(axis + _FLAGS).to_numpy()
-                found.missed[axis] += int(np.count_nonzero(flags & int(SampleFlag.HELD)))
+                own_held = flags & int(SampleFlag.HELD | SampleFlag.BETWEEN) == int(SampleFlag.HELD)
+                found.missed[axis] += int(np.count_nonzero(own_held))
             before[axis] = int(fault[-1])
             told[axis] = device.left_over() if device else 0
         del found.faults[_MOST_FAULTS:]

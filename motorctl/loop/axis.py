@@ -189,7 +189,7 @@ def believe(
     confirmed = False
     if just_left_out(axis):
         step = counter_step(settings, axis.doubted_raw_counts, raw)
-        if count_is_ambiguous(settings, axis, step, elapsed):
+        if unexpected and count_is_ambiguous(settings, axis, step, elapsed):
             jump(settings, axis, step, t)
         y = place_of(
             correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)

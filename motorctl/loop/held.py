@@ -130,8 +130,9 @@ def hold_position(
     axis.held_ticks += elapsed
     axis.blind_ticks += elapsed
     axis.missed_ticks += elapsed
-    axis.longest_missed_ticks = max(axis.longest_missed_ticks, axis.held_ticks)
-    if not axis.have_counts:  # there is no last position
+    if axis.have_counts:
+        axis.longest_missed_ticks = max(axis.longest_missed_ticks, axis.held_ticks)
+    else:  # there is no last position
         axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
 
 

@@ -79,9 +79,10 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
 
 
 def leave_priority() -> None:
-    """Give the real-time priority back: what is left may take its time, other loops may not."""
+    """Give priority and CPU back: what is left may take its time, other loops may not."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
 
 
 def hold_shallow_idle() -> int:

@@ -78,8 +78,9 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
 
     Where the loop itself was stopped for so long, that is the cause, and not the device.
     """
-    if is_overdue(settings, axis) and elapsed > settings.hold_ticks:
-        trip(axis, CAUSE_OVERRUN, float(elapsed), float(settings.hold_ticks), t)
+    stopped = elapsed - 1
+    if is_overdue(settings, axis) and stopped > 0 and elapsed > settings.hold_ticks:
+        trip(axis, CAUSE_OVERRUN, float(stopped), float(settings.hold_ticks), t)
     elif is_overdue(settings, axis):
         without = float(ticks_without(axis))
         trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
