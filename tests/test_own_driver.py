@@ -224,8 +224,9 @@ def test_a_driver_that_is_not_installed_is_found_as_the_page_says(follow_the_pag
     assert "motorctl_box:BoxDriver" in told.stdout
 
 
-def test_a_rig_that_is_not_installed_is_found_as_the_page_says(follow_the_page):
-    told = follow_the_page("pytest", "--collect-only -q -p no:cacheprovider")
+@pytest.mark.parametrize("named", ["--driver", "--driver-rig"])
+def test_what_is_not_installed_is_found_by_the_suite_as_the_page_says(follow_the_page, named):
+    told = follow_the_page(named, "--collect-only -q -p no:cacheprovider")
     assert told.returncode == 0, told.stdout
     assert "TestDriver" in told.stdout
 
