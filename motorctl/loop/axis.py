@@ -239,10 +239,7 @@ def axis_reference(
     if axis.state == HOMING:
         # The index mark's count, read relative to the last raw count: it may have wrapped. Not
         # relative to the position, which may be a prediction.
-        span = settings.counter_span
-        back = raw_index - axis.raw_counts
-        if span:
-            back = (back + span // 2) % span - span // 2
+        back = counter_step(settings, axis.raw_counts, raw_index)
         index_m = settings.metres_per_count * (axis.counts + back)
         index_m += settings.offset_m + axis.shift_m
         if home(settings, axis, index_m, elapsed, t):
