@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.log.convert import load_metadata
@@ -125,16 +126,18 @@ def _scan(
         found.end_s = float(time_s[-1])
         for axis in axes:
             fault = batch.column(axis + _FAULT).to_numpy()
-            device = _Device(batch, axis, told[axis]) if statuses else None
+            flags = batch.column(axis + _FLAGS).to_numpy() if axis + _FLAGS in names else None
+            device = None
+            if flags is not None:
+                own_held = flags & int(SampleFlag.HELD | SampleFlag.BETWEEN) == int(SampleFlag.HELD)
+                found.missed[axis] += int(np.count_nonzero(own_held))
+                if statuses:
+                    device = _Device(batch.column(axis + _DEVICE).to_numpy(), flags, told[axis])
             for k in np.flatnonzero(np.diff(fault, prepend=before[axis])).tolist():
                 if fault[k] != FaultCause.NONE:
                     word = device.told_until(k) if device else 0
                     bits = tuple(name for bit, name in statuses.items() if word & bit)
                     found.faults.append(Fault(float(time_s[k]), axis, _cause(int(fault[k])), bits))
-            if axis + _FLAGS in names:
-                flags = batch.column(axis + _FLAGS).to_numpy()
-                own_held = flags & int(SampleFlag.HELD | SampleFlag.BETWEEN) == int(SampleFlag.HELD)
-                found.missed[axis] += int(np.count_nonzero(own_held))
             before[axis] = int(fault[-1])
             told[axis] = device.left_over() if device else 0
         del found.faults[_MOST_FAULTS:]
@@ -144,9 +147,9 @@ def _scan(
 class _Device:
     """What a driver told of an axis in a batch of rows."""
 
-    def __init__(self, batch: pa.RecordBatch, axis: str, before: int) -> None:
-        self._held = batch.column(axis + _FLAGS).to_numpy() & int(SampleFlag.HELD) > 0
-        self._words = batch.column(axis + _DEVICE).to_numpy()
+    def __init__(self, words: NDArray[np.int64], flags: NDArray[np.int64], before: int) -> None:
+        self._held = flags & int(SampleFlag.HELD) > 0
+        self._words = words
         self._before = before  # in the ticks without a sample that the last batch ended with
 
     def told_until(self, row: int) -> int:
