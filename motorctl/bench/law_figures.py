@@ -14,7 +14,7 @@ from motorctl.bench.law_loop import CompiledLaw
 from motorctl.bench.numpy_law import NumpyLaw
 from motorctl.config import load
 from motorctl.config.machine import Controller
-from motorctl.insight.published import DEVICE, PAPER, TURNAROUND_S
+from motorctl.identify.compare.published import DEVICE, PAPER, TURNAROUND_S
 from motorctl.model import EffectList
 
 CONFIG = "published_gantry"

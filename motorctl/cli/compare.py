@@ -36,8 +36,8 @@ def _compare(
     """Measure every recording: eM, eF, L2[e], uM, and the first one's ratio to each other."""
     from motorctl.cli.measure_tables import print_comparison
     from motorctl.cli.progress import showing_progress
-    from motorctl.insight.compare import compare, comparison_document
-    from motorctl.insight.plots import plot_comparison
+    from motorctl.identify.compare.pictures import plot_comparison
+    from motorctl.identify.compare.runs import compare, comparison_document
     from motorctl.log import read_recording
 
     if period is not None and not 0.0 < period < float("inf"):

@@ -44,13 +44,13 @@ def _diagnose(
 ) -> None:
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
     from motorctl.cli.stages import showing_stages
-    from motorctl.insight.belongs import check_belongs
-    from motorctl.insight.diagnosis.document import diagnosis_document
-    from motorctl.insight.diagnosis.next_steps import next_steps, write_programs
-    from motorctl.insight.diagnosis.pipeline import diagnose_recording
-    from motorctl.insight.diagnosis.report import write_report
-    from motorctl.insight.diagnosis.terminal import print_diagnosis
-    from motorctl.insight.fit_models import declared_models, machine_of
+    from motorctl.identify.diagnose.recording import diagnose_recording
+    from motorctl.identify.diagnose.report.json_document import diagnosis_document
+    from motorctl.identify.diagnose.report.next_steps import next_steps, write_programs
+    from motorctl.identify.diagnose.report.page import write_report
+    from motorctl.identify.diagnose.report.terminal import print_diagnosis
+    from motorctl.identify.fit.declared_models import declared_models, machine_of
+    from motorctl.identify.same_axis import check_belongs
     from motorctl.log import read_recording
 
     config = None if model in (None, "C1", "C2") else model

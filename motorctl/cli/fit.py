@@ -15,7 +15,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from motorctl.errors import UsageError
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
-    from motorctl.insight.fit_options import FitOptions
+    from motorctl.identify.fit.settings import FitOptions
 
 EXAMPLE = (
     "Example: motorctl fit run.parquet --model C2    or: "
@@ -115,9 +115,9 @@ def _fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Identify the declared model: parameters, standard errors, input delay and error."""
-    from motorctl.insight.fit import fit_recording
-    from motorctl.insight.fit_models import declared_models
-    from motorctl.insight.fit_report import fit_document, print_fit
+    from motorctl.identify.fit.declared_models import declared_models
+    from motorctl.identify.fit.recording import fit_recording
+    from motorctl.identify.fit.report import fit_document, print_fit
     from motorctl.log import read_recording
 
     options = _options(
@@ -156,7 +156,7 @@ def _fit(
 
 
 def _options(settings: str | None, **given: object) -> FitOptions:
-    from motorctl.insight.fit_options import FitOptions, load_settings
+    from motorctl.identify.fit.settings import FitOptions, load_settings
 
     options = FitOptions() if settings is None else load_settings(settings)
     return options.with_changes(**{key: v for key, v in given.items() if v is not None})

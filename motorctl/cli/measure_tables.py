@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from motorctl.insight.compare import Comparison
-from motorctl.insight.measures import Durations, MeasuredRun, table_cells, table_headings
+from motorctl.identify.compare.measures import Durations, MeasuredRun, table_cells, table_headings
+from motorctl.identify.compare.runs import Comparison
 
 COLUMNS = table_headings()
 NO_VALUE = "–"

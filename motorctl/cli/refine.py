@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
-    from motorctl.insight.diagnosis.result import RecordingDiagnosis
-    from motorctl.insight.refine.refinement import Refinement
+    from motorctl.identify.diagnose.result import RecordingDiagnosis
+    from motorctl.identify.refine.refinement import Refinement
 
 
 def register(app: typer.Typer) -> None:
@@ -47,11 +47,11 @@ def _refine(
     """
     from motorctl.cli.stages import showing_stages
     from motorctl.errors import UsageError
-    from motorctl.insight.diagnosis.pipeline import diagnose_recording
-    from motorctl.insight.diagnosis.report import write_report
-    from motorctl.insight.refine.belongs import require_same_machine
-    from motorctl.insight.refine.document import refinement_document
-    from motorctl.insight.refine.refinement import load_machine, refine_config
+    from motorctl.identify.diagnose.recording import diagnose_recording
+    from motorctl.identify.diagnose.report.page import write_report
+    from motorctl.identify.refine.json_document import refinement_document
+    from motorctl.identify.refine.refinement import load_machine, refine_config
+    from motorctl.identify.refine.same_machine import require_same_machine
     from motorctl.log import read_recording
 
     if not out.parent.is_dir():
@@ -89,7 +89,7 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     from rich.markup import escape
     from rich.syntax import Syntax
 
-    from motorctl.insight.refine.header import error_words
+    from motorctl.identify.refine.header import error_words
 
     console = Console(highlight=False)
     for name, axis in refinement.axes.items():

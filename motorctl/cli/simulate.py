@@ -38,7 +38,7 @@ def _simulate(
     from motorctl.cli.measure_tables import COLUMNS
     from motorctl.cli.progress import showing_progress
     from motorctl.config import load
-    from motorctl.insight.measures import measure_recording, measured_document, table_cells
+    from motorctl.identify.compare.measures import measure_recording, measured_document, table_cells
     from motorctl.log import read_recording
     from motorctl.loop.simulation import simulate, with_seed
 

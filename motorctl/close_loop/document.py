@@ -9,9 +9,9 @@ from typing import Any
 
 from motorctl.close_loop.judge import AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
-from motorctl.insight.compare import ratios
-from motorctl.insight.diagnosis.document import axis_document
-from motorctl.insight.measures import SYMBOLS, Measures
+from motorctl.identify.compare.measures import SYMBOLS, Measures
+from motorctl.identify.compare.runs import ratios
+from motorctl.identify.diagnose.report.json_document import axis_document
 
 
 def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, replace
 
 from motorctl.close_loop.motion import MotionName
 from motorctl.close_loop.trial import Trial, model_error_v
-from motorctl.insight.measures import SYMBOLS, Measures
+from motorctl.identify.compare.measures import SYMBOLS, Measures
 
 MOTION_WORDS: Mapping[MotionName, str] = {
     "own": "its own motion",

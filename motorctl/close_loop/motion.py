@@ -13,7 +13,7 @@ import numpy as np
 from motorctl.config.analysis import required_command
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
-from motorctl.insight.diagnosis.motion_advice import (
+from motorctl.identify.diagnose.report.motion_advice import (
     Reach,
     Stroke,
     duration_s,

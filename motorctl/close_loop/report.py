@@ -16,10 +16,10 @@ from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.close_loop.tables import error_row, tracking_table
 from motorctl.errors import UsageError
-from motorctl.insight.compare import Comparison, compare
-from motorctl.insight.diagnosis.report import TrackedAxis, TrackingComparison, write_report
-from motorctl.insight.measures import table_headings
-from motorctl.insight.plots import plot_tracking_error
+from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.compare.pictures import plot_tracking_error
+from motorctl.identify.compare.runs import Comparison, compare
+from motorctl.identify.diagnose.report.page import TrackedAxis, TrackingComparison, write_report
 
 PAGE = "report.html"
 

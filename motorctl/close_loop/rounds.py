@@ -15,10 +15,10 @@ from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
 from motorctl.errors import UsageError
-from motorctl.insight.diagnosis.pipeline import diagnose_recording
-from motorctl.insight.diagnosis.result import AxisDiagnosis, RecordingDiagnosis
-from motorctl.insight.fit_models import declared_models
-from motorctl.insight.refine.refinement import Refinement, moved_text, refine_config
+from motorctl.identify.diagnose.recording import diagnose_recording
+from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.fit.declared_models import declared_models
+from motorctl.identify.refine.refinement import Refinement, moved_text, refine_config
 from motorctl.log import Recording
 from motorctl.loop.virtual import require_virtual_time
 

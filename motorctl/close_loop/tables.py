@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
-from motorctl.insight.compare import ratios
-from motorctl.insight.measures import table_cells
+from motorctl.identify.compare.measures import table_cells
+from motorctl.identify.compare.runs import ratios
 
 Rows = list[tuple[str, list[str]]]
 

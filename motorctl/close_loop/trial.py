@@ -11,9 +11,9 @@ import numpy as np
 from motorctl.close_loop.motion import MotionName, Motions, machine_on
 from motorctl.config import Machine, load
 from motorctl.errors import DataError, RunError, UsageError
-from motorctl.insight.measured import measured
-from motorctl.insight.measures import Measures, measure_recording
-from motorctl.insight.refine.model_error import force_error_rms
+from motorctl.identify.columns.measured import measured
+from motorctl.identify.compare.measures import Measures, measure_recording
+from motorctl.identify.refine.model_error import force_error_rms
 from motorctl.log import Recording, read_recording
 from motorctl.loop.simulation import simulate
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from motorctl.config import load
 from motorctl.config.machine import Controller
-from motorctl.insight.compare import Comparison, compare
-from motorctl.insight.plots import plot_comparison, plot_turnaround
+from motorctl.identify.compare.pictures import plot_comparison, plot_turnaround
+from motorctl.identify.compare.runs import Comparison, compare
 from motorctl.log import read_recording
 from motorctl.loop.simulation import Simulation, simulate
 

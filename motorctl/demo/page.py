@@ -23,10 +23,10 @@ from motorctl.demo.tables import (
     verdict,
 )
 from motorctl.errors import UsageError
-from motorctl.insight.compare import Comparison
-from motorctl.insight.diagnosis.plots import DRAWERS
-from motorctl.insight.measures import table_headings
-from motorctl.insight.published import PAPER, TURNAROUND_S
+from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.compare.published import PAPER, TURNAROUND_S
+from motorctl.identify.compare.runs import Comparison
+from motorctl.identify.diagnose.report.pictures.all import DRAWERS
 from motorctl.loop.simulation import Simulation
 
 TITLES = {

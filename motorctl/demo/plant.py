@@ -8,7 +8,7 @@ from typing import Any
 
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Machine
-from motorctl.insight.diagnosis.values import Value
+from motorctl.identify.diagnose.report.parameter_text import Value
 from motorctl.model.catalog import known_effects
 
 UNITS = {"_m_s": "m/s", "_v_s_m": "V s/m", "_m": "m", "_s": "s", "_v": "V", "_hz": "Hz"}

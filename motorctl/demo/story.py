@@ -11,8 +11,8 @@ from motorctl.close_loop.rounds import ClosedLoop, close_loop
 from motorctl.demo.experiment import Experiment, run_experiment
 from motorctl.demo.page import write_page
 from motorctl.errors import UsageError
-from motorctl.insight.compare import Comparison, compare
-from motorctl.insight.plots import plot_tracking_error
+from motorctl.identify.compare.pictures import plot_tracking_error
+from motorctl.identify.compare.runs import Comparison, compare
 
 CONFIG = "published_gantry"
 ROUNDS = 1

@@ -5,12 +5,12 @@ from __future__ import annotations
 from motorctl.close_loop.judge import MOTION_WORDS
 from motorctl.close_loop.rounds import ClosedLoop
 from motorctl.demo.plant import undeclared_effects
-from motorctl.insight.compare import Comparison, ratios
-from motorctl.insight.diagnosis.result import FoundEffect
-from motorctl.insight.diagnosis.tables import effect_rows
-from motorctl.insight.diagnosis.values import found_values, percent
-from motorctl.insight.measures import SYMBOLS, Measures, table_cells
-from motorctl.insight.published import TABLES
+from motorctl.identify.compare.measures import SYMBOLS, Measures, table_cells
+from motorctl.identify.compare.published import TABLES
+from motorctl.identify.compare.runs import Comparison, ratios
+from motorctl.identify.diagnose.report.parameter_text import found_values, percent
+from motorctl.identify.diagnose.report.tables import effect_rows
+from motorctl.identify.diagnose.result import FoundEffect
 
 NONE = "–"
 

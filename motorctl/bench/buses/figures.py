@@ -15,7 +15,7 @@ from motorctl.bench.findings import Findings
 from motorctl.bench.interleave import Progress, part_of
 from motorctl.errors import MotorctlError
 from motorctl.gantry_device.prompt_ptys import can_be_prompt
-from motorctl.insight.measures import Measures
+from motorctl.identify.compare.measures import Measures
 
 DURATION_S = 60.0
 EXCHANGE_SHARE = 0.03

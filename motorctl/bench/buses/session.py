@@ -16,7 +16,7 @@ from motorctl.bench.latency.loop_run import run_loop
 from motorctl.config.exchange import Exchange, ask_exchange
 from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.machine import Machine
-from motorctl.insight.measures import Measures, Timing, measure_axis, measure_timing
+from motorctl.identify.compare.measures import Measures, Timing, measure_axis, measure_timing
 from motorctl.log import Recording, read_recording
 from motorctl.log.sample import SampleFlag
 from motorctl.loop.simulation import simulate

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from motorctl.insight.diagnosis.result import AxisDiagnosis
+from motorctl.identify.diagnose.result import AxisDiagnosis
 
 
 @dataclass(frozen=True)

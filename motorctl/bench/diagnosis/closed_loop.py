@@ -27,8 +27,8 @@ from motorctl.bench.diagnosis.plants import Options
 from motorctl.bench.diagnosis.true_motion import true_error_rms_m
 from motorctl.config import load_resolved
 from motorctl.config.freeze import decode
-from motorctl.insight.diagnosis.result import RecordingDiagnosis
-from motorctl.insight.refine.refinement import refine_config
+from motorctl.identify.diagnose.result import RecordingDiagnosis
+from motorctl.identify.refine.refinement import refine_config
 
 UNSEEN = 7_000_000
 """Added to a case's seed to draw the motion that its diagnosis has not seen."""

@@ -18,14 +18,14 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.insight.diagnosis.alignment import CommandPath, held_parts
-from motorctl.insight.diagnosis.carried import carried
-from motorctl.insight.diagnosis.families import candidates
-from motorctl.insight.diagnosis.frame import Stretch, make_frame, slope_of, spans_of
-from motorctl.insight.diagnosis.hypothesis import Hypothesis
-from motorctl.insight.diagnosis.search import ranked, whitened
-from motorctl.insight.fit_models import declared_models
-from motorctl.insight.measured import measured
+from motorctl.identify.columns.command_path import CommandPath, held_parts
+from motorctl.identify.columns.frame import Stretch, make_frame, slope_of, spans_of
+from motorctl.identify.columns.measured import measured
+from motorctl.identify.diagnose.search.forms import candidates
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import ranked, whitened
+from motorctl.identify.diagnose.search.undetermined import carried
+from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording
 from motorctl.model import Effect, Spans
 

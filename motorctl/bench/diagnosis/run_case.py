@@ -16,9 +16,9 @@ from motorctl.bench.diagnosis.groups import CaseKey, draw
 from motorctl.bench.diagnosis.peers import PeerAnswer, ask_peers
 from motorctl.bench.diagnosis.record import record_case
 from motorctl.bench.diagnosis.score import RULES, Truth
-from motorctl.insight.diagnosis.pipeline import diagnose_recording
-from motorctl.insight.diagnosis.result import RecordingDiagnosis
-from motorctl.insight.fit_models import declared_models
+from motorctl.identify.diagnose.recording import diagnose_recording
+from motorctl.identify.diagnose.result import RecordingDiagnosis
+from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording, read_recording
 
 

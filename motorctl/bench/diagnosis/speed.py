@@ -23,8 +23,8 @@ from motorctl.bench.diagnosis.plants import Options
 from motorctl.bench.diagnosis.record import record_case
 from motorctl.bench.figure import Figure, Target
 from motorctl.bench.interleave import Progress
-from motorctl.insight.diagnosis.pipeline import diagnose_recording
-from motorctl.insight.fit_models import declared_models
+from motorctl.identify.diagnose.recording import diagnose_recording
+from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import read_recording
 
 RATE_HZ = 5000.0

@@ -13,7 +13,7 @@ from motorctl.bench.latency.loop_run import LoopRun
 from motorctl.bench.latency.ticks import TickTimes
 from motorctl.bench.latency.verdict import Verdict, judge
 from motorctl.config.machine import Machine
-from motorctl.insight.published import DEVICE, TURNAROUND_S
+from motorctl.identify.compare.published import DEVICE, TURNAROUND_S
 
 LATE_S = (50e-6, 100e-6)
 """A wake-up later than this is late; so is one later than a period."""

@@ -1,0 +1,1 @@
+"""Identification from recordings alone: fit, diagnose, refine and compare."""

@@ -1,0 +1,460 @@
+"""Signals of one axis as the diagnosis sees them: every column through one filter, rows in step.
+
+Nonlinear terms are formed first, then one linear zero-phase filter goes over every column alike.
+Its gain falls where the position's quantisation drowns the acceleration (see `whitening`), so the
+rows' noise is nearly white. Columns are formed at the recording's full rate, or, where many forms
+are tried, from smoothed signals at the rate of the rows, which is quicker and nearly the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.command_path import CommandPath, held_parts, later
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.position_noise import position_noise_density
+from motorctl.identify.columns.repetition import period_of
+from motorctl.model import Effect, EffectList, Spans
+from motorctl.model.columns import input_columns, state_columns
+
+Array = NDArray[np.float64]
+Response = Callable[[Array], Array]
+"""Gain of a zero-phase filter at frequencies [Hz]."""
+
+WIDEST_BAND_HZ = 200.0
+BAND_PER_RATE = 0.2
+EDGE = 1.25
+"""The filter's gain falls to zero between the band's end and this many times it."""
+ROWS_PER_BAND = 3.0
+"""Row rate in multiples of the band."""
+MOTION_PER_BAND = 6.0
+"""Rate at which columns of the motion are formed, in multiples of the band, at least."""
+TRIM_PERIODS = 8.0
+"""Rows dropped at each end of a stretch, in periods of the band's end."""
+PIECE_S = 3.0
+"""Pieces that stand for a long recording."""
+SHORTEST_S = 0.3
+REST_SPEED = 3.0
+"""Velocity noise, in multiples of its rms, that counts as rest."""
+REST_RANGE = 14.0
+"""Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
+within which friction's bristles bend unseen."""
+REST_PART = 1e-3
+"""Part of the top speed that creeping at rest stays below."""
+FEWEST_ROWS = 100
+QUIET_NOISE = 0.03
+"""Noise of the velocity that friction depends on, in multiples of 1/slope."""
+NARROWEST_QUIET = 0.3
+REST_S = 0.06
+REST_EDGE_S = 0.03
+"""What of a rest is kept at each end: how friction lets go is seen there."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Signals without a gap; arrays of shape (N,)."""
+
+    time_s: Array
+    position: Array
+    """As measured."""
+    x: Array
+    """Smoothed."""
+    v: Array
+    command: Array
+    others: dict[str, Array]
+    """(N, 3) motion of each other axis."""
+    quiet: Array
+    """The velocity that friction depends on."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The stretches of one axis, and the filter that makes m rows of them."""
+
+    data: Measured
+    period_s: float
+    decimation: int
+    band_hz: float
+    response: Response
+    stretches: tuple[Stretch, ...]
+    kept: tuple[NDArray[np.bool_], ...]
+    """For each stretch, which of its rows are used."""
+    position_noise: float
+    """One-sided density of the measured position's noise [unit^2/Hz]."""
+    repeats_s: float = 0.0
+    """After what time the recording's one move begins again; 0 where it does not."""
+    _gains: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return int(sum(kept.sum() for kept in self.kept))
+
+    @property
+    def row_period_s(self) -> float:
+        """Time between rows."""
+        return self.period_s * self.decimation
+
+    def with_response(self, response: Response) -> Frame:
+        """Give the same signals behind another filter."""
+        return replace(self, response=response, _gains={})
+
+    def picked(self, signal: Callable[[Stretch], Array]) -> Array:
+        """Give an unfiltered signal at the rows, (m,)."""
+        parts = [
+            signal(stretch)[:: self.decimation][kept]
+            for stretch, kept in zip(self.stretches, self.kept, strict=True)
+        ]
+        picked: Array = np.concatenate(parts)
+        return picked
+
+    @property
+    def time_s(self) -> Array:
+        """Time of the rows."""
+        return self.picked(lambda s: s.time_s)
+
+    def filtered(self, columns: Sequence[Array], formed_at: int = 1) -> Array:
+        """Filter columns, one array of shape (p, N) for each stretch, into (p, m).
+
+        formed_at is the decimation at which they were formed.
+        """
+        parts: list[Array] = [
+            self._filter(part, formed_at)[:, : len(kept)][:, kept]
+            for part, kept in zip(columns, self.kept, strict=True)
+        ]
+        return np.asarray(np.concatenate(parts, axis=1))
+
+    @property
+    def motion_step(self) -> int:
+        """Decimation at which columns of the smoothed motion lose nothing in the band."""
+        rate = 1.0 / (self.period_s * MOTION_PER_BAND * self.band_hz)
+        return max(
+            k
+            for k in range(1, self.decimation + 1)
+            if self.decimation % k == 0 and k <= max(rate, 1)
+        )
+
+    def acceleration(self) -> Array:
+        """Give the filtered second difference of the measured position, (m,)."""
+        columns = [_second_difference(s.position, self.period_s)[None] for s in self.stretches]
+        return np.asarray(self.filtered(columns)[0])
+
+    def smoothed_acceleration(self, bands: float) -> list[Array]:
+        """Give the measured acceleration of each stretch up to `bands` times the band, (N,)."""
+        return [
+            smoothed(
+                _second_difference(s.position, self.period_s), bands * self.band_hz, self.period_s
+            )
+            for s in self.stretches
+        ]
+
+    def state(
+        self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
+    ) -> Array:
+        """Give the columns of a state effect, (p, m).
+
+        acceleration is that of each stretch at the full rate; by default none, zero. step is the
+        decimation at which the columns are formed.
+        """
+        d = self.motion_step if step is None else step
+        columns = []
+        for k, s in enumerate(self.stretches):
+            x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
+            a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
+            others = np.zeros((len(x), len(effect.other_axes), 3))
+            for i, axis in enumerate(effect.other_axes):
+                if axis in s.others:  # else it stands still
+                    others[:, i] = s.others[axis][::d]
+            columns.append(state_columns(effect, x, v, a, quiet, t, others))
+        return self.filtered(columns, d)
+
+    def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
+        """Give the command and the columns of input effects, (1 + p, m), aligned with the rows."""
+        columns = []
+        for s in self.stretches:
+            total = np.zeros((1 + sum(len(e.parameters) for e in effects), len(s.x)))
+            for weight, u in held_parts(s.command, path, self.period_s):
+                total += weight * np.concatenate([u[None], *(_columns(e, u, s) for e in effects)])
+            columns.append(total)
+        return self.filtered(columns)
+
+    def measurement(self, period: float) -> Array:
+        """Give what a sine and a cosine over the position add to its measured acceleration.
+
+        The smoothed position: sines of the quantised one correlate with its own noise.
+        """
+        columns = []
+        for s in self.stretches:
+            angle = 2.0 * np.pi * s.x / period
+            columns.append(
+                np.stack(
+                    [
+                        _second_difference(np.sin(angle), self.period_s),
+                        _second_difference(np.cos(angle), self.period_s),
+                    ]
+                )
+            )
+        return self.filtered(columns)
+
+    def row_variance(self, force_noise: float) -> float:
+        """Give the variance of the rows' noise, if the filter whitens noise of this density."""
+        frequency = np.linspace(0.0, EDGE * self.band_hz, 400)
+        passed = low_pass_response(self.band_hz)(frequency) ** 2
+        return float(force_noise * np.trapezoid(passed, frequency))
+
+    def noise_variance(self, force_noise: float) -> float:
+        """Give the variance of rows behind the plain low pass of this band."""
+        frequency = np.linspace(0.0, EDGE * self.band_hz, 400)
+        passed = low_pass_response(self.band_hz)(frequency) ** 2
+        density = force_noise + (2.0 * np.pi * frequency) ** 4 * self.position_noise
+        return float(np.trapezoid(density * passed, frequency))
+
+    def plain(self, band_hz: float) -> Frame:
+        """Give the same rows behind a plain low pass, for errors that people compare."""
+        band = min(band_hz, self.band_hz)
+        return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
+
+    def history(self, shifts: Sequence[int]) -> Array:
+        """Give the command so many samples later, filtered, (shifts, m)."""
+        columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
+        return self.filtered(columns)
+
+    def _filter(self, columns: Array, formed_at: int) -> Array:
+        n = columns.shape[1]
+        step = self.decimation // formed_at
+        margin = 2 * math.ceil(TRIM_PERIODS / self.band_hz / self.row_period_s)
+        rows = fft.next_fast_len(-(-n // step) + margin, real=True)
+        padded = np.zeros((columns.shape[0], rows * step))
+        padded[:, :n] = columns
+        padded[:, n:] = columns[:, -1:]
+        spectrum = fft.rfft(padded, axis=1)[:, : rows // 2 + 1]
+        spectrum *= self._gain(rows)
+        result: Array = fft.irfft(spectrum, rows, axis=1) / step
+        return result
+
+    def _gain(self, rows: int) -> Array:
+        if rows not in self._gains:
+            frequency = np.arange(rows // 2 + 1) / (rows * self.row_period_s)
+            self._gains[rows] = self.response(frequency)
+        return self._gains[rows]
+
+
+def low_pass_response(band_hz: float) -> Response:
+    """Give a gain of one up to the band's end that falls to zero like a raised cosine."""
+
+    def response(frequency: Array) -> Array:
+        place = np.clip((frequency / band_hz - 1.0) / (EDGE - 1.0), 0.0, 1.0)
+        return np.asarray(0.5 * (1.0 + np.cos(np.pi * place)))
+
+    return response
+
+
+def slope_of(model: EffectList) -> float | None:
+    """Give the slope at rest that the declared friction has; None without friction."""
+    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
+    return float(slopes[0]) if slopes else None
+
+
+def make_frame(
+    data: Measured,
+    others: dict[str, Measured] | None = None,
+    band_hz: float | None = None,
+    slope_s_m: float | None = None,
+) -> Frame:
+    """Cut a recording into stretches and smooth its position.
+
+    slope_s_m is that of the declared friction at rest: the velocity that friction depends on is
+    smoothed until its noise is small beside 1/slope. Raises DataError where no stretch is long
+    enough.
+    """
+    rate = data.sample_rate_hz
+    band = band_hz or min(WIDEST_BAND_HZ, BAND_PER_RATE * rate)
+    decimation = max(1, int(rate / (ROWS_PER_BAND * band)))
+    trim = math.ceil(TRIM_PERIODS / band * rate / decimation)
+    shortest = max(int(SHORTEST_S * rate), (2 * trim + 20) * decimation)
+    density = position_noise_density(data)
+    noise = math.sqrt(density * (2.0 * math.pi) ** 2 * band**3 / 3.0)
+    rms = math.sqrt(0.5 * density * rate)
+    quiet_hz = _quiet_band_hz(density, band, slope_s_m)
+    stretches, kept, enough = [], [], 0
+    for rows in data.stretches(shortest):
+        stretch = _stretch(data, others or {}, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
+        stretches.append(stretch)
+        used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
+        used[trim : len(used) - trim] = True
+        enough += int(used.sum())
+        resting = np.abs(stretch.v[::decimation]) < REST_SPEED * noise
+        top = float(np.percentile(np.abs(stretch.v), 99.0))
+        within = min(REST_RANGE * rms, REST_PART * top * REST_S)
+        resting |= _stays(stretch.x[::decimation], within, data.period_s * decimation)
+        used &= ~_at_rest(resting, data.period_s * decimation)
+        kept.append(used)
+    if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
+        raise DataError(
+            f"{data.place}: only noise: the position hardly ever goes further in {REST_S:g} s than "
+            f"{REST_RANGE * rms:.3g} {data.position_unit}, which its own noise does"
+        )
+    if enough < FEWEST_ROWS:
+        raise DataError(
+            f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
+            "a gap; longer motion is needed"
+        )
+    return Frame(
+        data=data,
+        period_s=data.period_s,
+        decimation=decimation,
+        band_hz=band,
+        response=low_pass_response(band),
+        stretches=tuple(stretches),
+        kept=tuple(kept),
+        position_noise=density,
+        repeats_s=period_of(max((s.v for s in stretches), key=len), data.period_s),
+    )
+
+
+def without(frame: Frame, begin_s: float, end_s: float) -> Frame:
+    """Give the rows that lie not between two times."""
+    kept = []
+    for s, used in zip(frame.stretches, frame.kept, strict=True):
+        time_s = s.time_s[:: frame.decimation]
+        kept.append(used & ~((time_s >= begin_s) & (time_s < end_s)))
+    return replace(frame, kept=tuple(kept), _gains={})
+
+
+def shortened(frame: Frame, longest_s: float) -> Frame:
+    """Give pieces of a long recording, spread evenly over it, that last about `longest_s`."""
+    total_s = sum(len(s.x) for s in frame.stretches) * frame.period_s
+    every = int(total_s / longest_s)
+    if every < 2:
+        return frame
+    length = round(PIECE_S / frame.row_period_s)
+    trim = math.ceil(TRIM_PERIODS / frame.band_hz / frame.row_period_s)
+    d = frame.decimation
+    stretches, kept = [], []
+    count = 0
+    for s, used in zip(frame.stretches, frame.kept, strict=True):
+        for first in range(0, max(len(used) - length, 0) + 1, length):
+            count += 1
+            if count % every:
+                continue
+            rows = slice(first * d, (first + length) * d)  # all of what is shorter
+            stretches.append(
+                Stretch(
+                    s.time_s[rows],
+                    s.position[rows],
+                    s.x[rows],
+                    s.v[rows],
+                    s.command[rows],
+                    {name: motion[rows] for name, motion in s.others.items()},
+                    s.quiet[rows],
+                )
+            )
+            inner = used[first : first + length].copy()
+            inner[:trim] = False
+            inner[len(inner) - trim :] = False
+            kept.append(inner[: -(-len(stretches[-1].x) // d)])
+    return replace(frame, stretches=tuple(stretches), kept=tuple(kept), _gains={})
+
+
+def spans_of(frame: Frame) -> Spans:
+    """Tell what the rows of a frame span."""
+    x = np.concatenate([s.x for s in frame.stretches])
+    v = np.concatenate([s.v for s in frame.stretches])
+    u = np.concatenate([s.command for s in frame.stretches])
+    a = np.gradient(v, frame.period_s)
+    others = frame.stretches[0].others
+    resolution = frame.data.resolution
+    return Spans(
+        position_m=(float(x.min()), float(x.max())),
+        speed_m_s=float(np.percentile(np.abs(v), 99.5)),
+        acceleration_m_s2=float(np.percentile(np.abs(a), 99.5)),
+        command_v=float(np.abs(u).max()),
+        time_s=(float(frame.stretches[0].time_s[0]), float(frame.stretches[-1].time_s[-1])),
+        period_s=frame.period_s,
+        band_hz=frame.band_hz,
+        resolution_m=resolution or 0.0,
+        other_axes=tuple(others),
+    )
+
+
+def _stretch(
+    data: Measured, others: dict[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
+) -> Stretch:
+    x = smoothed(data.position[rows], smooth_hz, data.period_s)
+    v = np.gradient(x, data.period_s)
+    quiet = np.gradient(smoothed(data.position[rows], quiet_hz, data.period_s), data.period_s)
+    beside = {}
+    for name, other in others.items():
+        xo = smoothed(other.position[rows], 0.5 * smooth_hz, data.period_s)
+        vo = np.gradient(xo, data.period_s)
+        beside[name] = np.column_stack([xo, vo, _second_difference(xo, data.period_s)])
+    return Stretch(
+        time_s=data.time_s[rows],
+        position=data.position[rows],
+        x=x,
+        v=v,
+        command=data.command[rows],
+        others=beside,
+        quiet=quiet,
+    )
+
+
+def _quiet_band_hz(density: float, band_hz: float, slope_s_m: float | None) -> float:
+    widest = 2.0 * band_hz
+    if slope_s_m is None or not 0.0 < slope_s_m < math.inf or density <= 0.0:
+        return widest
+    noise = QUIET_NOISE / slope_s_m
+    allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * math.pi) ** 2)))
+    return min(max(allowed, NARROWEST_QUIET * band_hz), widest)
+
+
+def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
+    """Low-pass without phase; the ends are continued by point reflection."""
+    n = len(position)
+    pad = min(n - 1, math.ceil(TRIM_PERIODS / cutoff_hz / period_s))
+    extended = np.pad(position, pad, mode="reflect", reflect_type="odd")
+    ramp = np.linspace(extended[0], extended[-1], len(extended))
+    size = fft.next_fast_len(len(extended), real=True)
+    spectrum = fft.rfft(extended - ramp, size)
+    frequency = np.arange(len(spectrum)) / (size * period_s)
+    spectrum *= np.exp(-((frequency / cutoff_hz) ** 8) * math.log(2.0))
+    smooth = fft.irfft(spectrum, size)[: len(extended)] + ramp
+    return np.asarray(smooth[pad : pad + n])
+
+
+def _second_difference(position: Array, period_s: float) -> Array:
+    result = np.empty_like(position)
+    result[1:-1] = np.diff(position, 2) / period_s**2
+    result[0], result[-1] = result[1], result[-2]
+    return result
+
+
+def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
+    return input_columns(effect, u, s.x, s.time_s)
+
+
+def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
+    """Tell where the position stays within a range, hunting included, for about a rest."""
+    size = max(3, round(REST_S / period_s))
+    highest: Array = maximum_filter1d(x, size)
+    lowest: Array = minimum_filter1d(x, size)
+    return np.asarray(highest - lowest < within)
+
+
+def _at_rest(still: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
+    """Find the inside of long rests, where friction is no function of velocity."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    result = np.zeros(len(still), dtype=np.bool_)
+    keep = round(REST_EDGE_S / period_s)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if (stop - start) * period_s > REST_S + 2 * REST_EDGE_S:
+            result[start + keep : stop - keep] = True
+    return result

@@ -1,0 +1,214 @@
+"""One axis of a recording as the identification takes it, and what makes it unusable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.filters import velocity_of
+from motorctl.log import Recording
+from motorctl.log.sample import AxisState, SampleFlag
+from motorctl.log.units import CommandUnit, PositionUnit
+
+Array = NDArray[np.float64]
+
+IN_FORCE = (AxisState.IDLE, AxisState.RUNNING, AxisState.STOPPING)
+"""States in which the axis follows its command and its coordinate stands still."""
+SHORTEST_S = 0.2
+SHORTEST_SAMPLES = 100
+LONGEST_STRETCH = 1 << 19
+MOVED_COUNTS = 10
+"""A position that stays within so many encoder counts does not move."""
+SATURATED_SHARE = 0.95
+FEW_REVERSALS = 20
+"""A command at its extremes with so few reversals is saturated, not a binary test signal."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Signals of one axis, arrays of shape (N,) at a constant rate except where time jumps."""
+
+    source: str
+    axis: str
+    sample_rate_hz: float
+    time_s: Array
+    position: Array
+    command: Array
+    usable: NDArray[np.bool_]
+    """Where the command acted on the axis: enabled, and not while it was being homed."""
+    reference: Array | None = None
+    reference_velocity: Array | None = None
+    saturated: NDArray[np.bool_] | None = None
+    resolution: float | None = None
+    """One count of the encoder, where it is known."""
+    position_unit: PositionUnit = "m"
+    command_unit: CommandUnit = "V"
+    force_per_command: float | None = None
+    force_unit: str = "N"
+
+    @property
+    def period_s(self) -> float:
+        """Ts."""
+        return 1.0 / self.sample_rate_hz
+
+    @property
+    def desired_velocity(self) -> Array | None:
+        """The reference's velocity, differenced where the recording has only its position."""
+        if self.reference_velocity is not None or self.reference is None:
+            return self.reference_velocity
+        return velocity_of(self.reference, self.period_s)
+
+    @property
+    def place(self) -> str:
+        """Name the data in messages."""
+        return f"{self.source}: axis {self.axis}"
+
+    def stretches(self, shortest: int) -> Iterator[slice]:
+        """Give the runs of at least `shortest` usable samples without a gap in time.
+
+        Very long runs come in pieces, so that memory stays bounded.
+        """
+        gap = np.abs(np.diff(self.time_s) - self.period_s) > 0.5 * self.period_s
+        broken = np.concatenate([[True], gap | (self.usable[1:] != self.usable[:-1])])
+        starts = np.flatnonzero(broken)
+        stops = np.append(starts[1:], len(broken))
+        for start, stop in zip(starts, stops, strict=True):
+            if not self.usable[start] or stop - start < shortest:
+                continue
+            pieces = -(-(stop - start) // max(LONGEST_STRETCH, shortest))
+            edges = np.linspace(start, stop, pieces + 1).astype(int)
+            yield from (slice(int(a), int(b)) for a, b in pairwise(edges))
+
+
+def measured(recording: Recording, axis: str) -> Measured:
+    """Take one axis out of a recording. Raises UsageError where it has no such axis."""
+    if axis not in recording.axes:
+        known = ", ".join(recording.axes) or "none"
+        raise UsageError(f"{recording.source}: no axis '{axis}'; it has: {known}")
+    record = recording.axes[axis]
+    usable = np.ones(len(record.position), dtype=np.bool_)
+    if record.state is not None:
+        usable &= np.isin(record.state, IN_FORCE)
+    if recording.lateness_s is not None:
+        usable &= ~np.isnan(recording.lateness_s)  # rows filled in for skipped periods
+    if record.flags is not None:
+        usable &= (record.flags & SampleFlag.HELD) == 0
+    force = record.force_per_command
+    data = Measured(
+        source=recording.source,
+        axis=axis,
+        sample_rate_hz=recording.sample_rate_hz,
+        time_s=recording.time_s,
+        position=record.position,
+        command=record.command,
+        usable=usable,
+        reference=record.reference,
+        reference_velocity=record.reference_velocity,
+        saturated=None if record.flags is None else (record.flags & SampleFlag.SATURATED) > 0,
+        resolution=record.resolution,
+        position_unit=record.position_unit,
+        command_unit=record.command_unit,
+        force_per_command=None if force is None else force.value,
+        force_unit="N" if force is None else force.force_unit,
+    )
+    return data if record.flags is None else _own_ticks(data, record.flags)
+
+
+def _own_ticks(data: Measured, flags: NDArray[np.int64]) -> Measured:
+    """Leave out the rows between the ticks of an axis that has fewer than its log has rows."""
+    own = np.flatnonzero((flags & SampleFlag.BETWEEN) == 0)
+    if len(own) in (0, 1, len(flags)):
+        return data
+    divisor = int(np.median(np.diff(own)))
+    return _picked(replace(data, sample_rate_hz=data.sample_rate_hz / divisor), own)
+
+
+def _picked(data: Measured, rows: NDArray[np.int64]) -> Measured:
+    length = len(data.position)
+    columns: dict[str, Any] = {
+        field.name: value[rows]
+        for field in fields(data)
+        if isinstance(value := getattr(data, field.name), np.ndarray) and len(value) == length
+    }
+    return replace(data, **columns)
+
+
+def beside(data: Measured, others: Mapping[str, Measured]) -> dict[str, Measured]:
+    """Give the other axes that move, at the times of `data`: they may have another rate."""
+    moving = {name: other for name, other in others.items() if np.ptp(other.position) > 0.0}
+    return {name: _at_times(other, data.time_s) for name, other in moving.items()}
+
+
+def _at_times(other: Measured, time_s: Array) -> Measured:
+    if np.array_equal(other.time_s, time_s):
+        return other
+    nearest = np.clip(np.searchsorted(other.time_s, time_s), 0, len(other.time_s) - 1)
+    position = np.interp(time_s, other.time_s, other.position)
+    return replace(_picked(other, nearest), time_s=time_s, position=position)
+
+
+def check_usable(data: Measured) -> None:
+    """Raise DataError where nothing can be identified from `data`, whatever the model."""
+    where, rows = data.place, data.usable
+    length = len(data.position)
+    if length < SHORTEST_SAMPLES or length < SHORTEST_S * data.sample_rate_hz:
+        raise DataError(
+            f"{where}: too short: {length} samples at {data.sample_rate_hz:g} Hz are "
+            f"{length / data.sample_rate_hz:.3g} s; at least {SHORTEST_SAMPLES} samples and "
+            f"{SHORTEST_S:g} s are needed"
+        )
+    for name, column in (("position", data.position), ("command", data.command)):
+        bad = ~np.isfinite(column) & rows
+        if bad.any():
+            first = data.time_s[np.argmax(bad)]
+            raise DataError(
+                f"{where}: {name} is not a number in {bad.sum()} rows, first at {first:g} s"
+            )
+    if not rows.any():
+        raise DataError(f"{where}: the axis was never enabled: no sample has its command in force")
+    _check_motion(data)
+    _check_command(data)
+
+
+def _check_motion(data: Measured) -> None:
+    position = data.position[data.usable]
+    span = float(np.ptp(position))
+    count = data.resolution or resolution_of(position)
+    if span == 0.0 or (count > 0.0 and span <= MOVED_COUNTS * count):
+        raise DataError(
+            f"{data.place}: no motion: the position stays within {span:.3g} {data.position_unit}"
+            + (f" ({span / count:.0f} counts)" if count > 0.0 else "")
+        )
+
+
+def _check_command(data: Measured) -> None:
+    command = data.command[data.usable]
+    unit = data.command_unit
+    if np.ptp(command) == 0.0:
+        raise DataError(f"{data.place}: the command is constant at {command[0]:g} {unit}")
+    largest = float(np.max(np.abs(command)))
+    at_limit = np.abs(command) >= 0.999 * largest
+    reversals = np.count_nonzero(np.diff(np.sign(command[at_limit])))
+    share = float(np.mean(at_limit))
+    if data.saturated is not None:
+        share = float(np.mean(data.saturated[data.usable]))
+    elif reversals >= FEW_REVERSALS:
+        return
+    if share > SATURATED_SHARE:
+        raise DataError(
+            f"{data.place}: the command is saturated throughout: {100 * share:.0f} % of it stands "
+            f"at {largest:g} {unit}"
+        )
+
+
+def resolution_of(position: Array) -> float:
+    """Give the smallest step between neighbouring samples, 0 where there is none."""
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > 1e-12 * max(1.0, float(np.max(np.abs(position))))]
+    return float(np.min(steps)) if len(steps) else 0.0

@@ -1,0 +1,133 @@
+"""Noise of the measured position, and the band that it leaves to a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from motorctl.identify.columns.filters import low_pass, velocity_of, zero_phase
+from motorctl.identify.columns.measured import Measured
+
+Array = NDArray[np.float64]
+
+WIDEST_BAND_HZ = 100.0
+"""Above it lie flexible modes and the amplifier's lag, which no declared term describes."""
+BAND_PER_RATE = 0.1
+"""The band ends at the latest at this part of the sample rate."""
+NARROWEST_PART = 0.1
+"""The band is never narrower than this part of the widest."""
+NOISE_PER_ACCELERATION = 0.01
+"""Noise beyond this part of the acceleration biases the estimate through the feedback."""
+VELOCITY_BAND_PER_RATE = 0.2
+NOISE_PER_TURNOVER = 0.1
+"""Velocity noise, in multiples of the speed at which Sf turns over."""
+NO_MORE_THAN_NOISE = 1.5
+SAMPLES_PER_BAND = 2.5
+"""Sample rate after decimation, in multiples of the band."""
+
+
+def position_noise_density(data: Measured) -> float:
+    """Estimate the one-sided density of white position noise [unit^2/Hz].
+
+    Taken from the upper part of the spectrum of second differences, where motion has no power.
+    """
+    densities = []
+    for stretch in data.stretches(64):
+        curvature = np.diff(data.position[stretch], 2)
+        window = min(1024, len(curvature))
+        f, power = signal.welch(curvature, data.sample_rate_hz, nperseg=window)
+        upper = (f > 0.3 * data.sample_rate_hz) & (f < 0.45 * data.sample_rate_hz)
+        gain = (2.0 * np.sin(np.pi * f[upper] / data.sample_rate_hz)) ** 4
+        densities.append((len(curvature), float(np.median(power[upper] / gain))))
+    if not densities:
+        return 0.0
+    weights, values = np.array(densities).T
+    return float(np.average(values, weights=weights))
+
+
+def acceleration_noise_rms(density: float, cutoff_hz: float) -> float:
+    """Give the noise that white position noise leaves in the acceleration below `cutoff_hz`.
+
+    The square root of the integral of (2 pi f)^4 times the density [unit/s^2].
+    """
+    return float(np.sqrt(density * (2.0 * np.pi) ** 4 * cutoff_hz**5 / 5.0))
+
+
+def velocity_noise_rms(density: float, cutoff_hz: float) -> float:
+    """Give the noise that it leaves in the velocity below `cutoff_hz` [unit/s]."""
+    return float(np.sqrt(density * (2.0 * np.pi) ** 2 * cutoff_hz**3 / 3.0))
+
+
+def choose_band_hz(data: Measured) -> float:
+    """Give the widest band in which noise stays small beside the acceleration."""
+    widest = min(WIDEST_BAND_HZ, BAND_PER_RATE * data.sample_rate_hz)
+    density = position_noise_density(data)
+    band = widest
+    while band > NARROWEST_PART * widest:
+        noise = acceleration_noise_rms(density, band)
+        if noise <= NOISE_PER_ACCELERATION * _acceleration_rms(data, band):
+            return band
+        band *= 0.8
+    return NARROWEST_PART * widest
+
+
+def choose_velocity_band_hz(data: Measured, band_hz: float, slope_s_m: float) -> float:
+    """Give the widest band in which velocity noise stays small beside 1/slope.
+
+    At least `band_hz`, which is also the answer for a sign without slope.
+    """
+    density = position_noise_density(data)
+    widest = VELOCITY_BAND_PER_RATE * data.sample_rate_hz
+    if slope_s_m == 0.0 or not np.isfinite(slope_s_m):
+        return band_hz
+    noise = NOISE_PER_TURNOVER / slope_s_m
+    allowed = widest
+    if density > 0.0:
+        allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * np.pi) ** 2)))
+    return max(band_hz, min(allowed, widest))
+
+
+def reference_is_quieter(data: Measured, band_hz: float) -> bool:
+    """Tell whether the reference's velocity differs from the measured one by noise alone."""
+    desired = data.desired_velocity
+    if desired is None or not np.all(np.isfinite(desired[data.usable])):
+        return False
+    total, count = 0.0, 0
+    for stretch, velocity in _velocities(data, band_hz):
+        difference = (velocity - desired[stretch])[20:-20]
+        total += float(difference @ difference)
+        count += len(difference)
+    noise = velocity_noise_rms(position_noise_density(data), band_hz)
+    return bool(np.sqrt(total / max(count, 1)) < NO_MORE_THAN_NOISE * noise)
+
+
+def top_speed(data: Measured, band_hz: float) -> float:
+    """Give the speed that one sample in a hundred exceeds."""
+    speeds = [np.abs(velocity) for _, velocity in _velocities(data, band_hz)]
+    return float(np.percentile(np.concatenate(speeds), 99.0)) if speeds else 0.0
+
+
+def _velocities(data: Measured, band_hz: float) -> Iterator[tuple[slice, Array]]:
+    sections = low_pass("butterworth", 4, band_hz, data.sample_rate_hz)
+    for stretch in data.stretches(64):
+        velocity = velocity_of(data.position[stretch], data.period_s)
+        yield stretch, zero_phase(sections, 4, velocity)
+
+
+def choose_decimation(sample_rate_hz: float, band_hz: float) -> int:
+    """Give the factor that keeps the band just below the new Nyquist frequency."""
+    return max(1, int(sample_rate_hz / (SAMPLES_PER_BAND * band_hz)))
+
+
+def _acceleration_rms(data: Measured, band_hz: float) -> float:
+    sections = low_pass("butterworth", 4, band_hz, data.sample_rate_hz)
+    total, count = 0.0, 0
+    for stretch in data.stretches(64):
+        filtered = zero_phase(sections, 4, data.position[stretch])
+        curvature = np.diff(filtered, 2)[20:-20] * data.sample_rate_hz**2
+        total += float(curvature @ curvature)
+        count += len(curvature)
+    return float(np.sqrt(total / max(count, 1)))

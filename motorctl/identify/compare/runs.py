@@ -1,0 +1,156 @@
+"""Compare runs: the published measures of each, and how the first stands to the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, astuple, dataclass, replace
+from math import isfinite, nan
+from pathlib import PurePath
+from typing import Any
+
+from motorctl.errors import DataError
+from motorctl.identify.compare.measures import (
+    SYMBOLS,
+    MeasuredRun,
+    Measures,
+    Timing,
+    measure_recording,
+    measure_timing,
+    measured_document,
+)
+from motorctl.log import Recording
+
+
+@dataclass(frozen=True)
+class ComparedRun:
+    """One recording among those compared."""
+
+    label: str
+    recording: Recording
+    axes: Mapping[str, MeasuredRun]
+    timing: Timing
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs side by side; the first is the one before."""
+
+    runs: tuple[ComparedRun, ...]
+    axes: tuple[str, ...]
+    """Axes that every run has."""
+
+    def measures(self, axis: str) -> dict[str, Measures]:
+        """Give the measures of one axis by the labels of the runs."""
+        return {run.label: run.axes[axis].measures for run in self.runs}
+
+    def ratios(self, axis: str) -> list[dict[str, float]]:
+        """Give the first run's measures over each later run's: above 1 the later one is better."""
+        first, *later = self.measures(axis).values()
+        return [ratios(first, other) for other in later]
+
+    def units(self, axis: str) -> tuple[str, str]:
+        """Give the units of an axis' position and command."""
+        record = self.runs[0].recording.axes[axis]
+        return record.position_unit, record.command_unit
+
+
+def ratios(first: Measures, other: Measures) -> dict[str, float]:
+    """Give the first's measures over the other's, by their symbols; NaN over zero."""
+    pairs = zip(SYMBOLS, astuple(first), astuple(other), strict=True)
+    return {name: value / against if against else nan for name, value, against in pairs}
+
+
+def compare(recordings: Sequence[Recording], period_s: float | None = None) -> Comparison:
+    """Measure one or more recordings.
+
+    Raises DataError where a recording has no reference, where the recordings have no axis in
+    common, or where an axis has different units in two of them.
+    """
+    runs = []
+    for recording in recordings:
+        measured = measure_recording(recording, period_s)
+        if not measured:
+            raise DataError(
+                f"{recording.source}: no axis has a reference, so there is no tracking error"
+            )
+        label = _controller(recording, measured) or PurePath(recording.source).stem
+        runs.append(ComparedRun(label, recording, measured, measure_timing(recording)))
+    common = tuple(name for name in runs[0].axes if all(name in run.axes for run in runs))
+    if not common:
+        have = "; ".join(f"{run.recording.source}: {', '.join(run.axes)}" for run in runs)
+        raise DataError(f"the recordings have no axis in common ({have})")
+    comparison = Comparison(tuple(_told_apart(runs)), common)
+    for axis in common:
+        _require_same_units(comparison, axis)
+    return comparison
+
+
+def comparison_document(comparison: Comparison) -> dict[str, Any]:
+    """Give the comparison as the JSON document of `compare --json`."""
+    axes: dict[str, Any] = {}
+    for axis in comparison.axes:
+        position_unit, command_unit = comparison.units(axis)
+        axes[axis] = {
+            "position_unit": position_unit,
+            "command_unit": command_unit,
+            "runs": [
+                {
+                    "source": run.recording.source,
+                    "label": run.label,
+                    **measured_document(run.axes[axis], position_unit, command_unit),
+                }
+                for run in comparison.runs
+            ],
+            "ratios_first_over": [
+                {name: value if isfinite(value) else None for name, value in ratio.items()}
+                for ratio in comparison.ratios(axis)
+            ],
+        }
+    return {
+        "recordings": [
+            {
+                "source": run.recording.source,
+                "label": run.label,
+                "duration_s": run.recording.duration_s,
+                "timing": asdict(run.timing),
+                "notes": list(run.recording.notes),
+            }
+            for run in comparison.runs
+        ],
+        "axes": axes,
+    }
+
+
+def _controller(recording: Recording, measured: Mapping[str, MeasuredRun]) -> str | None:
+    """Give the law that all axes ran on, where the log tells it."""
+    try:
+        axes = recording.metadata["config"]["axes"]
+        laws = {str(axes[name]["controller"]) for name in measured}
+    except (KeyError, TypeError):
+        return None
+    return laws.pop() if len(laws) == 1 else None
+
+
+def _told_apart(runs: list[ComparedRun]) -> list[ComparedRun]:
+    """Give every run a label of its own: its law, else its file, else its path, else a number."""
+    sources = [run.recording.source for run in runs]
+    choices = (
+        [run.label for run in runs],
+        [PurePath(source).stem for source in sources],
+        [str(PurePath(source).with_suffix("")) for source in sources],
+        [f"{k} {PurePath(source).stem}" for k, source in enumerate(sources, 1)],
+    )
+    labels = next(labels for labels in choices if len(set(labels)) == len(labels))
+    return [replace(run, label=label) for run, label in zip(runs, labels, strict=True)]
+
+
+def _require_same_units(comparison: Comparison, axis: str) -> None:
+    wanted = comparison.units(axis)
+    for run in comparison.runs:
+        record = run.recording.axes[axis]
+        if (record.position_unit, record.command_unit) != wanted:
+            raise DataError(
+                f"{run.recording.source}: axis {axis} is in {record.position_unit} and "
+                f"{record.command_unit}, but in {wanted[0]} and {wanted[1]} in "
+                f"{comparison.runs[0].recording.source}: they cannot be compared"
+            )

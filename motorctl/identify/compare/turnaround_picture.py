@@ -1,0 +1,90 @@
+"""The histogram of turnaround, with bars at its ends for what is off the chart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.picture_style import colour, panels_in_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+BINS = 60
+SHOWN_PERCENT = 99.9
+ROOM = 1.5
+"""The chart ends at this many times the slowest of the shown percentiles."""
+LEAST_MICROSECONDS = 0.1
+
+
+def plot_turnaround(turnarounds: Mapping[str, Array], path: Path) -> Path:
+    """Draw turnaround [s] of each run on logarithmic axes, all on the same scale."""
+    micro = {label: values[np.isfinite(values)] * 1e6 for label, values in turnarounds.items()}
+    edges = _edges(list(micro.values()))
+    with panels_in_file(len(micro), path, height=2.0) as (figure, panels):
+        for k, (panel, (label, values)) in enumerate(zip(panels, micro.items(), strict=True)):
+            _histogram(panel, values, edges, colour(k))
+            panel.set_ylabel(f"{label}\nticks")
+        highest = max(panel.get_ylim()[1] for panel in panels)
+        for panel in panels:
+            panel.set_ylim(0.5, highest)
+        panels[-1].set_xlabel("turnaround [µs]   (hatched: everything beyond the chart)")
+        figure.suptitle("Turnaround: from wake-up to the end of the write", x=0.01, ha="left")
+    return path
+
+
+def _edges(runs: list[Array]) -> Array:
+    """Cover what is usual in any run, from the fastest tick to beyond the slow percentile."""
+    fast = min(float(np.percentile(values, 100.0 - SHOWN_PERCENT)) for values in runs)
+    slow = max(float(np.percentile(values, SHOWN_PERCENT)) for values in runs)
+    low = max(fast, LEAST_MICROSECONDS) / ROOM
+    return np.geomspace(low, max(slow, low) * ROOM, BINS + 1)
+
+
+def _histogram(panel: Axes, values: Array, edges: Array, bar_colour: str) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    counts, _ = np.histogram(values, edges)
+    width = edges[1] / edges[0]
+    panel.bar(edges[:-1], counts, np.diff(edges), align="edge", color=bar_colour, lw=0)
+    ends = (
+        (edges[0] / width**3, edges[0] / width, np.count_nonzero(values < edges[0])),
+        (edges[-1] * width, edges[-1] * width**3, np.count_nonzero(values > edges[-1])),
+    )
+    for begin, end, count in ends:
+        style: dict[str, Any] = {
+            "facecolor": "white",
+            "edgecolor": bar_colour,
+            "hatch": "/////",
+            "lw": 1,
+        }
+        panel.bar(begin, count, end - begin, align="edge", **style)
+        if count:
+            panel.annotate(
+                str(count),
+                ((begin * end) ** 0.5, 1.3 * count),
+                ha="center",
+                va="bottom",
+                fontsize=8,
+            )
+    panel.set_xscale("log")
+    panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panel.xaxis.set_minor_formatter(NullFormatter())
+    panel.set_yscale("log")
+    panel.set_xlim(ends[0][0] / width, ends[1][1] * width)
+    panel.set_ylim(0.5, 2.0 * max(1, counts.max(), *(end[2] for end in ends)))
+    median, high = np.percentile(values, (50.0, SHOWN_PERCENT))
+    panel.axvline(median, color="black", lw=0.8)
+    panel.set_title(
+        f"median {median:.1f} µs (line),   {SHOWN_PERCENT:g} % {high:.1f} µs,   "
+        f"worst {values.max():.4g} µs",
+        loc="right",
+        fontsize=8,
+    )

@@ -1,0 +1,127 @@
+"""Diagnose a recording: align, search, judge, and say what follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.frame import make_frame, slope_of, without
+from motorctl.identify.columns.measured import Measured, beside, check_usable, measured
+from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.diagnose.search.motion_band import motion_band_hz
+from motorctl.identify.diagnose.search.search import both_ways, nothing_sought, over_all
+from motorctl.identify.diagnose.search.undetermined import carried
+from motorctl.identify.diagnose.verdict.assemble import assemble
+from motorctl.identify.diagnose.verdict.recording_checks import (
+    check_explains,
+    check_magnitude,
+    check_motion,
+    too_plain,
+)
+from motorctl.identify.diagnose.verdict.testable import coupled_motion
+from motorctl.log import Recording
+from motorctl.log.recording import Part
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+Test = tuple[Measured, Mapping[str, Measured]]
+"""An axis of another recording, and the other axes there."""
+
+
+def diagnose_recording(
+    recording: Recording,
+    models: Mapping[str, EffectList],
+    progress: Progress | None = None,
+    evaluate_on: Recording | None = None,
+) -> RecordingDiagnosis:
+    """Diagnose each axis that `models` names; all other axes count as possible causes.
+
+    `evaluate_on` is a second recording of the same machine, on which the errors before and after
+    are measured; without it, a part of this one is held out. progress(what, share) is told what
+    is being done. An axis that cannot be diagnosed is told in the result. Raises DataError where
+    no axis can be.
+    """
+    every = {name: measured(recording, name) for name in recording.axes}
+    axes: dict[str, AxisDiagnosis] = {}
+    refused: dict[str, str] = {}
+    for k, (name, model) in enumerate(models.items()):
+
+        def tell(what: str, name: str = name, k: int = k) -> None:
+            if progress is not None:
+                progress(f"axis {name}: {what}", k / len(models))
+
+        others = {other: data for other, data in every.items() if other != name}
+        try:
+            test = None if evaluate_on is None else _counterpart(evaluate_on, name)
+            axes[name] = diagnose_axis(every[name], model, others, tell, recording.segments, test)
+        except DataError as error:
+            refused[name] = str(error)
+    if not axes:
+        raise DataError("\n".join(refused.values()))
+    if progress is not None:
+        progress("done", 1.0)
+    return RecordingDiagnosis(
+        recording.source,
+        recording.sample_rate_hz,
+        recording.duration_s,
+        axes,
+        refused,
+        recording.notes,
+    )
+
+
+def diagnose_axis(
+    data: Measured,
+    declared: EffectList,
+    others: Mapping[str, Measured] | None = None,
+    tell: Callable[[str], None] | None = None,
+    segments: Mapping[Part, tuple[float, float]] | None = None,
+    test: Test | None = None,
+) -> AxisDiagnosis:
+    """Diagnose one axis. Raises DataError where the data cannot tell anything."""
+    began = time.monotonic()
+    tell = tell or (lambda _: None)
+    check_usable(data)
+    check_magnitude(data)
+    tell("reading its motion")
+    moving = beside(data, others or {})
+    slope = slope_of(declared)
+    parts = {str(part): span for part, span in (segments or {}).items()}
+    frame = make_frame(data, moving, slope_s_m=slope)
+    check_motion(data, frame)
+    model, dropped = carried(frame, declared)
+    plain = too_plain(frame)
+    check_explains(data, frame, model, bool(plain))
+    band_hz = motion_band_hz(frame, model)
+    wide = frame
+    if band_hz < frame.band_hz:
+        frame = make_frame(data, moving, band_hz, slope)
+    if plain:
+        found = nothing_sought(frame, model)
+    else:
+        barred = frozenset(dropped) | coupled_motion(data, frame)
+        rows = frame, wide
+        if "held_out" in parts:
+            rows = without(frame, *parts["held_out"]), without(wide, *parts["held_out"])
+        found = both_ways(rows[0], model, slope, tell, barred, rows[1])
+        whole = frame if found.final.bench.side == "acceleration" else wide
+        found = over_all(found, whole, model, barred)
+    tell("judging what was found")
+    return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
+
+
+def _counterpart(recording: Recording, name: str) -> Test:
+    if name in recording.axes:
+        axes = {axis: measured(recording, axis) for axis in recording.axes}
+        own = axes.pop(name)
+        return own, beside(own, axes)
+    if len(recording.axes) == 1:
+        return measured(recording, next(iter(recording.axes))), {}
+    known = ", ".join(recording.axes)
+    raise DataError(f"{recording.source}: no axis '{name}' to evaluate on; it has: {known}")

@@ -1,0 +1,139 @@
+"""A diagnosis as the JSON document of ``diagnose --json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.report.parameter_text import (
+    Value,
+    compensation_values,
+    declared_alone_values,
+    finite,
+    force_values,
+    found_values,
+    option_document,
+    whole_model_values,
+)
+from motorctl.identify.diagnose.result import (
+    AxisDiagnosis,
+    FoundEffect,
+    MissingMotion,
+    RecordingDiagnosis,
+    UnknownStructure,
+)
+
+
+def diagnosis_document(diagnosis: RecordingDiagnosis) -> dict[str, Any]:
+    """Give the document of ``diagnose --json``; numbers that are not finite are None."""
+    return {
+        "source": diagnosis.source,
+        "sample_rate_hz": diagnosis.sample_rate_hz,
+        "duration_s": diagnosis.duration_s,
+        "axes": {name: axis_document(axis) for name, axis in diagnosis.axes.items()},
+        "refused": dict(diagnosis.refused),
+        "notes": list(diagnosis.notes),
+    }
+
+
+def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
+    """Give what the document says of one axis.
+
+    `parameters` are those of the declared effects, fitted together with what was found;
+    `parameters_declared_alone` are those that the declared model takes where it stands alone.
+    """
+    declared = set(axis.declared.parameter_names)
+    together = whole_model_values(axis)
+    document: dict[str, Any] = {
+        "declared": list(axis.declared.names),
+        "parameters": _documents({k: v for k, v in together.items() if k in declared}),
+        "parameters_declared_alone": _documents(declared_alone_values(axis)),
+        "parameters_force": _documents(force_values(axis)),
+        "verdict": axis.verdict,
+        "sentence": axis.sentence,
+        "effects": [_effect_document(axis.data, found) for found in axis.effects],
+        "unknown": None if axis.unknown is None else _unknown_document(axis.data, axis.unknown),
+        "missing": [_missing_document(missing) for missing in axis.missing],
+        "error": _error_document(axis),
+        "dropped": dict(axis.dropped),
+        "notes": list(axis.notes),
+        "seconds": axis.seconds,
+    }
+    return {key: _plain(part) for key, part in document.items()}
+
+
+def _effect_document(data: Measured, found: FoundEffect) -> dict[str, Any]:
+    return {
+        "name": found.name,
+        "title": found.effect.title,
+        "formula": found.effect.formula,
+        "confidence": found.confidence,
+        "explained_fraction": found.explained_fraction,
+        "score": found.score,
+        "parameters": _documents(found_values(data, found)),
+        "options": option_document(found.effect),
+        "evidence": list(found.evidence),
+        "indistinguishable_from": list(found.indistinguishable_from),
+        "alternatives": [asdict(alternative) for alternative in found.alternatives],
+    }
+
+
+def _unknown_document(data: Measured, unknown: UnknownStructure) -> dict[str, Any]:
+    compensation = unknown.compensation
+    return {
+        "depends_on": list(unknown.depends_on),
+        "sentence": unknown.sentence,
+        "explained_fraction": unknown.explained_fraction,
+        "compensation": None
+        if compensation is None
+        else {
+            "name": compensation.name,
+            "title": compensation.title,
+            "parameters": _documents(compensation_values(data, unknown)),
+            "options": option_document(compensation),
+        },
+    }
+
+
+def _missing_document(missing: MissingMotion) -> dict[str, Any]:
+    return {
+        "effects": list(missing.effects),
+        "why": missing.why,
+        "motion": missing.motion,
+        "program": missing.program,
+    }
+
+
+def _error_document(axis: AxisDiagnosis) -> dict[str, Any]:
+    error = axis.error
+    return {
+        "unit": error.unit,
+        "held_out_before_rms": error.held_out_before_rms,
+        "held_out_after_rms": error.held_out_after_rms,
+        "noise_floor_rms": error.noise_floor_rms,
+        "explained_fraction": error.explained_fraction,
+        "command_rms": error.command_rms,
+        "simulated_position_before_rms_m": error.simulated_position_before_rms,
+        "simulated_position_after_rms_m": error.simulated_position_after_rms,
+        "simulated_position_unit": axis.data.position_unit,
+        "window_s": error.window_s,
+    }
+
+
+def _documents(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    return {name: value.document() for name, value in values.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Make a value fit for JSON, which has neither NaN nor infinity nor arrays."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return finite(value) if isinstance(value, float) else value

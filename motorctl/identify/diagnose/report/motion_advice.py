@@ -1,0 +1,214 @@
+"""The motion that would show what a recording could not show, as the keys of a program file.
+
+Two effects look alike where the motion ties what they depend on together. So each recipe unties
+one pair: two speeds part time from place, two accelerations part the command from place, slow
+reversals part what friction does within micrometres from what it does with speed, and moves at
+random part everything a little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.measured import Measured
+from motorctl.model import Spans
+
+Array = NDArray[np.float64]
+Program = dict[str, object]
+
+CLEARANCE = 0.02
+"""Part of the travel that is kept free at either end."""
+BELOW = 0.999
+"""What is rounded must not exceed what was used."""
+RISE_S = 0.02
+"""Time in which acceleration rises where the recording does not tell the jerk."""
+SHORTEST_RISE_S = 0.004
+LONGEST_RISE_S = 10.0
+ROAMING_MOVES = 24
+LONG_RUNS = 3.0
+"""A slow change shows in a run that is so many times longer."""
+LONGEST_S = 900.0
+GOLDEN = 0.6180339887498949
+"""Multiples of it fill the range from 0 to 1 evenly and never repeat."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What a motion may use: in m, m/s, m/s^2 and m/s^3, of a rotary axis in rad."""
+
+    low: float
+    high: float
+    speed: float
+    acceleration: float
+    jerk: float
+
+    @property
+    def travel(self) -> float:
+        """Length of the way."""
+        return self.high - self.low
+
+    def at(self, share: float) -> float:
+        """Give the position at a share of the travel."""
+        return self.low + min(max(share, 0.0), 1.0) * self.travel
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A move to rest at a share of the travel, with shares of speed and acceleration."""
+
+    to: float
+    speed: float = 1.0
+    acceleration: float = 1.0
+    dwell_s: float = 0.0
+
+
+Recipe = Callable[[Reach], Iterator[Stroke]]
+
+
+def roam(_: Reach, moves: int = ROAMING_MOVES, begin: float = 0.0) -> Iterator[Stroke]:
+    """Move at random through the travel, with speeds, accelerations and pauses of their own."""
+    for k in range(1, moves + 1):
+        share = [(begin + k * GOLDEN * stride) % 1.0 for stride in (1.0, 2.3, 3.7, 5.1)]
+        pause_s = 0.4 * share[3] if k % 3 == 0 else 0.0
+        yield Stroke(share[0], 0.15 + 0.85 * share[1], 0.3 + 0.7 * share[2] ** 0.5, pause_s)
+
+
+def two_speeds(_: Reach) -> Iterator[Stroke]:
+    """Cross the travel at full, half and a tenth of the speed: time against place."""
+    for speed in (1.0, 0.5, 0.1):
+        yield Stroke(1.0, speed, 0.8)
+        yield Stroke(0.0, speed, 0.8, 0.1)
+
+
+def two_accelerations(_: Reach) -> Iterator[Stroke]:
+    """Cross the same places with full and a quarter of the command: command against place."""
+    for acceleration in (1.0, 0.25):
+        for to in (1.0, 0.0, 0.55, 0.1, 0.7, 0.3):
+            yield Stroke(to, 0.8, acceleration)
+
+
+def slow_reversals(reach: Reach) -> Iterator[Stroke]:
+    """Turn round slowly after short ways, at three places: micrometres against speed."""
+    for middle in (0.2, 0.5, 0.8):
+        yield Stroke(middle, 0.5, 0.5, 0.1)
+        for speed in (0.003, 0.01, 0.03, 0.1):
+            # A second or less each way, so that most of the time belongs to the reversals.
+            way = min(0.05, 0.6 * speed * reach.speed / reach.travel)
+            for _ in range(2):
+                yield Stroke(middle + way / 2, speed, 0.2)
+                yield Stroke(middle - way / 2, speed, 0.2)
+
+
+def fast_reversals(reach: Reach) -> Iterator[Stroke]:
+    """Turn round with full acceleration and jerk: fast dynamics against slow ones."""
+    for speed in (0.7, 0.4, 0.2):
+        way = min(0.9, 1.2 * (speed * reach.speed) ** 2 / reach.acceleration / reach.travel)
+        for middle in (0.5, 0.5 - way / 4, 0.5 + way / 4):
+            yield Stroke(middle + way / 2, speed, 1.0)
+            yield Stroke(middle - way / 2, speed, 1.0)
+
+
+RECIPES: dict[str, tuple[Recipe, ...]] = {
+    "inertia": (fast_reversals,),
+    "viscous_friction": (two_speeds,),
+    "coulomb_friction": (two_speeds,),
+    "em_quadratic": (fast_reversals,),
+    "em_cubic": (fast_reversals,),
+    "cogging": (two_speeds,),
+    "force_ripple": (two_accelerations,),
+    "stribeck": (slow_reversals,),
+    "asymmetric_friction": (two_speeds,),
+    "presliding": (slow_reversals,),
+    "position_dependent_friction": (two_speeds,),
+    "position_force": (two_speeds,),
+    "quadratic_drag": (two_speeds,),
+    "input_lag": (fast_reversals,),
+    "input_delay": (fast_reversals,),
+    "dead_zone": (slow_reversals, fast_reversals),
+    "flexible_mode": (fast_reversals,),
+    "encoder_error": (two_speeds,),
+    "periodic_disturbance": (two_speeds,),
+}
+"""By the effect that is to be seen; besides these there is always some roaming."""
+SLOW = frozenset({"gain_drift", "payload_change"})
+"""Effects that show in a long run."""
+
+
+def advise(effects: Sequence[str], data: Measured, spans: Spans) -> Program:
+    """Give the keys of a program file that would show `effects` and tell them apart.
+
+    One axis, within the travel, speed and acceleration that the recording used; other axes should
+    follow programs of their own meanwhile, begun at another time. Empty where the axis did not
+    move.
+    """
+    reach = _reach(data, spans)
+    if reach is None:
+        return {}
+    recipes = list(dict.fromkeys(r for name in effects for r in RECIPES.get(name, ())))
+    strokes = [*roam(reach), *(stroke for recipe in recipes for stroke in recipe(reach))]
+    program = program_keys(data.axis, reach, strokes)
+    if SLOW & set(effects):
+        wanted_s = min(LONG_RUNS * spans.duration_s, LONGEST_S)
+        program["cycles"] = max(1, math.ceil(wanted_s / duration_s(reach, strokes)))
+    return program
+
+
+def program_keys(axis: str, reach: Reach, strokes: Sequence[Stroke]) -> Program:
+    """Write strokes as the keys of a program of moves that ends where it starts."""
+    start = _rounded(reach.at(0.5), reach)
+    moves = [
+        {
+            "target_m": _rounded(reach.at(stroke.to), reach),
+            "max_velocity_m_s": _below(stroke.speed * reach.speed),
+            "max_acceleration_m_s2": _below(stroke.acceleration * reach.acceleration),
+            "max_jerk_m_s3": _below(reach.jerk),
+            "dwell_s": round(stroke.dwell_s, 3),
+        }
+        for stroke in (*strokes, Stroke(0.5, 0.5, 0.5, 0.2))
+    ]
+    moves[-1]["target_m"] = start
+    return {"kind": "moves", "axis": axis, "start_m": start, "moves": moves}
+
+
+def duration_s(reach: Reach, strokes: Sequence[Stroke]) -> float:
+    """Give about how long the strokes take."""
+    total, at = 0.0, 0.5
+    for stroke in strokes:
+        distance = abs(stroke.to - at) * reach.travel
+        speed = max(stroke.speed * reach.speed, 1e-12)
+        acceleration = stroke.acceleration * reach.acceleration
+        speed = min(speed, math.sqrt(distance * acceleration) or speed)
+        total += distance / speed + speed / acceleration + stroke.dwell_s
+        at = stroke.to
+    return total
+
+
+def _reach(data: Measured, spans: Spans) -> Reach | None:
+    low, high = spans.position_m
+    speed, acceleration = spans.speed_m_s, spans.acceleration_m_s2
+    numbers = (low, high, speed, acceleration)
+    if not (all(map(math.isfinite, numbers)) and high > low and min(speed, acceleration) > 0.0):
+        return None
+    jerk = acceleration / RISE_S
+    if data.reference_velocity is not None and len(data.reference_velocity) > 2:
+        told = np.abs(np.diff(data.reference_velocity, 2))[data.usable[2:]] / data.period_s**2
+        told = told[told > acceleration / LONGEST_RISE_S]
+        if len(told):
+            # Not the largest: where a reference was broken off, it stepped.
+            jerk = min(float(np.quantile(told, 0.9)), acceleration / SHORTEST_RISE_S)
+    free = CLEARANCE * (high - low)
+    return Reach(low + free, high - free, speed, acceleration, jerk)
+
+
+def _below(value: float) -> float:
+    return float(f"{BELOW * value:.4g}")
+
+
+def _rounded(position: float, reach: Reach) -> float:
+    digits = max(0, 4 - math.floor(math.log10(reach.travel)))
+    return round(position, digits)

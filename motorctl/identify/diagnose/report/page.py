@@ -1,0 +1,186 @@
+"""A diagnosis as one self-contained page that can be mailed, and its pictures as files."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from motorctl import __version__
+from motorctl.errors import UsageError
+from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.diagnose.report.next_steps import Step, next_steps
+from motorctl.identify.diagnose.report.parameter_text import (
+    compensation_values,
+    found_values,
+    option_document,
+    percent,
+)
+from motorctl.identify.diagnose.report.pictures.all import Picture, plot_diagnosis
+from motorctl.identify.diagnose.report.tables import (
+    TrackedAxis,
+    TrackingComparison,
+    effect_rows,
+    error_rows,
+    parameter_rows,
+    tracking_rows,
+)
+from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, RecordingDiagnosis
+
+__all__ = ["TrackedAxis", "TrackingComparison", "write_report"]
+
+FILE_NAME = "diagnosis.html"
+VERDICTS = {
+    "complete": "complete",
+    "effect": "effect found",
+    "unknown_structure": "unknown structure",
+    "insufficient_data": "insufficient data",
+}
+
+
+def write_report(
+    path_or_dir: Path,
+    diagnosis: RecordingDiagnosis,
+    *,
+    comparison: TrackingComparison | None = None,
+    config_change: str | None = None,
+    commands: Sequence[str] = (),
+    steps: Mapping[str, Sequence[Step]] | None = None,
+) -> list[Path]:
+    """Write the page and, beside it, its pictures as PNG files; gives the files, the page first.
+
+    `path_or_dir` is a folder, or a path that ends in .html. `comparison` are tracking errors
+    before and after, `config_change` is the text of a unified diff, `commands` are what to run
+    next, beside the steps that follow from the verdict (`steps`, else made here). Raises
+    UsageError where the files cannot be written.
+    """
+    page = path_or_dir if path_or_dir.suffix == ".html" else path_or_dir / FILE_NAME
+    pictures = plot_diagnosis(diagnosis, page.parent)
+    refined = config_change is not None
+    todo = next_steps(diagnosis, refined=refined) if steps is None else steps
+    environment = Environment(
+        loader=PackageLoader("motorctl.identify.diagnose.report", "."),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    html = environment.get_template("page.html").render(
+        version=__version__,
+        source=diagnosis.source,
+        span=f"{diagnosis.duration_s:.4g} s at {diagnosis.sample_rate_hz:g} Hz",
+        notes=diagnosis.notes,
+        axes=[
+            _axis(name, axis, pictures, todo.get(name, ())) for name, axis in diagnosis.axes.items()
+        ],
+        refused=diagnosis.refused,
+        tracking=None if comparison is None else _tracking(comparison),
+        change=None if config_change is None else _change(config_change),
+        commands=list(commands),
+    )
+    try:
+        page.write_text(html, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{page}: the report cannot be written: {error.strerror}") from error
+    return [page, *(picture.path for picture in pictures)]
+
+
+def _axis(
+    name: str, axis: AxisDiagnosis, pictures: Sequence[Picture], steps: Sequence[Step]
+) -> dict[str, Any]:
+    own = {p.about: _picture(p) for p in pictures if p.axis == name}
+    parameters, errors = parameter_rows(axis), error_rows(axis)
+    unknown = axis.unknown
+    return {
+        "name": name,
+        "verdict": axis.verdict,
+        "verdict_words": VERDICTS[axis.verdict],
+        "sentence": axis.sentence,
+        "errors": {"headings": errors[0], "rows": errors[1]},
+        "parameters": {"headings": parameters[0], "rows": parameters[1]},
+        "effects": [_effect(axis, found, own.get(found.name)) for found in axis.effects],
+        "unknown": None
+        if unknown is None
+        else {
+            "sentence": unknown.sentence,
+            "depends_on": ", ".join(unknown.depends_on),
+            "explained": percent(unknown.explained_fraction),
+            "compensation": unknown.compensation and unknown.compensation.name,
+            "rows": effect_rows(
+                axis.data, unknown.compensation, compensation_values(axis.data, unknown)
+            )
+            if unknown.compensation
+            else [],
+            "picture": own.get("unknown"),
+        },
+        "missing": [
+            {"effects": ", ".join(m.effects), "why": m.why, "motion": m.motion}
+            for m in axis.missing
+        ],
+        "dropped": dict(axis.dropped),
+        "declared": ", ".join(axis.declared.names),
+        "residual": own.get("residual"),
+        "spectrum": own.get("spectrum"),
+        "notes": axis.notes,
+        "steps": steps,
+    }
+
+
+def _effect(
+    axis: AxisDiagnosis, found: FoundEffect, picture: dict[str, str] | None
+) -> dict[str, Any]:
+    rows = effect_rows(axis.data, found.effect, found_values(axis.data, found))
+    others = {
+        name: option
+        for name, option in option_document(found.effect).items()
+        if isinstance(option, list) and option
+    }
+    return {
+        "name": found.name,
+        "title": found.effect.title,
+        "formula": found.effect.formula,
+        "compensated": found.effect.compensated,
+        "confidence": percent(found.confidence),
+        "explained": percent(found.explained_fraction),
+        "rows": rows
+        + [(name, ", ".join(str(part) for part in option), "") for name, option in others.items()],
+        "forces": any(force for _, _, force in rows),
+        "evidence": found.evidence,
+        "rivals": ", ".join(found.indistinguishable_from),
+        "alternatives": [
+            {"name": a.name, "share": percent(a.share), "why_not": a.why_not}
+            for a in found.alternatives
+        ],
+        "picture": picture,
+    }
+
+
+def _picture(picture: Picture) -> dict[str, str]:
+    return {
+        "caption": picture.caption,
+        "file": picture.path.name,
+        "data": base64.b64encode(picture.path.read_bytes()).decode(),
+    }
+
+
+def _tracking(comparison: TrackingComparison) -> list[dict[str, Any]]:
+    """Give a table for each pair of units, since headings tell them."""
+    units = dict.fromkeys((row.position_unit, row.command_unit) for row in comparison.rows)
+    tables = []
+    for pair in units:
+        rows = tuple(r for r in comparison.rows if (r.position_unit, r.command_unit) == pair)
+        part = TrackingComparison(rows, comparison.before, comparison.after)
+        tables.append({"headings": table_headings(*pair), "groups": tracking_rows(part)})
+    return tables
+
+
+def _change(diff: str) -> list[tuple[str, str]]:
+    """Give the lines of a unified diff, each with its kind."""
+    kinds = {"+": "added", "-": "removed", "@": "place"}
+    return [
+        ("file" if line.startswith(("+++", "---")) else kinds.get(line[:1], "same"), line)
+        for line in diff.splitlines()
+    ]

@@ -1,0 +1,1 @@
+"""The pictures of a diagnosis, as an engineer would draw them."""

@@ -1,0 +1,224 @@
+"""Pictures that every diagnosis has: the residual over time, and its spectra."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motorctl.identify.columns.measured import Array
+from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.panels import (
+    AFTER,
+    BEFORE,
+    MARK,
+    NOISE,
+    draw_broken,
+    figure_in_file,
+    figure_of,
+    force_scale,
+    legend_above,
+    limits,
+    span,
+    zero_line,
+)
+from motorctl.identify.diagnose.report.pictures.statistics import position_noise, position_spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WAVES_A_TRAVEL = 400.0
+LEAST_WAVELENGTH_STEPS = 4.0
+"""The shortest wavelength drawn, in ways that the axis makes between two rows."""
+SHOWN_PART = 0.15
+"""Waves are drawn as far as one reaches this part of the highest amplitude."""
+FEWEST_WAVES = 30.0
+"""Waves are drawn at least up to so many a travel."""
+HEADROOM = 1.15
+DECADE = 4.0
+"""A logarithmic scale reaches at least so far to both sides of its middle."""
+FAR_RIGHT = 0.85
+FLOOR = 1e-3
+"""Of the highest line; what lies below is not drawn."""
+
+
+def plot_residual(subject: Subject, path: Path) -> Path:
+    """Draw what the models leave of the command over time, and the motion below it."""
+    traces = subject.traces
+    both = bool(subject.effect_names)
+    with figure_in_file(path, ["a", "b", "x"] if both else ["b", "x"], 2.0) as panels:
+        if both:
+            draw_broken(panels["a"], traces.time_s, traces.residual_before, BEFORE, "")
+            panels["a"].set_title(_rms("declared model alone", traces.residual_before, subject))
+            draw_broken(panels["b"], traces.time_s, traces.residual_after, AFTER, "")
+            name = f"with {subject.effect_names}"
+            panels["b"].set_title(_rms(name, traces.residual_after, subject))
+        else:
+            draw_broken(panels["b"], traces.time_s, traces.residual_before, BEFORE, "")
+            panels["b"].set_title(_rms("declared model", traces.residual_before, subject))
+        for key in ("a", "b") if both else ("b",):
+            panel = panels[key]
+            limits(panel, traces.residual_before, traces.residual_after)
+            panel.set_ylabel(f"residual [{subject.command_unit}]")
+            zero_line(panel)
+            force_scale(panel, subject)
+        scale, unit = subject.place
+        draw_broken(panels["x"], traces.time_s, traces.position * scale, "black", "")
+        panels["x"].set_ylabel(f"position [{unit}]")
+        panels["x"].set_xlabel("time [s]" + _shade_held_out(panels, subject))
+        for panel in panels.values():
+            span(panel, float(traces.time_s[0]), float(traces.time_s[-1]))
+        figure_of(panels["x"]).align_ylabels(list(panels.values()))
+    return path
+
+
+def plot_spectra(subject: Subject, path: Path) -> Path:
+    """Draw the residual's spectrum over time, with the noise model, and over position."""
+    with figure_in_file(path, ["t", "x"], 2.9) as panels:
+        _over_time(panels["t"], subject)
+        wave, before, after = position_spectra(subject)
+        draw_position_spectrum(panels["x"], subject, wave, before, after)
+        _noise_line(panels["x"], subject)
+        span(panels["x"], 0.0, _shown_wave(subject, wave, before))
+        panels["x"].set_title("over position")
+    return path
+
+
+def position_spectra(subject: Subject, highest: float | None = None) -> tuple[Array, Array, Array]:
+    """Give wave numbers, and the amplitudes of the residuals before and after."""
+    traces = subject.traces
+    highest = highest or _highest_wave(subject)
+    wave, before = position_spectrum(traces.position, traces.residual_before, highest)
+    return wave, before, position_spectrum(traces.position, traces.residual_after, highest)[1]
+
+
+def draw_position_spectrum(
+    panel: Axes, subject: Subject, wave: Array, before: Array, after: Array
+) -> None:
+    """Draw amplitudes over wave number, before and after."""
+    unit = subject.axis.data.position_unit
+    panel.plot(wave, before, color=BEFORE, lw=1.0, label="declared model alone")
+    if subject.effect_names:
+        panel.plot(wave, after, color=AFTER, lw=1.0, label=f"with {subject.effect_names}")
+    span(panel, 0.0, float(wave[-1]) if len(wave) else 1.0)
+    panel.set_ylim(0.0, HEADROOM * float(np.max(before, initial=0.0)) or 1.0)
+    panel.set_xlabel(f"wave number [cycles/{unit}]")
+    panel.set_ylabel(f"amplitude [{subject.command_unit}]")
+    force_scale(panel, subject)
+
+
+def mark_frequency(panel: Axes, at: float, words: str, *, top: bool = True) -> None:
+    """Mark a place on a horizontal scale, with its name at the top or the bottom."""
+    panel.axvline(at, color=MARK, lw=1.0, ls=(0, (4, 3)), zorder=0.8)
+    # towards the middle of the panel where it would leave it at the right
+    place = panel.transData.transform((at, panel.get_ylim()[1]))
+    left = bool(panel.transAxes.inverted().transform(place)[0] > FAR_RIGHT)
+    name = panel.annotate(
+        words,
+        (at, 1.0 if top else 0.0),
+        (-3 if left else 3, -3 if top else 3),
+        ha="right" if left else "left",
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        va="top" if top else "bottom",
+        color=MARK,
+        fontsize=9,
+        annotation_clip=True,
+    )
+    name.set_in_layout(False)  # a mark outside the limits must not squeeze the panels
+
+
+def _over_time(panel: Axes, subject: Subject) -> None:
+    traces, unit = subject.traces, subject.command_unit
+    shown = traces.frequency_hz > 0.0
+    f = traces.frequency_hz[shown]
+    densities = [
+        np.sqrt(np.maximum(power[shown], 0.0))
+        for power in (traces.spectrum_before, traces.spectrum_after, traces.spectrum_noise)
+    ]
+    panel.loglog(f, densities[0], color=BEFORE, lw=1.0, label="declared model alone")
+    if subject.effect_names:
+        panel.loglog(f, densities[1], color=AFTER, lw=1.0, label=f"with {subject.effect_names}")
+    panel.loglog(f, densities[2], color=NOISE, lw=1.3, ls="--", label="noise expected")
+    highest = max((float(np.max(d, initial=0.0)) for d in densities), default=0.0)
+    inside = f <= traces.band_hz
+    lowest = min(float(np.min(d[inside & (d > 0.0)], initial=highest)) for d in densities)
+    if highest > 0.0:
+        top, bottom = 2.0 * highest, max(0.5 * lowest, FLOOR * highest)
+        middle = np.sqrt(top * bottom)
+        panel.set_ylim(min(bottom, middle / DECADE), max(top, middle * DECADE))
+    if len(f):
+        span(panel, float(f[0]), max(float(f[-1]), traces.band_hz))
+    if len(f) and f[-1] > traces.band_hz:
+        panel.axvspan(traces.band_hz, float(f[-1]), color="black", alpha=0.06, lw=0)
+    panel.set_title("over time")
+    panel.set_xlabel(f"frequency [Hz]   (fitted up to {traces.band_hz:.4g} Hz)")
+    panel.set_ylabel(f"residual [{unit}/√Hz]")
+    panel.grid(visible=True, which="minor", alpha=0.12)
+    for found in subject.axis.effects:
+        frequency = getattr(found.effect.options, "frequency_hz", None)
+        if frequency is not None:
+            mark_frequency(panel, float(frequency), f"{frequency:.4g} Hz")
+    force_scale(panel, subject, "/√Hz")
+    legend_above(panel)
+
+
+def _noise_line(panel: Axes, subject: Subject) -> None:
+    """Draw what noise alone does not exceed."""
+    traces = subject.traces
+    rate_hz = 1.0 / float(np.median(np.diff(traces.time_s)))
+    # rows closer than half a period of the band's end repeat their neighbours' noise
+    repeated = max(0.5 * rate_hz / traces.band_hz, 1.0)
+    rms = traces.noise_floor_rms * np.sqrt(repeated)
+    level = position_noise(traces.position, rms, _highest_wave(subject))
+    if np.isfinite(level):
+        label = "99 % of noise is below"
+        panel.axhline(level, color=NOISE, lw=1.3, ls="--", label=label)
+        panel.set_ylim(top=max(panel.get_ylim()[1], 2.0 * level))
+        legend_above(panel)
+
+
+def _highest_wave(subject: Subject) -> float:
+    """Give the shortest waves that the rows can show at the usual speed, as a wave number."""
+    traces = subject.traces
+    travel = float(np.ptp(traces.position))
+    if travel <= 0.0:
+        return 1.0
+    period_s = float(np.median(np.diff(traces.time_s)))
+    speed = float(np.median(np.abs(traces.velocity)))
+    least = LEAST_WAVELENGTH_STEPS * speed * period_s
+    highest = WAVES_A_TRAVEL / travel
+    return min(highest, 1.0 / least) if least > 0.0 else highest
+
+
+def _shown_wave(subject: Subject, wave: Array, amplitude: Array) -> float:
+    travel = float(np.ptp(subject.traces.position))
+    if travel <= 0.0:
+        return 1.0
+    strong = np.flatnonzero(amplitude > SHOWN_PART * np.max(amplitude))
+    return float(min(max(1.4 * wave[strong[-1]], FEWEST_WAVES / travel), wave[-1]))
+
+
+def _rms(words: str, residual: Array, subject: Subject) -> str:
+    known = residual[np.isfinite(residual)]
+    rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+    told = f"{words}: rms {rms:.3g} {subject.command_unit}"
+    if subject.force_per_command:
+        told += f" = {abs(subject.force_per_command) * rms:.3g} {subject.force_unit}"
+    return told
+
+
+def _shade_held_out(panels: dict[str, Axes], subject: Subject) -> str:
+    """Shade the rows that were not fitted; gives what to say of it."""
+    time_s, held = subject.traces.time_s, subject.traces.held_out
+    if not held.any() or held.all():
+        return ""
+    edges = np.flatnonzero(np.diff(held.astype(np.int8))) + 1
+    for first, last in zip([0, *edges], [*edges, len(held)], strict=True):
+        if held[first]:
+            for panel in panels.values():
+                panel.axvspan(
+                    float(time_s[first]), float(time_s[last - 1]), color="black", alpha=0.06, lw=0
+                )
+    return "   (shaded: held out from the fit)"

@@ -1,0 +1,159 @@
+"""Pictures of what changes with time: gain, mass, disturbances, and other axes' pulls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from motorctl.identify.diagnose.report.parameter_text import own_unit, pretty
+from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.panels import (
+    AFTER,
+    draw_bins,
+    draw_broken,
+    figure_in_file,
+    force_scale,
+    legend_above,
+    limits,
+    span,
+    zero_line,
+)
+from motorctl.identify.diagnose.report.pictures.statistics import binned, even_edges, ratio_in_bins
+from motorctl.identify.diagnose.result import FoundEffect, Traces
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CURVE_POINTS = 1000
+PERIODS_SHOWN = 12.0
+
+
+def plot_gain_drift(subject: Subject, found: FoundEffect, path: Path) -> Path:
+    """Draw how the motor's gain changes with time."""
+    traces = subject.traces
+    edges = even_edges(traces.time_s, 50, 100)
+    with figure_in_file(path, ["a"], 3.4) as panels:
+        panel = panels["a"]
+        time, ratio = ratio_in_bins(
+            traces.time_s, subject.partial(found.name), traces.command, edges
+        )
+        panel.plot(time, -100.0 * ratio, ".", color="#5c5c5c", ms=6, label="data")
+        t = np.linspace(edges[0], edges[-1], CURVE_POINTS)
+        curve = -100.0 * subject.force_over(found, time=t, command=np.ones(len(t)))
+        panel.plot(t, curve, color=AFTER, lw=1.4, label="model")
+        _over_time(panel, "change of the thrust [%]", edges)
+    return path
+
+
+def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
+    """Draw how the moving mass changes with time."""
+    traces = subject.traces
+    edges = even_edges(traces.time_s, 50, 100)
+    base = subject.value("inertia")
+    gain, unit = 1.0, pretty(own_unit(subject.axis.data, "V*s^2/m"))
+    if subject.force_per_command:
+        gain = subject.force_per_command
+        place = subject.axis.data.position_unit
+        unit = "kg" if place == "m" else f"{subject.force_unit} s²/{place}"
+    with figure_in_file(path, ["a"], 3.4) as panels:
+        panel = panels["a"]
+        time, added = ratio_in_bins(
+            traces.time_s, subject.partial(found.name), traces.acceleration, edges
+        )
+        panel.plot(time, gain * (base + added), ".", color="#5c5c5c", ms=6, label="data")
+        t = np.linspace(edges[0], edges[-1], CURVE_POINTS)
+        begin = float(found.effect.options.model_dump()["time_s"])
+        step = np.where(t >= begin, float(np.sum(found.theta)), 0.0)
+        panel.plot(t, gain * (base + step), color=AFTER, lw=1.4, label="model")
+        name = "moving mass" if subject.axis.data.position_unit == "m" else "moment of inertia"
+        _over_time(panel, f"{name} [{unit}]", edges)
+    return path
+
+
+def plot_periodic(subject: Subject, found: FoundEffect, path: Path) -> Path:
+    """Draw a disturbance over time, and folded over its period."""
+    traces = subject.traces
+    period_s = 1.0 / float(found.effect.options.model_dump()["frequency_hz"])
+    partial = subject.partial(found.name)
+    with figure_in_file(path, ["a", "b"], 2.7) as panels:
+        middle = float(np.median(traces.time_s))
+        begin = max(middle - 0.5 * PERIODS_SHOWN * period_s, float(traces.time_s[0]))
+        shown = (traces.time_s >= begin) & (traces.time_s <= begin + PERIODS_SHOWN * period_s)
+        time = traces.time_s[shown]
+        draw_broken(panels["a"], time, -partial[shown], "#5c5c5c", "data")
+        t = np.linspace(begin, begin + PERIODS_SHOWN * period_s, CURVE_POINTS)
+        panels["a"].plot(t, -subject.force_over(found, time=t), color=AFTER, lw=1.4, label="model")
+        span(panels["a"], t[0], t[-1])
+        panels["a"].set_xlabel("time [s]")
+        panels["a"].set_title(f"{PERIODS_SHOWN:g} periods")
+        legend_above(panels["a"])
+        edges = np.linspace(0.0, period_s, 41)
+        draw_bins(panels["b"], binned(np.mod(traces.time_s, period_s), -partial, edges), 1e3)
+        t = np.linspace(0.0, period_s, 400)
+        panels["b"].plot(1e3 * t, -subject.force_over(found, time=t), color=AFTER, lw=1.4)
+        span(panels["b"], 0.0, 1e3 * period_s)
+        panels["b"].set_title("all of them, folded")
+        panels["b"].set_xlabel(f"time within a period of {1e3 * period_s:.5g} ms [ms]")
+        for panel in panels.values():
+            panel.set_ylabel(f"disturbance [{subject.command_unit}]")
+            zero_line(panel)
+            force_scale(panel, subject)
+    return path
+
+
+def plot_cross_axis(subject: Subject, found: FoundEffect, path: Path) -> Path:
+    """Draw the pull of other axes against their accelerations, else over time."""
+    known = [name for name in found.effect.other_axes if name in subject.others]
+    if not known:
+        return plot_contribution(subject, found, path)
+    layout = ["abcdefgh"[k] for k in range(len(known))]
+    with figure_in_file(path, layout, 3.4) as panels:
+        for key, other in zip(layout, known, strict=True):
+            _pull_panel(panels[key], subject, found, other)
+        legend_above(panels[layout[0]])
+    return path
+
+
+def plot_contribution(subject: Subject, found: FoundEffect, path: Path) -> Path:
+    """Draw over time what an effect adds to the command, and what the data ask of it."""
+    traces = subject.traces
+    with figure_in_file(path, ["a"], 3.4) as panels:
+        panel = panels["a"]
+        partial = subject.partial(found.name)
+        draw_broken(panel, traces.time_s, partial, "#b0b0b0", "data")
+        draw_broken(panel, traces.time_s, subject.contribution(found.name), AFTER, "model")
+        limits(panel, partial)
+        zero_line(panel)
+        span(panel, float(traces.time_s[0]), float(traces.time_s[-1]))
+        panel.set_xlabel("time [s]")
+        panel.set_ylabel(f"part of the command [{subject.command_unit}]")
+        force_scale(panel, subject)
+        legend_above(panel)
+    return path
+
+
+def _pull_panel(panel: Axes, subject: Subject, found: FoundEffect, other: str) -> None:
+    traces = subject.traces
+    theta = dict(zip((p.name for p in found.effect.parameters), found.theta, strict=True))
+    motion: Traces = subject.others[other]
+    acceleration = np.interp(traces.time_s, motion.time_s, motion.acceleration)
+    slope = float(theta.get(f"acceleration_{other}", 0.0))
+    # what is left once everything else is taken away, the pull of further axes and speeds too
+    data = traces.residual_after + slope * acceleration
+    edges = even_edges(acceleration, 60, 30)
+    draw_bins(panel, binned(acceleration, data, edges), 1.0)
+    panel.plot(edges, slope * edges, color=AFTER, lw=1.4, label="model")
+    zero_line(panel)
+    unit = subject.axis.data.position_unit
+    panel.set_xlabel(f"acceleration of axis {other} [{unit}/s²]")
+    panel.set_ylabel(f"part of the command [{subject.command_unit}]")
+    force_scale(panel, subject)
+
+
+def _over_time(panel: Axes, label: str, edges: np.ndarray) -> None:
+    span(panel, edges[0], edges[-1])
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel(label)
+    legend_above(panel)

@@ -1,0 +1,186 @@
+"""What a diagnosis gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.measured import Measured
+from motorctl.model import Effect, EffectList
+
+Array = NDArray[np.float64]
+Verdict = Literal["complete", "effect", "unknown_structure", "insufficient_data"]
+
+FRICTION = (
+    "viscous_friction",
+    "coulomb_friction",
+    "stribeck",
+    "asymmetric_friction",
+    "presliding",
+    "position_dependent_friction",
+    "quadratic_drag",
+    "residual_map",
+)
+"""Effects that are friction, declared or found."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An explanation that was tried and not taken."""
+
+    name: str
+    why_not: str
+    share: float
+    """Its score over that of the effect that was taken."""
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that the model lacked; p linear parameters in units of the command."""
+
+    effect: Effect
+    """With its nonlinear options as found."""
+    theta: Array
+    """(p,); empty for what acts on the command or the measurement."""
+    std_error: Array
+    """(p,)"""
+    option_errors: Mapping[str, float]
+    """Standard errors of the nonlinear options that were fitted."""
+    confidence: float
+    """0 to 1: of the answers given with 0.9, nine in ten are right."""
+    explained_fraction: float
+    """The part of the explainable held-out error that this effect alone takes away."""
+    score: float
+    """Gain in held-out log-likelihood."""
+    evidence: tuple[str, ...]
+    indistinguishable_from: tuple[str, ...]
+    alternatives: tuple[Alternative, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+
+@dataclass(frozen=True)
+class UnknownStructure:
+    """Structure that no known effect explains."""
+
+    depends_on: tuple[str, ...]
+    """Of position, velocity, command, time, history; empty where it depends on none of them."""
+    sentence: str
+    compensation: Effect | None
+    """A spline in these variables, where there is one that a controller can use."""
+    theta: Array
+    """(p,) of the compensation."""
+    std_error: Array
+    explained_fraction: float
+
+
+@dataclass(frozen=True)
+class MissingMotion:
+    """What this recording cannot show, and the motion that would."""
+
+    effects: tuple[str, ...]
+    """Effects that cannot be tested, or cannot be told apart."""
+    why: str
+    motion: str
+    """In words."""
+    program: Mapping[str, object] | None
+    """As the keys of a program file, without limits that only the machine knows broken."""
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """What the model leaves of the command in the band that was fitted, on held-out rows."""
+
+    unit: str
+    held_out_before_rms: float
+    held_out_after_rms: float
+    noise_floor_rms: float
+    explained_fraction: float
+    command_rms: float
+    """Of the same rows in the same band."""
+    simulated_position_before_rms: float | None = None
+    """Over windows, each begun at the measured state; in units of the position."""
+    simulated_position_after_rms: float | None = None
+    window_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Signals in the fitted band for pictures; arrays of shape (m,), rows in order of time."""
+
+    time_s: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    command: Array
+    residual_before: Array
+    """Command minus the declared model alone, fitted alone."""
+    residual_after: Array
+    """Command minus the whole model."""
+    contributions: Mapping[str, Array]
+    """What each found effect adds to the command (theta psi), by its name."""
+    friction: Array
+    """What the declared friction terms add to the command in the whole model."""
+    held_out: NDArray[np.bool_]
+    band_hz: float
+    noise_floor_rms: float
+    frequency_hz: Array
+    """(f,) of the two spectra."""
+    spectrum_before: Array
+    """(f,) power density of residual_before [unit^2/Hz]."""
+    spectrum_after: Array
+    spectrum_noise: Array
+    """(f,) what the noise model expects."""
+
+
+@dataclass(frozen=True)
+class AxisDiagnosis:
+    """The diagnosis of one axis; n parameters of the whole model."""
+
+    data: Measured
+    declared: EffectList
+    """As it was used: without what was dropped."""
+    dropped: Mapping[str, str]
+    """Declared effects that this recording cannot carry, and why."""
+    verdict: Verdict
+    sentence: str
+    """The verdict in one sentence."""
+    declared_theta: Array
+    """Parameters of `declared`, fitted alone; never inject these while an effect is missing."""
+    declared_std_error: Array
+    effects: tuple[FoundEffect, ...]
+    """Most important first."""
+    unknown: UnknownStructure | None
+    missing: tuple[MissingMotion, ...]
+    model: EffectList
+    """`declared`, then the found effects, then the compensation of unknown structure."""
+    theta: Array
+    """(n,) of `model`, fitted together, in units of the command."""
+    std_error: Array
+    error: ModelError
+    traces: Traces | None
+    """None where nothing could be fitted."""
+    others: Mapping[str, Measured] = field(default_factory=dict)
+    """The recording's other axes that moved."""
+    notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class RecordingDiagnosis:
+    """The diagnosed axes of a recording."""
+
+    source: str
+    sample_rate_hz: float
+    duration_s: float
+    axes: Mapping[str, AxisDiagnosis]
+    refused: Mapping[str, str] = field(default_factory=dict)
+    """Why the other axes could not be diagnosed."""
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,1 @@
+"""Search for the effects that, together, explain what the declared model leaves."""

@@ -1,0 +1,47 @@
+"""Clean twins of the identified machine: what gains the search finds where nothing is missing.
+
+A twin is the fitted model with noise of the machine's own spectrum in place of what is left over:
+the phases of the residual that no smooth function explains are drawn anew. What the best form of
+any effect gains on twins is chance, however the noise is coloured.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.diagnose.search.forms import best_form, candidates
+from motorctl.identify.diagnose.search.held_out_blocks import residual
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.smooth_functions import Rivals
+from motorctl.identify.diagnose.search.whitening import saturated_residual
+from motorctl.model import Spans
+
+Array = NDArray[np.float64]
+
+TWINS = 2
+SEED = 20
+"""The same recording gets the same answer."""
+
+
+def largest_gain(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> float:
+    """Give the largest gain in held-out log-likelihood that any effect has on clean twins."""
+    rows = hypothesis.bench.frame.rows
+    fitted_rest = residual(hypothesis.problem, hypothesis.solution.b)[:rows]
+    noise = saturated_residual(hypothesis, Rivals(hypothesis.bench.frame))
+    draw = np.random.default_rng(SEED)
+    largest = 0.0
+    for _ in range(TWINS):
+        bench = hypothesis.bench.with_offset(_phases_anew(noise, draw) - fitted_rest)
+        twin = Hypothesis(bench, hypothesis.added, hypothesis.acceleration)
+        forms = (best_form(twin, cls, spans, slope_s_m) for cls in candidates(twin, spans))
+        left = min((f.held_out for f in forms if f is not None), default=twin.held_out)
+        largest = max(largest, 0.5 * rows * float(np.log(twin.held_out / max(left, 1e-300))))
+    return largest
+
+
+def _phases_anew(rows: Array, draw: np.random.Generator) -> Array:
+    spectrum = np.fft.rfft(rows)
+    turned = spectrum * np.exp(2j * np.pi * draw.random(len(spectrum)))
+    turned[0] = spectrum[0]
+    return np.fft.irfft(turned, len(rows))

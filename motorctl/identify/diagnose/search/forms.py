@@ -1,0 +1,357 @@
+"""For each effect, the form of it that explains most: variable projection.
+
+The linear parameters are fitted at every trial; the nonlinear ones are scanned over the forms that
+the effect itself proposes, then refined by a simplex. Effects that are periodic start from the
+lines of a spectrum instead of a scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from scipy.optimize import minimize
+
+from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, solve
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.spectral_lines import (
+    position_spectrum,
+    strongest,
+    time_spectrum,
+)
+from motorctl.model import Effect, Spans, known_effects
+
+Array = NDArray[np.float64]
+
+OVER_POSITION = {"cogging": False, "force_ripple": True}
+"""Effects that repeat over position, and whether the command multiplies them."""
+OVER_TIME = ("periodic_disturbance",)
+LINES = 6
+MOST_ORDER = 12
+LONGEST_PITCH = 0.3
+"""Of the travel: what repeats less often than three times is no periodic force."""
+ORDER_GAIN = 0.004
+"""An order is kept where it takes this part of what the others of its effect take."""
+SLOW_PART = 0.15
+"""Of the travel: orders of so long a pitch are rather a slow variation over the travel."""
+SLOW_GAIN = 0.12
+"""Of what an effect takes away: the most that such a variation may account for."""
+FINER_PART = 0.05
+"""Of what is left once other effects are there too."""
+STRAY_GAIN = 0.03
+"""The same of a single order that does not fit the others."""
+RICHER_PART = 0.004
+"""Of what the richest form takes away: a simpler one that misses no more is preferred."""
+RICHER_GAIN = 0.01
+"""A richer form is taken where it removes this part of what the simpler one leaves."""
+RICHER_STEPS = 4
+SIMPLEX_STEPS = 30
+TELLING = {
+    ("flexible_mode", "damping_ratio"),
+    ("flexible_mode", "frequency_hz"),
+    ("stribeck", "velocity_m_s"),
+    ("stribeck", "exponent"),
+    ("presliding", "displacement_m"),
+}
+"""Options that mean another effect where they come to the end of their range."""
+ABOVE_ONLY = ("exponent",)
+EDGE = 0.02
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form of an effect, and what it leaves."""
+
+    effect: Effect
+    sse: float
+    """Squared residuals of the fit to all rows."""
+    held_out: float
+    """Squared residuals of blocks that were left out."""
+
+
+def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
+    """Give the effects that the hypothesis lacks and that could be tried.
+
+    With the command on the left, functions of the command would explain it by itself.
+    """
+    present = {e.name for e in (*hypothesis.bench.declared.effects, *hypothesis.added)}
+    barred = "input" if hypothesis.bench.side == "command" else None
+    return [
+        cls
+        for name, cls in known_effects().items()
+        if name not in present | hypothesis.bench.barred and cls.kind != barred
+    ]
+
+
+def best_form(
+    hypothesis: Hypothesis, cls: type[Effect], spans: Spans, slope_s_m: float | None
+) -> Form | None:
+    """Give the best form of an effect, roughly: not yet refined; None where there is none."""
+    if cls.name in OVER_POSITION or cls.name in OVER_TIME:
+        forms: Iterable[Effect] = _lines(hypothesis, cls, spans)
+    else:
+        forms = cls.trials(spans)
+    best: Form | None = None
+    for form in forms:
+        found = measure(hypothesis, with_slope(form, slope_s_m), coarse=cls.kind == "state")
+        if found is not None and (best is None or found.sse < best.sse):
+            best = found
+    if best is not None and not best.effect.steps(spans):
+        best = _richest(hypothesis, best, spans)
+    return best
+
+
+def _richest(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Take the simplest of the richer forms that is nearly as good as the best of them."""
+    richer = [measure(hypothesis, effect) for effect in form.effect.richer(spans)]
+    forms = sorted(
+        [form, *(f for f in richer if f is not None)], key=lambda f: len(f.effect.parameters)
+    )
+    best = min(f.held_out for f in forms)
+    gained = hypothesis.held_out - best
+    enough = best + RICHER_PART * max(gained, 0.0)
+    return next(f for f in forms if f.held_out <= enough)
+
+
+def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Divide a spline more finely, where that removes a good part of what is left by now."""
+    if getattr(form.effect.options, "knots", None) is None:
+        return form
+    best = form
+    for effect in form.effect.richer(spans):
+        found = measure(hypothesis, effect)
+        if found is not None and found.held_out < best.held_out * (1.0 - FINER_PART):
+            best = found
+    return best
+
+
+def refined(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Refine the nonlinear options of a form, then make it richer while that pays."""
+    best = by_simplex(hypothesis, form, spans)
+    if best.effect.name in OVER_POSITION:
+        best = with_orders(hypothesis, best, spans)
+        return by_simplex(hypothesis, best, spans)
+    return by_simplex(hypothesis, _richest(hypothesis, best, spans), spans)
+
+
+def measure(hypothesis: Hypothesis, effect: Effect, coarse: bool = False) -> Form | None:
+    """Fit an effect beside the hypothesis; None where it adds no column or nothing finite."""
+    problem = hypothesis.extended(effect, coarse)
+    if not np.all(np.isfinite(problem.gram)):
+        return None
+    if effect.kind != "command" and not problem.gram[:, -2, -2].any():
+        return None
+    sse = solve(problem).sse
+    held_out = float(held_out_sse(problem).sum())
+    # where held-out rows gain more than the fitted ones, what is there already was badly held
+    least = hypothesis.held_out * sse / max(hypothesis.solution.sse, 1e-300)
+    return Form(effect, sse, max(held_out, least))
+
+
+def by_simplex(
+    hypothesis: Hypothesis, form: Form, spans: Spans, most_steps: int = SIMPLEX_STEPS
+) -> Form:
+    """Search around a form for the best nonlinear options."""
+    steps = dict(form.effect.steps(spans))
+    if not steps:
+        return form
+    names = list(steps)
+    bounds = option_bounds(type(form.effect), names, spans)
+    start = np.array([float(getattr(form.effect.options, name)) for name in names])
+    scale = np.array([steps[name] for name in names])
+    best = form
+
+    def cost(place: Array) -> float:
+        nonlocal best
+        values = start + place * scale
+        if any(not low <= value <= high for value, (low, high) in zip(values, bounds, strict=True)):
+            return 1e3
+        try:
+            effect = form.effect.with_options(**dict(zip(names, map(float, values), strict=True)))
+        except ValidationError:
+            return 1e3
+        found = measure(hypothesis, effect)
+        if found is None:
+            return 1e3
+        if found.sse < best.sse:
+            best = found
+        return float(np.log(found.sse / form.sse))
+
+    n = len(names)
+    simplex = np.vstack([np.zeros(n), 0.5 * np.eye(n)])
+    minimize(
+        cost,
+        np.zeros(n),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": simplex,
+            "maxfev": most_steps * n,
+            "xatol": 3e-4,
+            "fatol": 1e-6,
+        },
+    )
+    return best
+
+
+def option_bounds(
+    cls: type[Effect], names: Sequence[str], spans: Spans
+) -> list[tuple[float, float]]:
+    """Give the range in which each option makes sense: that of the forms that are tried."""
+    if cls.name in OVER_POSITION:
+        return [(0.0, LONGEST_PITCH * spans.travel_m)] * len(names)
+    bounds = []
+    forms = cls.trials(spans)
+    for name in names:
+        values = [float(getattr(form.options, name)) for form in forms]
+        low, high = min(values), max(values)
+        bounds.append((low / 1.5, high * 1.5) if low > 0.0 and high > low else (-np.inf, np.inf))
+    return bounds
+
+
+def at_bound(effect: Effect, spans: Spans) -> bool:
+    """Tell whether a form stands at an end of what was sought: then it is something else."""
+    names = [name for name in effect.steps(spans) if (effect.name, name) in TELLING]
+    bounds = option_bounds(type(effect), names, spans)
+    for name, (low, high) in zip(names, bounds, strict=True):
+        value = float(getattr(effect.options, name))
+        below = low > 0.0 and name not in ABOVE_ONLY
+        if value > high * (1.0 - EDGE) or (below and value < low * (1.0 + EDGE)):
+            return True
+    return False
+
+
+def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Find the other orders of a periodic effect, and from all of them its pitch."""
+    cls = type(form.effect)
+    waves = [1.0 / float(getattr(form.effect.options, "pitch_m"))]  # noqa: B009
+    current = hypothesis.plus(form.effect)
+    for _ in range(LINES - 1):
+        kappa, gain = _spectrum(current, cls)
+        near = np.min(np.abs(kappa[:, None] - np.array(waves)[None]), axis=1)
+        gain = np.where(near < 1.5 / spans.travel_m, 0.0, gain)
+        place = strongest(kappa, gain, 1)
+        if not place:
+            break
+        waves.append(place[0])
+        sines = [cls(cls.Options.model_validate({"pitch_m": 1.0 / k})) for k in waves]
+        current = _beside(hypothesis, sines)
+    best = form
+    for pitch, orders in _fundamentals(waves, spans):
+        effect = form.effect.with_options(pitch_m=pitch, orders=orders)
+        found = measure(hypothesis, effect)
+        if found is None:
+            continue
+        found = by_simplex(hypothesis, found, spans)
+        found = _pruned(hypothesis, found)
+        if found.held_out < best.held_out * (1.0 - 1e-3):
+            best = found
+    for _ in range(RICHER_STEPS):
+        richer = [measure(hypothesis, effect) for effect in best.effect.richer(spans)]
+        found_ = min((f for f in richer if f is not None), key=lambda f: f.held_out, default=None)
+        if found_ is None or found_.held_out > best.held_out * (1.0 - RICHER_GAIN):
+            break
+        best = found_
+    return _fundamental(hypothesis, _pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
+
+
+def with_slope(effect: Effect, slope_s_m: float | None) -> Effect:
+    """Give a friction effect the declared slope at rest."""
+    if slope_s_m is None or "slope_s_m" not in type(effect.options).model_fields:
+        return effect
+    return effect.with_options(slope_s_m=slope_s_m)
+
+
+def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
+    return Hypothesis(hypothesis.bench, (*hypothesis.added, *sines), hypothesis.acceleration)
+
+
+def _lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> list[Effect]:
+    if cls.name in OVER_TIME:
+        places = strongest(*_time_lines(hypothesis), LINES)
+        options = [{"frequency_hz": place} for place in places]
+    else:
+        places = strongest(*_spectrum(hypothesis, cls), LINES)
+        options = [{"pitch_m": 1.0 / place} for place in places]
+    return [cls(cls.Options.model_validate(option)) for option in options]
+
+
+def _time_lines(hypothesis: Hypothesis) -> tuple[Array, Array]:
+    return time_spectrum(hypothesis.bench.frame, _left_over(hypothesis))
+
+
+def _spectrum(hypothesis: Hypothesis, cls: type[Effect]) -> tuple[Array, Array]:
+    frame = hypothesis.bench.frame
+    weight = None
+    if OVER_POSITION[cls.name]:
+        weight = frame.picked(lambda s: s.command)
+    return position_spectrum(frame, _left_over(hypothesis), weight)
+
+
+def _left_over(hypothesis: Hypothesis) -> Array:
+    problem = hypothesis.problem
+    return residual(problem, hypothesis.solution.b)[: hypothesis.bench.frame.rows]
+
+
+def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[int, ...]]]:
+    """Give pitches of which the lines are whole orders, with these orders."""
+    found: dict[tuple[float, tuple[int, ...]], float] = {}
+    tolerance = 0.5 / spans.travel_m
+    first = waves[0]
+    for k in range(1, MOST_ORDER + 1):
+        base = first / k
+        if base * LONGEST_PITCH * spans.travel_m < 1.0:
+            break
+        orders = {k}
+        for wave in waves[1:]:
+            order = round(wave / base)
+            if 1 <= order <= 2 * MOST_ORDER and abs(wave - order * base) < tolerance:
+                orders.add(order)
+        if k > 1 and len(orders) == 1:
+            continue
+        if np.gcd.reduce(list(orders)) > 1:
+            continue
+        found[(1.0 / base, tuple(sorted(orders)))] = len(orders)
+    ordered = sorted(found, key=lambda item: (-found[item], -1.0 / item[0]))
+    return ordered[:4]
+
+
+def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Shorten a pitch of which only multiples are left, or that a slow variation made so long."""
+    orders: tuple[int, ...] = getattr(form.effect.options, "orders")  # noqa: B009
+    pitch: float = getattr(form.effect.options, "pitch_m")  # noqa: B009
+    for divisor in range(max(orders), 1, -1):
+        multiples = tuple(k // divisor for k in orders if k % divisor == 0)
+        if not multiples:
+            continue
+        shorter = form.effect.with_options(pitch_m=pitch / divisor, orders=multiples)
+        found = measure(hypothesis, shorter)
+        if found is None:
+            continue
+        lost = found.sse - form.sse
+        slow = pitch >= SLOW_PART * spans.travel_m
+        most = SLOW_GAIN if slow or len(multiples) == len(orders) else STRAY_GAIN
+        if lost < most * (hypothesis.solution.sse - form.sse):
+            return found
+    return form
+
+
+def _pruned(hypothesis: Hypothesis, form: Form) -> Form:
+    """Drop orders that hardly take anything away."""
+    orders: tuple[int, ...] = getattr(form.effect.options, "orders")  # noqa: B009
+    without = hypothesis.solution.sse
+    best = form
+    for order in orders:
+        left: tuple[int, ...] = getattr(best.effect.options, "orders")  # noqa: B009
+        if len(left) == 1:
+            break
+        fewer = best.effect.with_options(orders=tuple(k for k in left if k != order))
+        found = measure(hypothesis, fewer)
+        if found is None:
+            continue
+        lost = found.held_out - best.held_out
+        if lost < ORDER_GAIN * max(without - best.sse, 0.0) and lost < 0.05 * best.held_out:
+            best = found
+    return best

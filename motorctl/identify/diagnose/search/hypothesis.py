@@ -1,0 +1,288 @@
+"""A model on trial: the declared effects and those that were added, as columns of rows."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.command_path import CommandPath, held_parts
+from motorctl.identify.columns.frame import Frame, smoothed
+from motorctl.identify.diagnose.search.held_out_blocks import (
+    Blocks,
+    Problem,
+    Solution,
+    held_out_sse,
+    make_problem,
+    solve,
+    with_columns,
+)
+from motorctl.identify.fit.settings import Side
+from motorctl.model import Effect, EffectList
+from motorctl.model.columns import input_columns, state_columns
+
+Array = NDArray[np.float64]
+
+
+MOST_PHYSICAL = 3
+"""Parameters of a formula; what has more is a spline, unless it is periodic."""
+PERIODIC = ("cogging", "force_ripple")
+
+
+RESONANT = ("flexible_mode",)
+PREDICTED_BAND = 1.5
+"""Band of the predicted acceleration, in multiples of the rows' band."""
+
+
+class Bench:
+    """Columns of effects over the rows of one frame; those of a hypothesis are formed once."""
+
+    def __init__(
+        self,
+        frame: Frame,
+        declared: EffectList,
+        blocks: Blocks,
+        left: Side = "acceleration",
+        barred: frozenset[str] = frozenset(),
+    ) -> None:
+        self.frame = frame
+        self.side = left
+        self.barred = barred
+        self.declared = declared
+        self.blocks = blocks
+        self.left = frame.acceleration()
+        self.offset: Array | None = None
+        """(m,) added to the left side: for twins of the recording."""
+        self._columns: dict[object, Array] = {}
+
+    def with_offset(self, offset: Array) -> Bench:
+        """Give a bench with the same columns and another left side."""
+        other = copy.copy(self)
+        other.offset = offset
+        return other
+
+    @cached_property
+    def command_energy(self) -> float:
+        """Sum of squares of the command in the rows, in the units of what is left over."""
+        whole = Hypothesis(self).refreshed()
+        column = -1 if self.side == "command" else 0
+        command = whole.problem.columns[:, column]
+        scale = 1.0 if self.side == "command" else float(whole.b[0]) ** 2
+        return float(np.sum(command**2)) * scale
+
+    @cached_property
+    def declared_held_out(self) -> float:
+        """Squared residuals that the declared model alone leaves of rows held out."""
+        return Hypothesis(self).refreshed().held_out
+
+    def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
+        """Give the command and the columns of input effects, (1 + p, m)."""
+        key = (path, tuple(map(form_key, effects)))
+        if key not in self._columns:
+            self._columns[key] = self.frame.inputs(effects, path)
+        return self._columns[key]
+
+    def state(self, effect: Effect, acceleration: Sequence[Array] | None) -> Array:
+        """Give the columns of a state effect, (p, m); with the acceleration only where it acts."""
+        if uses_acceleration(effect):
+            return self.frame.state(effect, acceleration)
+        key = form_key(effect)
+        if key not in self._columns:
+            self._columns[key] = self.frame.state(effect)
+        return self._columns[key]
+
+    def measurement(self, effect: Effect) -> Array:
+        """Give the columns of an error of the measured position, (2, m)."""
+        period: float = getattr(effect.options, "period_m")  # noqa: B009
+        key = ("measurement", period)
+        if key not in self._columns:
+            self._columns[key] = self.frame.measurement(period)
+        return self._columns[key]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The declared effects and `added` ones."""
+
+    bench: Bench
+    added: tuple[Effect, ...] = ()
+    acceleration: tuple[Array, ...] | None = field(default=None, repr=False)
+    """What an earlier hypothesis predicts, (N,) for each stretch: for effects that act on it."""
+
+    @property
+    def path(self) -> CommandPath:
+        """What the hypothesis says happens to the command."""
+        every = (*self.bench.declared.effects, *self.added)
+        return CommandPath(sum(e.delay_s for e in every), sum(e.lag_s for e in every))
+
+    def of_kind(self, kind: str) -> list[Effect]:
+        """Give declared effects of a kind, then the added ones; without inertia.
+
+        Declared errors of the measurement have been corrected before the position was recorded.
+        """
+        declared = () if kind == "measurement" else self.bench.declared.effects
+        every = [*declared, *self.added]
+        return [e for e in every if e.kind == kind and e.name != "inertia"]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Say for each column which effect it belongs to; the first is the command."""
+        names = ["inertia"]
+        for kind in ("input", "state"):
+            names += [e.name for e in self.of_kind(kind) for _ in e.parameters]
+        names += [e.name for e in self.of_kind("measurement") for _ in range(2)]
+        return tuple(names)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The regression of the acceleration on all columns."""
+        columns = [self.bench.inputs(self.of_kind("input"), self.path)]
+        columns += [self.bench.state(e, self.acceleration) for e in self.of_kind("state")]
+        columns += [self.bench.measurement(e) for e in self.of_kind("measurement")]
+        X, y = np.vstack(columns), self.bench.left
+        if self.bench.side == "command":
+            y, X = X[0].copy(), np.vstack([y[None], X[1:]])
+        if self.bench.offset is not None:
+            y = y + self.bench.offset
+        return make_problem(self.bench.blocks, X, y, self._soft())
+
+    def _soft(self) -> NDArray[np.bool_]:
+        soft = [False]
+        for kind in ("input", "state"):
+            soft += [is_spline(e) for e in self.of_kind(kind) for _ in e.parameters]
+        soft += [False] * (2 * len(self.of_kind("measurement")))
+        return np.array(soft)
+
+    @cached_property
+    def solution(self) -> Solution:
+        """The fit to all rows."""
+        return solve(self.problem)
+
+    @cached_property
+    def b(self) -> Array:
+        """Coefficients with the acceleration on the left, whichever side was fitted."""
+        return acceleration_form(self.solution.b, self.bench.side)
+
+    def noise_sse(self, force_noise: float) -> float:
+        """Give the squared residual that noise alone would leave."""
+        frame = self.bench.frame
+        if self.bench.side == "acceleration":
+            return frame.row_variance(force_noise) * frame.rows
+        return frame.noise_variance(force_noise) * frame.rows / float(self.b[0]) ** 2
+
+    @cached_property
+    def held_out(self) -> float:
+        """Sum of squared residuals of blocks that were left out of the fit."""
+        return float(held_out_sse(self.problem).sum())
+
+    def plus(self, effect: Effect) -> Hypothesis:
+        """Add an effect."""
+        return Hypothesis(self.bench, (*self.added, effect), self.acceleration)
+
+    def without(self, name: str) -> Hypothesis:
+        """Take an added effect away."""
+        kept = tuple(effect for effect in self.added if effect.name != name)
+        return Hypothesis(self.bench, kept, self.acceleration)
+
+    def exchanged(self, effect: Effect) -> Hypothesis:
+        """Put another form of an added effect in its place."""
+        forms = tuple(effect if old.name == effect.name else old for old in self.added)
+        return Hypothesis(self.bench, forms, self.acceleration)
+
+    def extended(self, effect: Effect, coarse: bool = False) -> Problem:
+        """Give the regression with an effect added, formed from that without it where possible.
+
+        coarse forms the columns of state effects at the rate of the rows.
+        """
+        if effect.kind == "command":
+            return self.plus(effect).problem
+        if effect.kind == "measurement":
+            period: float = effect.options.model_dump()["period_m"]
+            return with_columns(self.problem, self.bench.frame.measurement(period))
+        if effect.kind == "input":
+            return with_columns(self.problem, self.bench.frame.inputs([effect], self.path)[1:])
+        frame = self.bench.frame
+        columns = frame.state(effect, self.acceleration, frame.decimation if coarse else None)
+        return with_columns(self.problem, columns, is_spline(effect))
+
+    def refreshed(self) -> Hypothesis:
+        """Give effects that act on the acceleration the one that this hypothesis predicts.
+
+        With the command on the left it is the measured one, as for inertia itself: what is
+        predicted from the command would explain the command by itself.
+        """
+        if self.bench.side == "command":
+            acceleration = self.bench.frame.smoothed_acceleration(PREDICTED_BAND)
+        else:
+            acceleration = self.predicted_acceleration()
+        return Hypothesis(self.bench, self.added, tuple(acceleration))
+
+    def predicted_acceleration(self) -> list[Array]:
+        """Give the acceleration that the model gives the recorded command.
+
+        Without resonances: a mode's columns are formed on what the machine would do if it were
+        rigid, since on the machine's own acceleration a sharp mode would be found by a fixed
+        point that diverges. `outcome` turns what is found into the mode itself.
+        """
+        frame, b = self.bench.frame, self.b
+        predictions = []
+        inputs, states = self.of_kind("input"), self.of_kind("state")
+        for k, s in enumerate(frame.stretches):
+            n = 1 + sum(len(e.parameters) for e in inputs)
+            total = np.zeros_like(s.x)
+            for weight, u in held_parts(s.command, self.path, frame.period_s):
+                held = [u[None], *(input_columns(e, u, s.x, s.time_s) for e in inputs)]
+                total += weight * (b[:n] @ np.concatenate(held))
+            i = n
+            for e in states:
+                a = np.zeros_like(s.x) if self.acceleration is None else self.acceleration[k]
+                others = np.zeros((len(s.x), len(e.other_axes), 3))
+                for j, axis in enumerate(e.other_axes):
+                    if axis in s.others:
+                        others[:, j] = s.others[axis]
+                columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, others)
+                if e.name not in RESONANT:
+                    total = total + b[i : i + len(columns)] @ columns
+                i += len(columns)
+            # what is beyond the band would be folded into it where columns are formed more coarsely
+            predictions.append(smoothed(total, PREDICTED_BAND * frame.band_hz, frame.period_s))
+        return predictions
+
+
+def acceleration_form(b: Array, side: Side) -> Array:
+    """Turn u = theta1 a + sum theta_i psi_i into a = (u - sum theta_i psi_i)/theta1."""
+    if side == "acceleration":
+        return b
+    turned = -b / b[0]
+    turned[0] = 1.0 / b[0]
+    return np.asarray(turned)
+
+
+def is_spline(effect: Effect) -> bool:
+    """Tell whether an effect's parameters are heights of a smooth function."""
+    return len(effect.parameters) > MOST_PHYSICAL and effect.name not in PERIODIC
+
+
+def form_key(effect: Effect) -> tuple[str, str]:
+    """Name a form of an effect: equal for equal options."""
+    return effect.name, effect.options.model_dump_json()
+
+
+_USES: dict[type[Effect], bool] = {}
+
+
+def uses_acceleration(effect: Effect) -> bool:
+    """Tell whether a state effect's columns depend on the acceleration."""
+    cls = type(effect)
+    if cls not in _USES:
+        x = np.linspace(0.0, 1.0, 64)
+        others = np.zeros((64, len(effect.other_axes), 3))
+        t = np.linspace(0.0, 1e6, 64)
+        still = state_columns(effect, x, x, np.zeros(64), x, t, others)
+        moved = state_columns(effect, x, x, np.sin(37.0 * x), x, t, others)
+        _USES[cls] = bool(np.any(still != moved))
+    return _USES[cls]

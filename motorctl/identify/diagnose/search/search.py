@@ -1,0 +1,469 @@
+"""Forward, backward and sideways: which effects, together, explain a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.frame import Frame, shortened, spans_of
+from motorctl.identify.diagnose.search.clean_twins import largest_gain
+from motorctl.identify.diagnose.search.forms import (
+    OVER_TIME,
+    Form,
+    at_bound,
+    best_form,
+    by_simplex,
+    candidates,
+    finer,
+    refined,
+)
+from motorctl.identify.diagnose.search.held_out_blocks import (
+    held_out_sse,
+    make_blocks,
+    residual,
+    with_columns,
+)
+from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Rivals
+from motorctl.identify.diagnose.search.whitening import (
+    force_noise_density,
+    saturated_residual,
+    spectrum,
+    whitening_response,
+)
+from motorctl.identify.fit.settings import Side
+from motorctl.model import Effect, EffectList, Spans
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+COMMAND_BAND_HZ = 100.0
+"""Band with the command on the left: the acceleration's noise must not count there."""
+LONGEST_SEARCH_S = 30.0
+"""What is searched of a longer recording; the outcome is then fitted to all of it."""
+UNEXPLAINED = 0.01
+"""Of the command: what real machines leave unexplained, and clean simulations do not."""
+UNEXPLAINED_NOISE = 4.0
+"""In multiples of the squared residual that noise alone would leave."""
+BLOCK_S: dict[Side, float] = {"acceleration": 2.0, "command": 0.5}
+"""Blocks that are held out in turn: a real machine passes each place but a few times, and in
+long blocks a whole pass would be held out."""
+MOST_ROUNDS = 8
+SETTLING_STEPS = 14
+REFINED = 5
+"""Forms that are refined in each round: the best by the scan, and those that come near."""
+NEAR = 3.0
+"""Parts of the best gain."""
+GROWING = ("cogging", "force_ripple", "flexible_mode", "presliding")
+"""What a scan with one line, or with coarse columns, shows only in part."""
+LEAST_GAIN = 60.0
+"""In log-likelihood of held-out rows."""
+PLAIN_GAIN = 600.0
+"""Beyond it no clean twin of any machine has come: below, the machine's own twins are asked."""
+TWINS_GAIN = 1.5
+"""Multiples of the most that chance gains on them."""
+RELEVANT = 6e-4
+"""Of the command's rms: less than that does not matter to any axis, and no declared form is
+exact to such a degree."""
+LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
+"""Of the squared residual that the model so far leaves."""
+DOWN_TO_NOISE = 1.2
+"""Squared residual over that of noise alone: less is not searched for more effects."""
+NOISE_LIKE = 1.7
+"""Less than this counts as noise when the search is judged."""
+BAND_END = 0.85
+AT_END_SHARE = 0.3
+SHADOW_SHARE = 0.5
+"""Of what is left: an effect that may be another one's shadow takes at least so much."""
+SAME_SHARE = 0.9
+"""The same there for a second force over position, and for one over time in step with the move."""
+IN_STEP = 0.05
+"""Of a cycle: how far a disturbance may be from a whole number of cycles in a move's period."""
+SMALL_PART = 0.005
+"""Of what the declared model leaves: effects that are not quite of their form leave so much."""
+SMALL_SHARE = 0.35
+"""Of what is left: an effect that takes no more than that small part takes at least so much."""
+REPEATED_SHARE = 0.5
+"""The same for a second effect where one move is repeated: all that is left there repeats too, and
+functions of place, time and speed can each draw a part of it."""
+NEAR_MODE = 0.1
+"""Distance of a line from a resonance, as a part of its frequency, that may be its ringing."""
+CLEARLY = 30.0
+"""Density of the motion over that of the measurement's noise."""
+LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
+"""Of what it leaves above the noise; less where a machine is not down to its noise anyway."""
+AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
+"""Of the best form's gain: what comes so near is taken where the best is not acceptable."""
+AS_WELL = 1.05
+"""Squared residual of one effect over that of two which counts as no worse."""
+LOSES = 0.1
+"""Less of the explainable error explained by a search than by another, for it not to count."""
+NEARLY = 0.05
+"""Part of what both take that one of them may leave, where one move is repeated."""
+TRIES = 2
+"""How often a rival may lose after another effect was added."""
+RIVAL_SHARE = 0.3
+"""Of the gain of what was taken: what gains less is no rival of it."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round: what was tried, and what was taken."""
+
+    forms: tuple[Form, ...]
+    """Best first."""
+    before: Hypothesis
+    taken: Form | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """The outcome of a search."""
+
+    base: Hypothesis
+    """The declared model alone, behind the last filter."""
+    final: Hypothesis
+    steps: tuple[Step, ...]
+    spans: Spans
+    force_noise: float
+    rival_gains: dict[str, float] = field(default_factory=dict)
+    """What smooth functions take away of the squared residual that the final model leaves."""
+
+
+def whitened(
+    frame: Frame,
+    declared: EffectList,
+    added: tuple[Effect, ...],
+    side: Side = "acceleration",
+    barred: frozenset[str] = frozenset(),
+) -> tuple[Bench, float]:
+    """Give a bench whose rows have nearly white noise, and the noise's density.
+
+    With the command on the left nothing is whitened: it is for machines whose unexplained forces
+    drown any noise of the measurement.
+    """
+    blocks = make_blocks(frame.rows, frame.row_period_s, BLOCK_S[side])
+    plain = Hypothesis(Bench(frame, declared, blocks), added)
+    if any(effect.kind == "state" for effect in added):
+        plain = plain.refreshed()
+    noise = force_noise_density(frame, saturated_residual(plain, Rivals(frame)))
+    if side == "command":
+        return Bench(frame.plain(COMMAND_BAND_HZ), declared, blocks, side, barred), noise
+    white = frame.with_response(whitening_response(frame, noise))
+    return Bench(white, declared, blocks, side, barred), noise
+
+
+def search(
+    frame: Frame,
+    declared: EffectList,
+    slope_s_m: float | None,
+    progress: Progress | None = None,
+    side: Side = "acceleration",
+    barred: frozenset[str] = frozenset(),
+) -> Found:
+    """Find the effects that the declared model lacks."""
+    spans = spans_of(frame)
+    tell = progress or (lambda _: None)
+    added: tuple[Effect, ...] = ()
+    steps: list[Step] = []
+    bench, noise = whitened(frame, declared, added, side, barred)
+    hypothesis = Hypothesis(bench).refreshed()
+    rivals: dict[str, list[type[Effect]]] = {}
+    for _ in range(MOST_ROUNDS):
+        if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):
+            break
+        tell(f"effect {len(added) + 1}: trying what the model lacks")
+        forms = ranked(hypothesis, candidates(hypothesis, spans), spans, slope_s_m)
+        if side == "command":  # real machines have more than one thing without a name
+            forms = [f for f in forms if not at_bound(f.effect, spans)] or forms
+        best = gain(hypothesis, forms[0].held_out) if forms else 0.0
+        least = LEAST_GAIN
+        if LEAST_GAIN < best < PLAIN_GAIN:
+            least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, slope_s_m))
+        near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
+        taken = next((f for f in near if acceptable(hypothesis, f, noise, spans, least)), None)
+        steps.append(Step(tuple(forms), hypothesis, taken))
+        if taken is None:
+            break
+        added = (*added, taken.effect)
+        best = gain(hypothesis, taken.held_out)
+        near = [f for f in forms if gain(hypothesis, f.held_out) > RIVAL_SHARE * best]
+        rivals[taken.effect.name] = [type(f.effect) for f in near if f is not taken] * TRIES
+        if side == "acceleration":
+            bench, noise = whitened(frame, declared, added, side, barred)
+        hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
+        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name, steps)
+        hypothesis = merged(hypothesis, spans, slope_s_m)
+        hypothesis = backward(hypothesis, noise, spans)
+        added = hypothesis.added
+    base = Hypothesis(hypothesis.bench).refreshed()
+    return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
+
+
+def nothing_sought(frame: Frame, declared: EffectList) -> Found:
+    """Fit the declared model alone, for a motion that tells no effects apart."""
+    bench, noise = whitened(frame, declared, ())
+    base = Hypothesis(bench).refreshed()
+    return Found(base, base, (), spans_of(frame), noise, {})
+
+
+def both_ways(
+    frame: Frame,
+    declared: EffectList,
+    slope_s_m: float | None,
+    progress: Progress | None = None,
+    barred: frozenset[str] = frozenset(),
+    whole_band: Frame | None = None,
+) -> Found:
+    """Search with the acceleration on the left, and again with the command where that fits better.
+
+    whole_band has the same rows where `frame` was narrowed to the band of the motion, which is of
+    no use where forces, and not the measurement's noise, are what is left.
+
+    The acceleration carries the measurement's noise, so it belongs on the left as long as that
+    noise is what is left over. Where unexplained forces are, which the feedback answers to, the
+    command carries them, and would be scaled down as a regressor.
+    """
+    short = shortened(frame, LONGEST_SEARCH_S)
+    found = search(short, declared, slope_s_m, progress, barred=barred)
+    left = found.final.bench
+    command = found.final.problem.columns[:, 0].ravel()[: left.frame.rows]
+    relative = math.sqrt(found.final.solution.sse / float(command @ command))
+    relative /= abs(float(found.final.b[0]))
+    noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
+    if relative < UNEXPLAINED or noisy:
+        return over_all(found, frame, declared, barred)
+    if progress is not None:
+        progress("unexplained forces outweigh the noise: once more with the command on the left")
+    wide = whole_band or frame
+    short = shortened(wide, LONGEST_SEARCH_S)
+    other = search(short, declared, slope_s_m, progress, "command", barred)
+    if explained_share(other) < explained_share(found) - LOSES:
+        # effects of the input cannot be sought there
+        return over_all(found, frame, declared, barred)
+    return over_all(other, wide, declared, barred)
+
+
+def explained_share(found: Found) -> float:
+    """Give the part of what is above the noise that the found effects take away."""
+    floor = min(found.final.noise_sse(found.force_noise), found.final.held_out)
+    above = max(found.base.held_out - floor, 1e-300)
+    return (found.base.held_out - found.final.held_out) / above
+
+
+def over_all(found: Found, frame: Frame, declared: EffectList, barred: frozenset[str]) -> Found:
+    """Fit what was found in the pieces of a long recording to the whole of it."""
+    if frame.rows == found.final.bench.frame.rows:
+        return found
+    added = found.final.added
+    bench, noise = whitened(frame, declared, added, found.final.bench.side, barred)
+    final = Hypothesis(bench, added).refreshed()
+    base = Hypothesis(bench).refreshed()
+    return replace(found, base=base, final=final, force_noise=noise, rival_gains=rival_gains(final))
+
+
+def ranked(
+    hypothesis: Hypothesis, classes: list[type[Effect]], spans: Spans, slope_s_m: float | None
+) -> list[Form]:
+    """Give the best form of every effect, best first; those in front refined."""
+    scanned = [best_form(hypothesis, cls, spans, slope_s_m) for cls in classes]
+    forms = sorted((f for f in scanned if f is not None), key=lambda f: f.held_out)
+    if not forms:
+        return []
+    best = gain(hypothesis, forms[0].held_out)
+    front = [0]
+    for k, form in enumerate(forms[1:REFINED], 1):
+        near = NEAR * (2.0 if type(form.effect).name in GROWING else 1.0)
+        if best > LEAST_GAIN / 2.0 and gain(hypothesis, form.held_out) > best / near:
+            front.append(k)
+    improved = [refined(hypothesis, forms[k], spans) for k in front]
+    rest = [form for k, form in enumerate(forms) if k not in front]
+    return sorted([*improved, *rest], key=lambda f: f.held_out)
+
+
+def gain(before: Hypothesis, held_out: float) -> float:
+    """Give the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
+    rows = before.bench.frame.rows
+    return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
+
+
+def acceptable(
+    before: Hypothesis, form: Form, noise: float, spans: Spans, least_gain: float = LEAST_GAIN
+) -> bool:
+    """Tell whether a form takes enough away, and not in one place alone."""
+    floor = before.noise_sse(noise)
+    excess = max(before.held_out - floor, 0.0)
+    taken = before.held_out - form.held_out
+    frequency = getattr(form.effect.options, "frequency_hz", 0.0)
+    least = LEAST_SHARE[before.bench.side]
+    if form.effect.kind == "state" and form.effect.memory_size and frequency:
+        # the feedback of the encoder's own noise looks like a resonance where little else moves
+        faint = frequency > BAND_END * before.bench.frame.band_hz
+        if faint or not _moves_at(before, frequency):
+            least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
+    elif form.effect.name in OVER_TIME and frequency > BAND_END * before.bench.frame.band_hz:
+        least = AT_END_SHARE
+    if shadows(before.added, form.effect, spans):
+        least = SHADOW_SHARE
+    if taken < SMALL_PART * before.bench.declared_held_out:
+        least = max(least, SMALL_SHARE)
+    if before.added and before.bench.frame.repeats_s:
+        if _repeats_with(before, form.effect):
+            least = SAME_SHARE
+        elif before.bench.side == "acceleration":
+            least = REPEATED_SHARE
+    return bool(
+        gain(before, form.held_out) > least_gain
+        and (form.effect.kind == "measurement" or taken > relevant_part(before.bench))
+        and taken > least * before.held_out
+        and not at_bound(form.effect, spans)
+        and taken > LEAST_EXCESS[before.bench.side] * excess
+    )
+
+
+def relevant_part(bench: Bench) -> float:
+    """Give the squared residual below which nothing matters."""
+    return RELEVANT**2 * bench.command_energy
+
+
+def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
+    """Tell whether an effect has a line of one that is there already: then it may be what that one
+    leaves where its own form is not quite the machine's.
+    """
+    for other in added:
+        if {other.name, effect.name} == {"cogging", "force_ripple"}:
+            apart = np.subtract.outer(_waves(other), _waves(effect))
+            if np.min(np.abs(apart)) < 1.0 / spans.travel_m:
+                return True
+        if {other.name, effect.name} == {"flexible_mode", "periodic_disturbance"}:
+            one, two = (float(e.options.model_dump()["frequency_hz"]) for e in (other, effect))
+            if abs(one - two) < NEAR_MODE * one:
+                return True
+    return False
+
+
+def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
+    """Tell whether an effect repeats with the one move as what is there already does."""
+    over_place = {"cogging", "position_force"} <= {effect.name, *(e.name for e in before.added)}
+    if over_place and before.bench.side == "acceleration":
+        return True
+    if effect.name != "periodic_disturbance":
+        return False
+    cycles = float(effect.options.model_dump()["frequency_hz"]) * before.bench.frame.repeats_s
+    return abs(cycles - round(cycles)) < IN_STEP
+
+
+def _waves(effect: Effect) -> Array:
+    options = effect.options.model_dump()
+    return np.array(options["orders"]) / float(options["pitch_m"])
+
+
+def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
+    """Tell whether the motion at a frequency stands well above the noise of the measurement."""
+    frame = hypothesis.bench.frame
+    left = hypothesis.problem.columns[:, -1].ravel()[: frame.rows]
+    rest = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
+    frequency, density = spectrum(left - rest, frame.row_period_s)
+    place = int(np.argmin(np.abs(frequency - frequency_hz)))
+    noise = (2.0 * np.pi * frequency_hz) ** 4 * frame.position_noise
+    noise *= float(frame.response(np.array([frequency_hz]))[0]) ** 2
+    near = density[max(place - 3, 0) : place + 4]
+    return bool(np.median(near) > CLEARLY * noise)
+
+
+def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
+    """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
+    for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
+        for effect in hypothesis.added:
+            rest = hypothesis.without(effect.name)
+            form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+            better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)
+            hypothesis = Hypothesis(
+                hypothesis.bench,
+                tuple(better.effect if e.name == effect.name else e for e in hypothesis.added),
+                hypothesis.acceleration,
+            )
+        hypothesis = hypothesis.refreshed()
+    return hypothesis
+
+
+def sideways(
+    hypothesis: Hypothesis,
+    rivals: dict[str, list[type[Effect]]],
+    spans: Spans,
+    slope_s_m: float | None,
+    newest: str,
+    steps: list[Step],
+) -> Hypothesis:
+    """Exchange an added effect for one that came near where that now explains more.
+
+    Not the newest, which has just won. Rivals that lose twice are tried no more.
+    """
+    for effect in hypothesis.added:
+        present = {e.name for e in hypothesis.added}
+        classes = [cls for cls in rivals.get(effect.name, []) if cls.name not in present]
+        if not classes or effect.name == newest:
+            continue
+        rest = hypothesis.without(effect.name)
+        forms = ranked(rest, list(dict.fromkeys(classes)), spans, slope_s_m)
+        if forms and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01):
+            old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+            steps.append(Step((*forms, old), rest, forms[0]))
+            hypothesis = settled(rest.plus(forms[0].effect), spans)
+            rivals[forms[0].effect.name] = [type(effect), *classes]
+        else:
+            # each stands in the list as often as it may still be tried
+            rivals[effect.name] = [cls for k, cls in enumerate(classes) if cls in classes[:k]]
+    return hypothesis
+
+
+def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hypothesis:
+    """Take a periodic force alone for one beside a spline over position, where it does as well.
+
+    The spline may have come first and taken the periodic force's long waves.
+    """
+    if not {"cogging", "position_force"} <= {e.name for e in hypothesis.added}:
+        return hypothesis
+    cogging = next(e for e in hypothesis.added if e.name == "cogging")
+    rest = hypothesis.without("position_force").without("cogging")
+    forms = ranked(rest, [type(cogging)], spans, slope_s_m)
+    enough = hypothesis.held_out * AS_WELL
+    if hypothesis.bench.frame.repeats_s:
+        enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
+    if not forms or forms[0].held_out > enough:
+        return hypothesis
+    return settled(rest.plus(forms[0].effect), spans)
+
+
+def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:
+    """Drop added effects that the others have made superfluous."""
+    for effect in hypothesis.added:
+        if len(hypothesis.added) == 1:
+            break
+        rest = hypothesis.without(effect.name)
+        form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+        if not acceptable(rest, form, noise, spans):
+            hypothesis = rest
+    return hypothesis
+
+
+def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
+    """Give what each smooth function takes away of the held-out squared residual."""
+    rivals = Rivals(hypothesis.bench.frame)
+    gains = {}
+    for name, variables in VARIABLES.items():
+        if hypothesis.bench.side == "command" and {"command", "history"} & set(variables):
+            continue
+        problem = with_columns(hypothesis.problem, rivals.columns(name), soft=True)
+        gains[name] = hypothesis.held_out - float(held_out_sse(problem).sum())
+    return gains
+
+
+def _acts_on_acceleration(effect: Effect) -> bool:
+    from motorctl.identify.diagnose.search.hypothesis import uses_acceleration
+
+    return effect.kind == "state" and uses_acceleration(effect)

@@ -1,0 +1,97 @@
+"""Nonparametric rivals: smooth functions of what was measured, which assume no physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.frame import Frame, Stretch
+
+Array = NDArray[np.float64]
+
+POSITION_KNOTS = 40
+VELOCITY_KNOTS = 12
+"""On each side of zero."""
+SPEED_RANGE = 300.0
+"""Top speed over the speed below which velocities are not told apart."""
+TIME_KNOT_S = 2.0
+COMMAND_KNOTS = 10
+TENSOR_KNOTS = 9
+HISTORY_S = 0.04
+"""How long the command's past may matter: modes ring longer, but their rise shows."""
+VARIABLES: Mapping[str, tuple[str, ...]] = {
+    "position": ("position",),
+    "velocity": ("velocity",),
+    "time": ("time",),
+    "command": ("command",),
+    "position_and_velocity": ("position", "velocity"),
+    "position_and_direction": ("position", "velocity"),
+    "position_and_command": ("position", "command"),
+    "history": ("history",),
+}
+"""What each rival depends on."""
+
+
+def hats(x: Array, knots: Array) -> Array:
+    """Give the piecewise linear functions that are one at a knot, (knots, N)."""
+    place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1)
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place - np.arange(len(knots))[:, None])))
+
+
+class Rivals:
+    """The rivals' columns over one frame."""
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame = frame
+        d = frame.decimation
+        self._x = np.concatenate([s.x[::d] for s in frame.stretches])
+        self._v = np.concatenate([s.v[::d] for s in frame.stretches])
+        top = float(np.percentile(np.abs(self._v), 99.9))
+        side = np.geomspace(top / SPEED_RANGE, top, VELOCITY_KNOTS)
+        self._speeds = np.concatenate([-side[::-1], [0.0], side])
+        self._top_command = max(float(np.abs(s.command).max()) for s in frame.stretches)
+
+    def columns(self, name: str) -> Array:
+        """Give the filtered columns of a rival, (p, m)."""
+        d = self.frame.decimation
+        if name == "history":
+            return self.frame.history(self._shifts())
+        return self.frame.filtered([self._of(name, s, d) for s in self.frame.stretches], d)
+
+    def _shifts(self) -> list[int]:
+        """Give delays [samples] from one sample to about a twentieth of a second."""
+        last = HISTORY_S / self.frame.period_s
+        first = np.arange(1, min(6, int(last) + 2))
+        later = np.arange(6.0, last, max(1.0, 0.35 / self.frame.band_hz / self.frame.period_s))
+        return [int(k) for k in np.unique(np.concatenate([first, later]).astype(int))]
+
+    def _of(self, name: str, s: Stretch, d: int) -> Array:
+        x, v, t = s.x[::d], s.v[::d], s.time_s[::d]
+        u = _mean_between(s.command, d)
+        low, high = float(self._x.min()), float(self._x.max())
+        coarse = np.linspace(low, high, TENSOR_KNOTS)
+        if name == "position":
+            return hats(x, np.linspace(low, high, POSITION_KNOTS))
+        if name == "velocity":
+            return hats(v, self._speeds)
+        if name == "time":
+            first, last = self.frame.stretches[0].time_s[0], self.frame.stretches[-1].time_s[-1]
+            count = max(4, round((last - first) / TIME_KNOT_S))
+            return hats(t, np.linspace(first, last, count))
+        if name == "command":
+            return hats(u, np.linspace(-self._top_command, self._top_command, 2 * COMMAND_KNOTS))
+        if name == "position_and_direction":
+            return np.asarray(hats(x, np.linspace(low, high, 24)) * np.tanh(v / self._speeds[-8]))
+        if name == "position_and_command":
+            return hats(x, np.linspace(low, high, POSITION_KNOTS)) * u
+        speeds = self._speeds[::3]
+        both = hats(x, coarse)[:, None, :] * hats(v, speeds)[None]
+        return np.asarray(both.reshape(-1, len(x)))
+
+
+def _mean_between(command: Array, d: int) -> Array:
+    """Average the command around each d-th sample."""
+    kernel = np.ones(d) / d
+    return np.convolve(np.pad(command, (d // 2, d - 1 - d // 2), mode="edge"), kernel, "valid")[::d]

@@ -1,0 +1,61 @@
+"""Which declared effects a recording can carry: the others would fit nothing but noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motorctl.identify.columns.frame import Frame
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import whitened
+from motorctl.model import EffectList
+
+UNSURE = 0.02
+"""Standard error of the input map at the largest command, in parts of the command."""
+
+
+def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+    """Give the declared list without what the recording cannot carry, and why that was dropped.
+
+    The electromagnetic effects bend the input map: where the commands are too small to determine
+    the bend, its parameters take whatever noise and missing effects make of them.
+    """
+    moved = {axis for s in frame.stretches for axis in s.others}
+    alone = {
+        effect.name: f"axis {', '.join(a for a in effect.other_axes if a not in moved)} did not "
+        "move, or is not in this recording"
+        for effect in declared.effects
+        if not moved.issuperset(effect.other_axes)
+    }
+    if alone:
+        declared = EffectList([e for e in declared.effects if e.name not in alone])
+    declared, dropped = _with_bend(frame, declared)
+    return declared, alone | dropped
+
+
+def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+    """Drop the electromagnetic effects where the recording does not determine them."""
+    curved = [effect.name for effect in declared.effects if effect.electromagnetic]
+    if not curved:
+        return declared, {}
+    largest = max(float(np.abs(s.command).max()) for s in frame.stretches)
+    if frame.data.command_unit != "V":
+        why = f"the command is in {frame.data.command_unit}, not the voltage that saturates"
+        return declared.without_electromagnetic(), dict.fromkeys(curved, why)
+    bench, noise = whitened(frame, declared, ())
+    hypothesis = Hypothesis(bench)
+    # what noise alone would make uncertain: missing effects are yet to be found
+    variance = hypothesis.solution.covariance * bench.frame.row_variance(noise)
+    bend = np.zeros(len(hypothesis.names))
+    for i, name in enumerate(hypothesis.names):
+        if name in curved:
+            unit = np.zeros(len(declared))
+            unit[[e.full_name(p) for e in declared.effects for p in e.parameters].index(name)] = 1.0
+            bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, unit) - largest
+    error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
+    if error > UNSURE * largest:
+        why = (
+            f"commands of up to {largest:.3g} V do not determine the bend of the input map "
+            f"(its standard error would be {error:.2g} V there)"
+        )
+        return declared.without_electromagnetic(), dict.fromkeys(curved, why)
+    return declared, {}

@@ -1,0 +1,73 @@
+"""The noise of the rows: quantisation of the position, and the force noise of the machine.
+
+One-sided density of the acceleration's noise: (2 pi f)^4 rho + sigma^2, with rho that of the
+position's noise and sigma^2 fitted to what a saturated model leaves in a quiet band. Fitting an
+autoregression instead would notch a real disturbance away.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from motorctl.identify.columns.frame import Frame, Response, low_pass_response
+from motorctl.identify.diagnose.search.held_out_blocks import residual, solve, with_columns
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.smooth_functions import Rivals
+
+Array = NDArray[np.float64]
+
+QUIET_PERCENT = 30.0
+LEAST_SHARE = 0.1
+"""The flat part is taken for at least the quantisation's share at this part of the band."""
+SATURATING = ("position", "velocity", "time", "position_and_command", "history")
+
+
+def saturated_residual(hypothesis: Hypothesis, rivals: Rivals) -> Array:
+    """Give what the model and smooth functions of position, velocity, time leave, (m,).
+
+    With the command on the left no functions of the command, which would leave nothing of it.
+    """
+    problem = hypothesis.problem
+    mine = SATURATING if hypothesis.bench.side == "acceleration" else SATURATING[:3]
+    columns = [rivals.columns(name) for name in mine]
+    problem = with_columns(problem, np.vstack(columns), soft=True)
+    found = solve(problem)
+    return residual(problem, found.b)[: hypothesis.bench.frame.rows]
+
+
+def spectrum(rows: Array, row_period_s: float) -> tuple[Array, Array]:
+    """Give frequencies [Hz] and one-sided density of rows, the median over windows."""
+    window = min(len(rows), max(64, int(1.0 / row_period_s)))
+    frequency, density = signal.welch(
+        rows, 1.0 / row_period_s, nperseg=window, average="median", detrend=False
+    )
+    return np.asarray(frequency), np.asarray(density)
+
+
+def force_noise_density(frame: Frame, left_over: Array) -> float:
+    """Estimate the flat part of the acceleration's noise density [unit^2/s^4/Hz].
+
+    left_over (m,) comes from rows behind the plain low pass of `frame`.
+    """
+    frequency, density = spectrum(left_over, frame.row_period_s)
+    quantisation = (2.0 * np.pi * frequency) ** 4 * frame.position_noise
+    inside = (frequency > 2.0) & (frequency < 0.9 * frame.band_hz)
+    excess = density[inside] - quantisation[inside]
+    quiet = quantisation[inside] < density[inside]
+    least = (2.0 * np.pi * LEAST_SHARE * frame.band_hz) ** 4 * frame.position_noise
+    if quiet.sum() < 5:
+        return float(max(least, 1e-300))
+    return float(max(np.percentile(excess[quiet], QUIET_PERCENT), least, 1e-300))
+
+
+def whitening_response(frame: Frame, force_noise: float) -> Response:
+    """Give the low pass with a gain that falls where quantisation exceeds the force noise."""
+    low_pass = low_pass_response(frame.band_hz)
+
+    def response(frequency: Array) -> Array:
+        ratio = (2.0 * np.pi * frequency) ** 4 * frame.position_noise / force_noise
+        return np.asarray(low_pass(frequency) / np.sqrt(1.0 + ratio))
+
+    return response

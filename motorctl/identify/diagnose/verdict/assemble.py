@@ -1,0 +1,421 @@
+"""From a search and its judgement to the diagnosis that people and scripts read."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.frame import low_pass_response, slope_of
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.report.motion_advice import advise
+from motorctl.identify.diagnose.result import (
+    FRICTION,
+    AxisDiagnosis,
+    FoundEffect,
+    MissingMotion,
+    ModelError,
+    Traces,
+    UnknownStructure,
+)
+from motorctl.identify.diagnose.search.held_out_blocks import Problem, solve
+from motorctl.identify.diagnose.search.hypothesis import acceleration_form
+from motorctl.identify.diagnose.search.search import LEAST_GAIN, Found, gain
+from motorctl.identify.diagnose.search.whitening import spectrum
+from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
+from motorctl.identify.diagnose.verdict.errors import (
+    REPORT_HZ,
+    Split,
+    alternatives,
+    ambiguous_with,
+    compared,
+    explained,
+    fitted,
+    in_plain_band,
+    model_error,
+    own_shares,
+    rms_of,
+    split_rows,
+)
+from motorctl.identify.diagnose.verdict.parameters import (
+    Values,
+    column_index,
+    option_errors,
+    theta_of,
+    values_of,
+)
+from motorctl.identify.diagnose.verdict.second_recording import error_on
+from motorctl.identify.diagnose.verdict.testable import JUDGED, untestable
+from motorctl.identify.diagnose.verdict.verdict import (
+    BURST_HZ,
+    BURSTS,
+    COLOURED,
+    Judged,
+    depends_on,
+    judge,
+)
+from motorctl.model import Effect, EffectList, effect_class, make_effect
+
+Array = NDArray[np.float64]
+
+MAP_FUNCTIONS = 7
+HELPS = 0.03
+"""Part of the explainable held-out error that the named effects take away at least."""
+UNNAMED = 0.3
+"""Confidence below which the most important name is no answer."""
+ABOVE_NOISE = 1.3
+"""Rms of what is left over that of noise alone, from which the sentence says so."""
+NAMED_WORD = "{} explains {:.0f} % of what the declared model leaves unexplained"
+
+
+def assemble(
+    data: Measured,
+    found: Found,
+    declared: EffectList,
+    dropped: Mapping[str, str],
+    segments: dict[str, tuple[float, float]],
+    test: tuple[Measured, Mapping[str, Measured]] | None,
+    began: float,
+    too_plain: str | None = None,
+) -> AxisDiagnosis:
+    """Put the diagnosis of one axis together; `too_plain` is why the motion tells nothing."""
+    judged = judge(found)
+    if too_plain:
+        judged = replace(judged, verdict="complete", kept=(), rival=None)
+    for effect in found.final.added:
+        if effect.name not in judged.kept:
+            found = replace(found, final=found.final.without(effect.name))
+    found = replace(found, final=found.final.refreshed())
+    extra = _compensation(found, judged)
+    values = values_of(found.final, extra)
+    problem = found.final.problem if extra is None else extra[1]
+    split = split_rows(found.final, segments)
+    error = model_error(
+        found, split, problem, data.command_unit, None if extra is None else extra[0]
+    )
+    tested: list[str] = []
+    if test is not None:
+        error, tested = error_on(*test, found, error)
+    effects = _effects(found, values, split, error)
+    slope = slope_of(declared)
+    hidden = untestable(found, slope)
+    missing = _missing(data, found, effects, hidden)
+    if too_plain:
+        program = dict(advise(JUDGED, data, found.spans)) or None
+        missing = (MissingMotion(JUDGED, too_plain, _motion(JUDGED), program),)
+    verdict = judged.verdict
+    if verdict == "complete" and missing:
+        verdict = "insufficient_data"
+    if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
+        verdict = "insufficient_data"
+    if verdict == "effect" and error.explained_fraction < HELPS:
+        verdict = "insufficient_data"
+        names = tuple(effect.name for effect in effects)
+        why = (
+            "no effect that was tried lowers the error on rows that were held out, though each "
+            "explains a part of the others"
+        )
+        program = dict(advise(names, data, found.spans)) or None
+        missing = (MissingMotion(names, why, _motion(names), program),)
+    base = values_of(found.base)
+    unknown = _unknown(found, judged, extra, values) if verdict == "unknown_structure" else None
+    diagnosis = AxisDiagnosis(
+        data=data,
+        declared=declared,
+        dropped=dropped,
+        verdict=verdict,
+        sentence=(
+            f"This motion cannot tell what the model lacks: {too_plain}."
+            if too_plain
+            else _sentence(verdict, effects, unknown, missing, error)
+        ),
+        declared_theta=base.theta,
+        declared_std_error=base.std_error,
+        effects=() if verdict == "insufficient_data" else effects,
+        unknown=unknown,
+        missing=missing,
+        model=values.model,
+        theta=values.theta,
+        std_error=values.std_error,
+        error=error,
+        traces=_traces(found, values, extra, split, error),
+        notes=(*tested, *_notes(found, judged, split, effects)),
+    )
+    return replace(diagnosis, seconds=time.monotonic() - began)
+
+
+def _compensation(found: Found, judged: Judged) -> tuple[Effect, Problem, int] | None:
+    """Offer a spline in the variables that unknown structure depends on, where one can be used."""
+    if judged.verdict != "unknown_structure" or judged.rival is None:
+        return None
+    spans = found.spans
+    effect: Effect
+    if judged.rival == "position":
+        effect = effect_class("position_force")()
+        if "position_force" in {e.name for e in found.final.added}:
+            return None
+        effect = make_effect(effect_class("position_force"), {"knots": (*spans.position_m, 30)})
+    elif judged.rival in ("velocity", "position_and_velocity", "position_and_direction"):
+        options: dict[str, object] = {
+            "fine_velocity_m_s": spans.speed_m_s / 300.0,
+            "top_velocity_m_s": spans.speed_m_s * 1.05,
+            "velocity_functions": 24,
+        }
+        if judged.rival != "velocity":
+            options |= {"knots": (*spans.position_m, 7), "velocity_functions": MAP_FUNCTIONS}
+        effect = make_effect(effect_class("residual_map"), options)
+    else:
+        return None
+    problem = found.final.extended(effect)
+    return effect, problem, len(effect.parameters)
+
+
+def _effects(
+    found: Found, values: Values, split: Split, error: ModelError
+) -> tuple[FoundEffect, ...]:
+    shares = own_shares(found, [e.name for e in found.final.added])
+    fit = ~split.held_out
+    effects = []
+    for added in found.final.added:
+        effect = next(e for e in values.model.effects if e.name == added.name)
+        theta, std_error = theta_of(values, effect)
+        step = next(
+            (s for s in found.steps if s.taken is not None and s.taken.effect.name == added.name),
+            None,
+        )
+        rest = found.final.without(added.name)
+        score = gain(rest, found.final.held_out)
+        others = alternatives(found, added.name)
+        twins = tuple(ambiguous_with(found, added))
+        left = 1.0 - error.explained_fraction
+        evidence = Evidence(
+            gain=score,
+            needed=LEAST_GAIN,
+            rival_share=max((a.share for a in others), default=0.0),
+            unexplained=left,
+            indistinguishable=len(twins),
+        )
+        without = rms_of(compared(rest), fitted(rest, rest.problem, fit), split.held_out)
+        own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
+        effects.append(
+            FoundEffect(
+                effect=effect,
+                theta=theta,
+                std_error=std_error,
+                option_errors=option_errors(found.final, added, found.spans),
+                confidence=confidence(evidence),
+                explained_fraction=shares[added.name] if len(found.final.added) > 1 else own,
+                score=score,
+                evidence=tuple(_evidence(found, added, score, without, error, step is not None)),
+                indistinguishable_from=twins,
+                alternatives=others,
+            )
+        )
+    return tuple(sorted(effects, key=lambda e: -shares[e.name]))
+
+
+def _evidence(
+    found: Found, effect: Effect, score: float, without: float, error: ModelError, first: bool
+) -> list[str]:
+    unit = error.unit
+    lines = [
+        f"without it the held-out error is {without:.3g} {unit} rms, with it "
+        f"{error.held_out_after_rms:.3g} {unit}; the noise is {error.noise_floor_rms:.3g} {unit}",
+        f"held-out log-likelihood rises by {score:.0f}; at least {LEAST_GAIN:.0f} is asked",
+    ]
+    blocks = found.final.bench.blocks.count
+    lines.append(f"fitted and tested on {blocks} blocks in turn; {effect.identified}")
+    return lines
+
+
+def _missing(
+    data: Measured,
+    found: Found,
+    effects: tuple[FoundEffect, ...],
+    hidden: Mapping[str, float],
+) -> tuple[MissingMotion, ...]:
+    missing = []
+    if hidden:
+        names = tuple(hidden)
+        missing.append(
+            MissingMotion(
+                effects=names,
+                why=(
+                    "this motion ties "
+                    + ", ".join(names)
+                    + " to the declared effects: less than 3 % of what they would add is their own"
+                ),
+                motion=_motion(names),
+                program=dict(advise(names, data, found.spans)) or None,
+            )
+        )
+    for effect in effects:
+        if effect.indistinguishable_from:
+            names = (effect.name, *effect.indistinguishable_from)
+            missing.append(
+                MissingMotion(
+                    effects=names,
+                    why=f"{names[0]} and {', '.join(names[1:])} explain this recording equally",
+                    motion=_motion(names),
+                    program=dict(advise(names, data, found.spans)) or None,
+                )
+            )
+    return tuple(missing)
+
+
+def _motion(names: tuple[str, ...]) -> str:
+    return "; ".join(f"{name}: {effect_class(name).visible_in}" for name in names)
+
+
+def _unknown(
+    found: Found, judged: Judged, extra: tuple[Effect, Problem, int] | None, values: Values
+) -> UnknownStructure:
+    variables = depends_on(judged.rival)
+    share = min(judged.rival_share, 1.0)
+    if variables:
+        sentence = (
+            f"what is left depends on {' and '.join(variables)}: a smooth function of it explains "
+            f"{100 * share:.0f} % of the explainable error, and no known effect has its form"
+        )
+    elif judged.bursts > BURSTS:
+        sentence = (
+            f"what is left comes in bursts: {100 * judged.bursts:.0f} % of it below "
+            f"{BURST_HZ:g} Hz lies in moments far above the usual, and no function of position, "
+            "velocity or command explains them"
+        )
+    elif judged.coloured < COLOURED:
+        sentence = "what is left is more than noise, and no smooth function explains it"
+    else:
+        sentence = (
+            f"what is left is coloured in time: {judged.coloured:.0f} times the noise at low "
+            "frequencies, and no function of position, velocity or command explains it"
+        )
+    if extra is None:
+        return UnknownStructure(variables, sentence, None, np.zeros(0), np.zeros(0), share)
+    theta, std_error = theta_of(values, extra[0])
+    return UnknownStructure(variables, sentence, extra[0], theta, std_error, share)
+
+
+def _sentence(
+    verdict: str,
+    effects: tuple[FoundEffect, ...],
+    unknown: UnknownStructure | None,
+    missing: tuple[MissingMotion, ...],
+    error: ModelError,
+) -> str:
+    unit = error.unit
+    change = (
+        f"held-out error {error.held_out_before_rms:.3g} to {error.held_out_after_rms:.3g} {unit} "
+        f"rms, noise {error.noise_floor_rms:.3g} {unit}"
+    )
+    if verdict == "complete":
+        return (
+            f"The declared model is complete: it leaves {error.held_out_before_rms:.3g} {unit} rms "
+            f"of held-out data, which is noise ({error.noise_floor_rms:.3g} {unit})."
+        )
+    names = " and ".join(effect.name for effect in effects)
+    if verdict == "effect":
+        over = error.held_out_after_rms / max(error.noise_floor_rms, 1e-300)
+        left = f"; what is left is {over:.2g} times the noise" if over > ABOVE_NOISE else ""
+        return f"The model lacks {names}: {change}{left}."
+    if verdict == "unknown_structure":
+        assert unknown is not None
+        beside = f" Beside it, {names} was found." if effects else ""
+        return (
+            f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"
+        )
+    if effects:
+        return (
+            f"The model lacks something ({change}), but this motion cannot tell what: "
+            f"{missing[0].why if missing else names}."
+        )
+    return (
+        "Nothing beyond noise is left, but this motion could not have shown "
+        f"{', '.join(missing[0].effects)}."
+    )
+
+
+def _notes(
+    found: Found, judged: Judged, split: Split, effects: tuple[FoundEffect, ...]
+) -> list[str]:
+    notes = []
+    if not split.stated:
+        notes.append("every third block of rows is held out of the fit and tested on")
+    if judged.verdict == "effect" and judged.coloured > 3.0:
+        notes.append(
+            f"what is left is still {judged.coloured:.1f} times the noise model at low frequencies"
+        )
+    names = {effect.name for effect in effects}
+    if {"cogging", "position_force"} <= names:
+        notes.append(
+            "cogging that does not repeat exactly from magnet to magnet and a force that depends "
+            "on position are the same here: the spline over position may be either"
+        )
+    return notes
+
+
+def _traces(
+    found: Found,
+    values: Values,
+    extra: tuple[Effect, Problem, int] | None,
+    split: Split,
+    error: ModelError,
+) -> Traces:
+    frame = found.final.bench.frame.plain(REPORT_HZ)
+    rows = frame.rows
+    base_b = found.base.b
+    fit = solve(found.final.problem if extra is None else extra[1]).b
+    b = acceleration_form(fit, found.final.bench.side)
+    problem = in_plain_band(found.final, None if extra is None else extra[0])
+    columns = problem.columns[:, :-1].swapaxes(0, 1).reshape(problem.size, -1)[:, :rows]
+    left = problem.columns[:, -1].ravel()[:rows]
+    before = in_plain_band(found.base).columns
+    r_before = (before[:, -1] - np.einsum("bpq,p->bq", before[:, :-1], base_b)).ravel()[:rows]
+    r_after = left - b @ columns
+    contributions: dict[str, Array] = {}
+    # u = (a - sum b_i psi_i) / b_u: what an effect adds to the command
+    names = list(found.final.names) + ([extra[0].name] * extra[2] if extra else [])
+    for effect in found.final.added:
+        index = [i for i, name in enumerate(names) if name == effect.name]
+        if effect.kind == "measurement":
+            contributions[effect.name] = (b[index] @ columns[index]) / b[0]
+        elif index:
+            contributions[effect.name] = -(b[index] @ columns[index]) / b[0]
+        else:
+            rest = in_plain_band(found.final.without(effect.name))
+            other = rest.columns[:, 0].ravel()[:rows]
+            contributions[effect.name] = other - columns[0]
+    if extra is not None:
+        index = [i for i, name in enumerate(names) if name == extra[0].name]
+        contributions[extra[0].name] = -(b[index] @ columns[index]) / b[0]
+    acted = np.zeros(rows)
+    for effect in found.final.added:
+        if effect.kind == "command":  # the command as it was given, not as it acts
+            acted = acted + contributions[effect.name]
+    declared = {effect.name for effect in found.final.bench.declared.effects}
+    friction = column_index(found.final, [name for name in FRICTION if name in declared])
+    frequency, spectrum_before = spectrum(-r_before / base_b[0], frame.row_period_s)
+    _, spectrum_after = spectrum(-r_after / b[0], frame.row_period_s)
+    density = found.force_noise + (2.0 * np.pi * frequency) ** 4 * frame.position_noise
+    noise = density * low_pass_response(frame.band_hz)(frequency) ** 2 / b[0] ** 2
+    return Traces(
+        time_s=frame.time_s,
+        position=frame.picked(lambda s: s.x),
+        velocity=frame.picked(lambda s: s.v),
+        acceleration=left,
+        command=columns[0] + acted,
+        residual_before=-r_before / base_b[0],
+        residual_after=-r_after / b[0],
+        contributions=contributions,
+        friction=-(b[friction] @ columns[friction]) / b[0] if friction else np.zeros(rows),
+        held_out=split.held_out,
+        band_hz=frame.band_hz,
+        noise_floor_rms=error.noise_floor_rms,
+        frequency_hz=frequency,
+        spectrum_before=spectrum_before,
+        spectrum_after=spectrum_after,
+        spectrum_noise=noise,
+    )

@@ -1,0 +1,243 @@
+"""What a search means: the errors before and after, and how sure one can be of each effect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.frame import Frame
+from motorctl.identify.diagnose.result import Alternative, ModelError
+from motorctl.identify.diagnose.search.forms import by_simplex, measure
+from motorctl.identify.diagnose.search.held_out_blocks import Problem, Solution, residual, solve
+from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis, acceleration_form
+from motorctl.identify.diagnose.search.search import Found, gain
+from motorctl.model import Effect
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+HELD_OUT_EVERY = 3
+"""One block in so many is held out where the recording does not say which."""
+REPORT_HZ = 100.0
+"""Band of pictures, and of errors on another recording: that in which `fit` works."""
+WINDOW_S = 0.1
+"""Windows of simulated motion: long enough to show, short enough that drift does not rule."""
+RIVAL = 0.5
+"""Of the gain of what was taken: what gains less is no rival of it."""
+RIVAL_STEPS = 20
+FAINT = 8.0
+"""Squared residual without a lag or delay, over the noise's: less tells them apart from nothing."""
+TOLD_APART = 0.05
+"""Square of a lag times the band's end, at least, for it to be told from a delay."""
+SAME = 0.02
+"""Forms whose squared residuals differ by less than this part of it cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which rows are fitted and which are held out; (m,)."""
+
+    held_out: Rows
+    stated: bool
+    """Whether the recording's description said so."""
+
+
+def split_rows(hypothesis: Hypothesis, segments: dict[str, tuple[float, float]]) -> Split:
+    """Choose the held-out rows: those of the recording's segment, or every third block."""
+    time = hypothesis.bench.frame.time_s
+    if "held_out" in segments:
+        begin, end = segments["held_out"]
+        inside = (time >= begin) & (time < end)
+        if 0.02 < inside.mean() < 0.9:
+            return Split(inside, True)
+    block = np.arange(len(time)) // hypothesis.bench.blocks.length
+    return Split(block % HELD_OUT_EVERY == HELD_OUT_EVERY - 1, False)
+
+
+def fit_rows(problem: Problem, chosen: Rows) -> Solution:
+    """Fit some of the rows only."""
+    weights = problem.blocks.split(chosen[None].astype(np.float64))
+    columns = problem.columns * weights
+    gram = columns @ columns.swapaxes(1, 2)
+    return solve(Problem(problem.blocks, columns, gram, problem.soft), problem)
+
+
+def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> Problem:
+    """Give the columns of a hypothesis, with the acceleration on the left, to compare errors in."""
+    bench = hypothesis.bench
+    if bench.side == "acceleration":
+        return hypothesis.problem if extra is None else hypothesis.extended(extra)
+    return in_band(hypothesis, bench.frame, extra)
+
+
+def in_plain_band(hypothesis: Hypothesis, extra: Effect | None = None) -> Problem:
+    """Give the same behind a plain low pass, for pictures."""
+    return in_band(hypothesis, hypothesis.bench.frame.plain(REPORT_HZ), extra)
+
+
+def in_band(hypothesis: Hypothesis, frame: Frame, extra: Effect | None = None) -> Problem:
+    """Give the same behind another filter."""
+    bench = Bench(frame, hypothesis.bench.declared, hypothesis.bench.blocks)
+    other = Hypothesis(bench, hypothesis.added, hypothesis.acceleration)
+    return other.problem if extra is None else other.extended(extra)
+
+
+def floor_of(hypothesis: Hypothesis, force_noise: float, b: Array) -> float:
+    """Give the rms that noise alone would leave there, in units of the command."""
+    frame = hypothesis.bench.frame
+    if hypothesis.bench.side == "acceleration":
+        return math.sqrt(frame.row_variance(force_noise)) / abs(float(b[0]))
+    return math.sqrt(frame.noise_variance(force_noise)) / abs(float(b[0]))
+
+
+def fitted(hypothesis: Hypothesis, problem: Problem, chosen: Rows) -> Array:
+    """Fit some rows; gives coefficients with the acceleration on the left."""
+    return acceleration_form(fit_rows(problem, chosen).b, hypothesis.bench.side)
+
+
+def rms_of(problem: Problem, b: Array, chosen: Rows) -> float:
+    """Give the rms that parameters leave over some rows, in units of the command."""
+    r = residual(problem, b)[: len(chosen)]
+    return float(np.sqrt(np.mean(r[chosen] ** 2)) / abs(b[0]))
+
+
+def model_error(
+    found: Found, split: Split, final: Problem, unit: str, extra: Effect | None = None
+) -> ModelError:
+    """Compare the declared model with the whole one on rows that neither was fitted to."""
+    fit, held = ~split.held_out, split.held_out
+    base = fitted(found.base, found.base.problem, fit)
+    whole = fitted(found.final, final, fit)
+    before = rms_of(compared(found.base), base, held)
+    columns = compared(found.final, extra)
+    after = rms_of(columns, whole, held)
+    frame = found.final.bench.frame
+    floor = floor_of(found.final, found.force_noise, whole)
+    floor = min(floor, after, before)
+    command = columns.columns[:, 0].ravel()[: frame.rows][held]
+    positions = _windowed(found, held)
+    return ModelError(
+        unit=unit,
+        held_out_before_rms=before,
+        held_out_after_rms=after,
+        noise_floor_rms=floor,
+        explained_fraction=explained(before, after, floor),
+        command_rms=float(np.sqrt(np.mean(command**2))),
+        simulated_position_before_rms=positions[0],
+        simulated_position_after_rms=positions[1],
+        window_s=WINDOW_S if positions[0] is not None else None,
+    )
+
+
+def explained(before: float, after: float, floor: float) -> float:
+    """Give the part of the explainable error that is gone, 0 to 1."""
+    explainable = before**2 - floor**2
+    if explainable <= 0.0:
+        return 0.0
+    return float(np.clip((before**2 - after**2) / explainable, 0.0, 1.0))
+
+
+def ambiguous_with(found: Found, effect: Effect) -> list[str]:
+    """Give the effects that could stand in an effect's place as well, the others being there."""
+    same = []
+    for step in reversed(found.steps):
+        if step.taken is None or step.taken.effect.name != effect.name:
+            continue
+        best = max(gain(step.before, step.taken.held_out), 1e-9)
+        present = {e.name for e in found.final.added}
+        rest = found.final.without(effect.name)
+        for form in step.forms:
+            name = form.effect.name
+            if name in present or gain(step.before, form.held_out) < RIVAL * best:
+                continue
+            other = measure(rest, form.effect)
+            if other is None:
+                continue
+            other = by_simplex(rest, other, found.spans, RIVAL_STEPS)
+            if other.held_out <= found.final.held_out * (1.0 + SAME):
+                same.append(name)
+        if effect.kind == "command":
+            # what the feedback makes of the encoder's noise looks like either
+            noise = found.final.noise_sse(found.force_noise)
+            other_kind = {"input_lag": "input_delay", "input_delay": "input_lag"}.get(effect.name)
+            faint = rest.held_out < FAINT * noise
+            # and below this a lag takes too little off the gain to be told from a delay
+            time_s = effect.options.model_dump()["time_s"]
+            top = 2.0 * math.pi * found.final.bench.frame.band_hz
+            faint = faint or (top * time_s) ** 2 < TOLD_APART
+            if faint and other_kind and other_kind not in (*same, *present):
+                same.append(other_kind)
+        break
+    return same
+
+
+def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, ...]:
+    """Give what else was tried in an effect's place, and why it was not taken."""
+    for step in reversed(found.steps):
+        if step.taken is None or step.taken.effect.name != name:
+            continue
+        best = max(gain(step.before, step.taken.held_out), 1e-9)
+        rows: list[Alternative] = []
+        for form in step.forms:
+            if form.effect.name == name:
+                continue
+            share = gain(step.before, form.held_out) / best
+            if share < 0.01 or len(rows) == most:
+                continue
+            left = form.held_out / step.before.held_out
+            taken = step.taken.held_out / step.before.held_out
+            why = (
+                f"leaves {100 * left:.2g} % of the squared error where {name} leaves "
+                f"{100 * taken:.2g} %"
+            )
+            if left < taken:
+                why += ", but explains less beside the other effects that were found"
+            rows.append(Alternative(form.effect.name, why, float(share)))
+        return tuple(rows)
+    return ()
+
+
+def own_shares(found: Found, names: Sequence[str]) -> dict[str, float]:
+    """Give for each effect the squared residual that comes back without it, over all explained."""
+    whole = max(found.base.solution.sse - found.final.solution.sse, 1e-300)
+    shares = {}
+    for name in names:
+        lost = found.final.without(name).solution.sse - found.final.solution.sse
+        shares[name] = float(np.clip(lost / whole, 0.0, 1.0))
+    return shares
+
+
+def _windowed(found: Found, held: Rows) -> tuple[float | None, float | None]:
+    """Simulate windows of motion by both models, each begun at the measured state.
+
+    The modelled acceleration along the recorded command and motion, integrated twice.
+    """
+    rms = []
+    for hypothesis in (found.base, found.final):
+        predicted = hypothesis.predicted_acceleration()
+        frame = hypothesis.bench.frame
+        length = max(4, round(WINDOW_S / frame.period_s))
+        squares, count = 0.0, 0
+        start = 0
+        for s, a, kept in zip(frame.stretches, predicted, frame.kept, strict=True):
+            used = np.zeros(len(kept), dtype=np.bool_)
+            used[kept] = held[start : start + int(kept.sum())]
+            start += int(kept.sum())
+            chosen = np.repeat(used, frame.decimation)[: len(s.x)]
+            for begin in range(length, len(s.x) - length, length):
+                if not chosen[begin : begin + length].all():
+                    continue
+                part = slice(begin, begin + length)
+                dt = frame.period_s
+                v = s.v[begin] + dt * (np.cumsum(a[part]) - 0.5 * (a[begin] + a[part]))
+                x = s.x[begin] + dt * (np.cumsum(v) - 0.5 * (v[0] + v))
+                squares += float(np.sum((x - s.x[part]) ** 2))
+                count += length
+        if count == 0:
+            return None, None
+        rms.append(math.sqrt(squares / count))
+    return rms[0], rms[1]

@@ -1,0 +1,141 @@
+"""Recordings that cannot be what they are said to be: told plainly, before anything is named."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.frame import Frame, low_pass_response
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, solve, with_columns
+from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.smooth_functions import Rivals
+from motorctl.identify.fit.judgement import NothingExplainedError
+from motorctl.identify.fit.recording import fit_axis
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+FASTEST = {"m": 50.0, "rad": 20_000.0}
+"""Speeds [unit/s] beyond those of any machine of the kind."""
+HARDEST = {"m": 3_000.0, "rad": 1e7}
+"""Accelerations [unit/s^2] beyond those of any machine of the kind."""
+SMALLEST = {"m": 2e-6, "rad": 2e-6}
+"""Travel that no motion can be told from."""
+LARGEST = 1e9
+SHORTEST_S = 1.0
+FEWEST_CHANGES = 4
+"""Of speed, between rest and half of the usual speed: those of one move there and back."""
+SLOW, QUICK = 0.25, 0.5
+"""Parts of the usual speed between which a change of speed counts."""
+EXPLAINS_ENOUGH = 0.5
+EXPLAINS_NOTHING = 0.9
+"""Share of the squared acceleration that is left: at most the first is good, beyond the second
+the command has nothing to do with the motion."""
+
+
+def check_magnitude(data: Measured) -> None:
+    """Raise DataError where a column has values that no machine has in any unit."""
+    columns = {"position": data.position, "command": data.command}
+    if data.reference is not None:
+        columns["reference"] = data.reference
+    for name, column in columns.items():
+        largest = float(np.nanmax(np.abs(column[data.usable])))
+        if largest > LARGEST:
+            raise DataError(
+                f"{data.place}: {name} reaches {largest:.3g}; beyond {LARGEST:g} it is that of no "
+                "machine, in any unit"
+            )
+
+
+def check_motion(data: Measured, frame: Frame) -> None:
+    """Raise DataError where travel, speed or acceleration is that of no machine."""
+    unit = data.position_unit
+    x = np.concatenate([s.x for s in frame.stretches])
+    v = np.concatenate([s.v for s in frame.stretches])
+    speed = float(np.percentile(np.abs(v), 99.0))
+    change = np.gradient(v, frame.period_s)
+    acceleration = float(np.percentile(np.abs(change), 99.0))
+    duration = sum(len(s.x) for s in frame.stretches) * frame.period_s
+    if duration < SHORTEST_S:
+        raise DataError(
+            f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
+            "hold a part of it out and test on it"
+        )
+    if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
+        raise DataError(
+            f"{data.place}: it moves at {speed:.3g} {unit}/s and {acceleration:.3g} {unit}/s^2, "
+            f"beyond {FASTEST[unit]:g} {unit}/s or {HARDEST[unit]:g} {unit}/s^2: is the position "
+            f"in {unit}, and the sample rate {data.sample_rate_hz:g} Hz?"
+        )
+    if float(np.ptp(x)) < SMALLEST[unit]:
+        raise DataError(
+            f"{data.place}: it moves over {float(np.ptp(x)):.3g} {unit} alone: is the position "
+            f"in {unit}?"
+        )
+
+
+def too_plain(frame: Frame) -> str | None:
+    """Say why a motion cannot tell inertia, friction and what the model lacks from each other."""
+    changes = _changes_of_speed([s.v[:: frame.decimation] for s in frame.stretches])
+    if changes >= FEWEST_CHANGES:
+        return None
+    return (
+        f"the axis speeds up or slows down {changes} times alone, which tells inertia, friction "
+        "and what the model lacks from each other no better than chance: moves there and back, at "
+        "more than one speed and acceleration, would"
+    )
+
+
+def _changes_of_speed(velocities: list[Array]) -> int:
+    """Count the changes between rest and motion; a reversal is two."""
+    every = np.concatenate(velocities)
+    low, high = np.percentile(every, (5.0, 95.0))
+    if low * high > 0.0:  # one way all the time: changes between slower and faster
+        velocities = [(v - low) * np.sign(high) for v in velocities]
+    speeds = np.abs(np.concatenate(velocities))
+    usual = float(np.median(speeds[speeds > 0.05 * speeds.max()]))
+    changes = 0
+    for v in velocities:
+        place = np.where(v > QUICK * usual, 1, np.where(v < -QUICK * usual, -1, 0))
+        place = place[(place != 0) | (np.abs(v) < SLOW * usual)]
+        changes += int(np.sum(np.abs(np.diff(place))))
+    return changes
+
+
+def check_explains(data: Measured, frame: Frame, model: EffectList, lenient: bool = False) -> None:
+    """Raise DataError where the command does not drive the position, or not in this direction.
+
+    Of a motion too plain to tell no more is asked than that nothing speaks of a usual mistake.
+    """
+    plain = frame.with_response(low_pass_response(frame.band_hz))
+    blocks = make_blocks(plain.rows, plain.row_period_s)
+    hypothesis = Hypothesis(Bench(plain, model, blocks))
+    total = float(hypothesis.bench.left @ hypothesis.bench.left)
+    noise = plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
+    if total < 3.0 * noise:
+        raise DataError(
+            f"{data.place}: only noise: the acceleration below {plain.band_hz:g} Hz does not rise "
+            "above what the position's own noise gives"
+        )
+    left = hypothesis.solution.sse - noise
+    if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
+        return
+    # a force of the place that outweighs inertia is in the command, not in the acceleration
+    columns = Rivals(plain).columns("position")
+    beside = solve(with_columns(hypothesis.problem, columns, soft=True))
+    taken = float(beside.b[0] ** 2 / beside.covariance[0, 0])
+    if beside.b[0] > 0.0 and taken > EXPLAINS_ENOUGH * (beside.sse - noise + taken):
+        return
+    try:
+        fit_axis(data, model)  # knows the usual mistakes: a reversed sign, exchanged columns
+    except NothingExplainedError:
+        if lenient:
+            return
+        raise
+    if left > EXPLAINS_NOTHING * (total - noise) and not lenient:
+        raise DataError(
+            f"{data.place}: the command explains none of the acceleration; are these the position "
+            "and the command of the same axis, in time with each other?"
+        )

@@ -1,0 +1,101 @@
+"""The errors on another recording of the same machine, to which no parameter is fitted.
+
+The one thing that is found again is the zero of the position: an incremental encoder has another
+one after every homing, and what is periodic over a screw's turn or a magnet's pitch is then
+shifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from motorctl.identify.columns.frame import Frame, make_frame, slope_of
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.result import ModelError
+from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
+from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained
+
+Array = NDArray[np.float64]
+
+TRIALS = 48
+"""Zeros that are tried over a pitch."""
+PLACES = ("cogging", "force_ripple")
+
+
+def error_on(
+    test: Measured, others: Mapping[str, Measured], found: Found, error: ModelError
+) -> tuple[ModelError, list[str]]:
+    """Give the errors before and after on `test`, and what was found again there.
+
+    others are the other axes of the same recording.
+    """
+    declared = found.final.bench.declared
+    frame = make_frame(test, dict(others), None, slope_of(declared)).plain(REPORT_HZ)
+    before, command = _rms(found.base, frame)
+    after, _ = _rms(found.final, frame)
+    notes = [f"errors are those on {test.source}, to which nothing was fitted"]
+    shift = _shift(found.final, frame)
+    if shift:
+        shifted, _ = _rms(found.final, _shifted(frame, shift))
+        linear = test.position_unit == "m"
+        told = f"{1e3 * shift:.3f} mm" if linear else f"{shift:.3g} {test.position_unit}"
+        if shifted < after:
+            notes.append(
+                f"its position starts {told} elsewhere, found from the periodic "
+                f"effects: without that the error would be {after:.3g} {error.unit}"
+            )
+            after = shifted
+    gain = abs(float(found.final.b[0]))
+    floor = min(float(np.sqrt(frame.noise_variance(found.force_noise))) / gain, before, after)
+    changed = replace(
+        error,
+        held_out_before_rms=before,
+        held_out_after_rms=after,
+        noise_floor_rms=floor,
+        explained_fraction=explained(before, after, floor),
+        command_rms=command,
+    )
+    return changed, notes
+
+
+def _rms(hypothesis: Hypothesis, frame: Frame) -> tuple[float, float]:
+    """Give what the parameters leave on other rows, and those rows' command."""
+    blocks = make_blocks(frame.rows, frame.row_period_s)
+    bench = Bench(frame, hypothesis.bench.declared, blocks)
+    columns = Hypothesis(bench, hypothesis.added).refreshed().problem.columns
+    b = hypothesis.b
+    r = columns[:, -1] - np.einsum("bpq,p->bq", columns[:, :-1], b)
+    rows = frame.rows
+    rms = float(np.sqrt(np.mean(r.ravel()[:rows] ** 2)) / abs(b[0]))
+    return rms, float(np.sqrt(np.mean(columns[:, 0].ravel()[:rows] ** 2)))
+
+
+def _shift(hypothesis: Hypothesis, frame: Frame) -> float:
+    """Find the zero that explains the rows best, within half a pitch."""
+    pitches = [
+        float(e.options.model_dump()["pitch_m"]) for e in hypothesis.added if e.name in PLACES
+    ]
+    if not pitches:
+        return 0.0
+    pitch = max(pitches)
+
+    def left(shift: float) -> float:
+        return _rms(hypothesis, _shifted(frame, shift))[0]
+
+    trials = pitch * (np.arange(TRIALS) / TRIALS - 0.5)
+    best = float(min(trials, key=left))
+    step = pitch / TRIALS
+    fine = minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
+    return float(fine.x)
+
+
+def _shifted(frame: Frame, shift: float) -> Frame:
+    stretches = tuple(replace(s, x=s.x + shift) for s in frame.stretches)
+    return replace(frame, stretches=stretches, _gains={})

@@ -1,0 +1,210 @@
+"""The verdict: complete, effect, unknown structure, or insufficient data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from motorctl.identify.diagnose.result import Verdict
+from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, with_columns
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import (
+    DOWN_TO_NOISE,
+    NOISE_LIKE,
+    Found,
+    explained_share,
+    relevant_part,
+    rival_gains,
+)
+from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Rivals
+from motorctl.identify.diagnose.search.whitening import spectrum
+from motorctl.identify.fit.settings import Side
+
+Array = NDArray[np.float64]
+
+MATTERS = 4.0
+"""Multiples of what matters at all, in squares, that structure without a name must reach."""
+STRUCTURE = 0.08
+"""Part of the squared residual that a smooth function must take away to count."""
+RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
+"""Part of the explainable error that the named effects may leave to a smooth function: more where
+a machine is not down to its noise anyway."""
+SMOOTH_LEFT = 0.5
+"""Part of what the named effects leave: where a smooth function takes so much, they have not
+described what they were named for, on whichever side the command is."""
+SURE_BESIDE = 0.3
+"""Part of it that named effects must take to be told beside unknown structure."""
+NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.82}
+"""Part of the explainable error that named effects must take to be the answer."""
+BARELY_NAMED = 0.7
+"""Less than this part of the explainable error, and names are not the answer, however near to the
+noise the rest may be."""
+LEFT_OVER: dict[Side, float] = {"acceleration": 0.1, "command": 0.3}
+"""Part of the explainable error that named effects may leave coloured in time: more where a
+machine is not down to its noise anyway."""
+KEPT = 0.3
+"""An effect that loses more than the rest of its share to a smooth function was its shadow."""
+COLOURED = 3.0
+"""Low-frequency residual over the noise model."""
+LOW_HZ = 20.0
+BURSTS = 0.45
+"""Part of the slow residual that may come in bursts; quantisation alone gives up to a third."""
+BURST_HZ = 30.0
+"""Up to here: the noise of the measurement has little power there."""
+BURST_S = 0.05
+USUAL_POWER = 6.0
+"""Multiples of the usual power in such a time that white noise does not reach."""
+CLEAR_LEAD = 1.15
+"""A rival of more variables must gain this much more than one of fewer."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The verdict, and what it rests on."""
+
+    verdict: Verdict
+    kept: tuple[str, ...]
+    """Names that stand."""
+    rival: str | None
+    """The smooth function that says what unknown structure depends on."""
+    explainable: float
+    """Squared residual of the declared model above the noise."""
+    named_share: float
+    rival_share: float
+    coloured: float
+    bursts: float
+    """Part of the slow residual's energy that comes in bursts."""
+
+
+def judge(found: Found) -> Judged:
+    """Weigh the named effects against smooth functions that assume no physics."""
+    noise = found.final.noise_sse(found.force_noise)
+    base, final = found.base.held_out, found.final.held_out
+    floor = min(noise, final)
+    explainable = max(base - floor, 1e-300)
+    rival, gain = _strongest(found.rival_gains)
+    coloured = low_frequency_excess(found)
+    bursting = bursts(found)
+    names = tuple(effect.name for effect in found.final.added)
+    named_share = explained_share(found) if names else 0.0
+    rival_share = max(gain, 0.0) / explainable
+    side = found.final.bench.side
+    noisy = final <= NOISE_LIKE * noise
+    relevant = final - noise > MATTERS * relevant_part(found.final.bench)
+    structured = gain > STRUCTURE * final and not noisy and relevant
+
+    def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
+        share = rival_share
+        if verdict == "unknown_structure" and names and not kept:
+            by, gained = _strongest(rival_gains(found.base))
+            share = max(gained, 0.0) / explainable
+            by = by if share > STRUCTURE else None
+            alone = replace(found, final=found.base)
+            colour, lumps = low_frequency_excess(alone), bursts(alone)
+            return Judged(verdict, kept, by, explainable, named_share, share, colour, lumps)
+        return Judged(verdict, kept, by, explainable, named_share, share, coloured, bursting)
+
+    if not names:
+        if structured:
+            return judged("unknown_structure", (), rival)
+        if relevant and (coloured > COLOURED or bursting > BURSTS):
+            return judged("unknown_structure", (), None)
+        return judged("complete", (), None)
+    smooth_left = side == "command" and gain > SMOOTH_LEFT * final
+    if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
+        kept = _standing(found, rival, names)
+        share = _share_of(found, kept, explainable)
+        if share < NAMED_ENOUGH[side]:
+            return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
+        return judged("effect", kept, rival)
+    shaped = structured or coloured > COLOURED or bursting > BURSTS
+    if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
+        return judged("unknown_structure", (), rival if structured else None)
+    if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise:
+        return judged("unknown_structure", (), None)
+    if 1.0 - named_share > LEFT_OVER[side] and coloured > COLOURED and not noisy:
+        return judged("unknown_structure", (), None)
+    return judged("effect", names, None)
+
+
+def low_frequency_excess(found: Found) -> float:
+    """Give the residual's power at low frequencies over what the noise model expects."""
+    hypothesis = found.final
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: hypothesis.bench.frame.rows]
+    frequency, density = spectrum(rows, hypothesis.bench.frame.row_period_s)
+    low = (frequency > 0.0) & (frequency < LOW_HZ)
+    if hypothesis.bench.side == "command":
+        density = density * float(hypothesis.b[0]) ** 2
+    return float(np.mean(density[low]) / found.force_noise)
+
+
+def bursts(found: Found) -> float:
+    """Give the part of the slow residual's energy that comes in bursts.
+
+    What no noise of the machine does, and what the counts of an encoder can not: at a steady speed
+    their rounding may fall into the band, but with no more power than rounding has.
+    """
+    hypothesis = found.final
+    frame = hypothesis.bench.frame
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
+    if hypothesis.bench.side == "command":
+        rows = rows * float(hypothesis.b[0])
+    top = min(BURST_HZ, 0.5 * frame.band_hz)
+    slow = signal.sosfiltfilt(
+        signal.butter(4, top, fs=1.0 / frame.row_period_s, output="sos"), rows
+    )
+    window = max(2, round(BURST_S / frame.row_period_s))
+    count = len(slow) // window
+    power = np.mean(slow[: count * window].reshape(count, window) ** 2, axis=1)
+    rounding = (2.0 * np.pi * top) ** 4 * 0.5 * frame.position_noise * frame.data.sample_rate_hz
+    over = np.maximum(power - rounding - USUAL_POWER * float(np.median(power)), 0.0)
+    return float(over.sum() / max(float(power.sum()), 1e-300))
+
+
+def depends_on(rival: str | None) -> tuple[str, ...]:
+    """Say which variables a smooth function is one of."""
+    return () if rival is None else VARIABLES[rival]
+
+
+def _strongest(gains: Mapping[str, float]) -> tuple[str | None, float]:
+    """Give the rival that gains most; one of fewer variables where it gains nearly as much."""
+    best: str | None = None
+    for name in sorted(gains, key=lambda n: len(VARIABLES[n])):
+        gain = gains[name]
+        wider = best is not None and len(VARIABLES[name]) > len(VARIABLES[best])
+        if best is None or gain > gains[best] * (CLEAR_LEAD if wider else 1.0):
+            best = name
+    return best, 0.0 if best is None else gains[best]
+
+
+def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Keep the names that still explain what they explained once the smooth function is there."""
+    if rival is None:
+        return names
+    columns = Rivals(found.final.bench.frame).columns(rival)
+
+    def left(hypothesis: Hypothesis, beside: bool) -> float:
+        if not beside:
+            return hypothesis.held_out
+        return float(held_out_sse(with_columns(hypothesis.problem, columns, soft=True)).sum())
+
+    kept = []
+    for name in names:
+        rest = found.final.without(name)
+        alone = left(rest, False) - left(found.final, False)
+        beside = left(rest, True) - left(found.final, True)
+        if beside > KEPT * alone:
+            kept.append(name)
+    return tuple(kept)
+
+
+def _share_of(found: Found, kept: tuple[str, ...], explainable: float) -> float:
+    hypothesis = found.final
+    for effect in found.final.added:
+        if effect.name not in kept:
+            hypothesis = hypothesis.without(effect.name)
+    return (found.base.held_out - hypothesis.held_out) / explainable

@@ -1,0 +1,1 @@
+"""Identify the declared model of an axis from a recording."""

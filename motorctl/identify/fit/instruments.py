@@ -1,0 +1,161 @@
+"""Identification by instrumental variables built from the reference.
+
+In closed loop neither side of the equation is free of noise: measurement noise comes back into
+the command through the feedback, and an undeclared force (cogging, say) makes the controller
+answer in the command. Least squares is biased by one or the other. Columns formed from the
+reference, and from the command that the model asks for there, are correlated with neither
+(P. C. Young, "Recursive Estimation and Time-Series Analysis", 2011, ch. 6; A. Janot,
+P.-O. Vandanjon, M. Gautier, "A Generic Instrumental Variable Approach for Industrial Robot
+Identification", IEEE TCST 22(1), 2014). With those columns as instruments Z, and Q an orthonormal
+basis of them, the two-stage estimate minimises |Q'(u - psi theta)| over theta and the delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from motorctl.identify.columns.filters import acceleration_of, velocity_of
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.regression_data import RegressionData, delay_range_s, prepare
+from motorctl.identify.fit.delay import TOLERANCE_SAMPLES, delay_sensitivity, delay_trials
+from motorctl.identify.fit.estimate import Estimate
+from motorctl.identify.fit.standard_errors import sandwich
+
+Array = NDArray[np.float64]
+
+INVERSION_STEPS = 12
+ROUNDS = 4
+"""Each round forms the instruments anew from the last estimate."""
+SETTLED = 0.1
+"""Of a standard error: further rounds change nothing."""
+SMALLEST_SINGULAR_VALUE = 1e-7
+"""Of the normalised instruments; below it they repeat each other."""
+SHIFTS_PER_PERIOD = 8
+"""The command's instruments stand also this part of the band's period earlier and later."""
+
+
+def by_instruments(
+    data: Measured, columns: RegressionData, start: Estimate, bandwidth_rows: int
+) -> Estimate | None:
+    """Identify with instruments; None where the reference is unknown or does not excite.
+
+    `columns` are rows of `data`, `start` is what least squares found on them.
+    """
+    if data.reference is None or not np.all(np.isfinite(data.reference[data.usable])):
+        return None
+    found = start
+    for _ in range(ROUNDS):
+        ideal = _noise_free(data, columns, found.theta)
+        if ideal is None:
+            return None
+        before = found
+        improved = _two_stage(columns, _basis(ideal, found.delay_s), before, bandwidth_rows)
+        if improved is None:
+            return None
+        found = improved
+        if np.all(np.abs(found.theta - before.theta) <= SETTLED * found.std_error):
+            break
+    return found
+
+
+def _two_stage(
+    columns: RegressionData, Q: Array, start: Estimate, bandwidth_rows: int
+) -> Estimate | None:
+    n = len(start.theta)
+    estimated = columns.options.estimate_delay
+    if Q.shape[1] < n + estimated:
+        return None
+
+    def solved(delay_s: float) -> tuple[Array, float]:
+        psi, command = columns.at(delay_s)
+        A, y = Q.T @ psi, Q.T @ command
+        scale = _lengths(A)
+        theta = np.linalg.lstsq(A / scale, y, rcond=None)[0] / scale
+        return theta, float(np.sum((y - A @ theta) ** 2))
+
+    delay_s = start.delay_s
+    if estimated:
+        trials = delay_trials(columns)
+        best = int(np.argmin([solved(float(trial))[1] for trial in trials]))
+        around = (trials[max(best - 1, 0)], trials[min(best + 1, len(trials) - 1)])
+        tolerance = TOLERANCE_SAMPLES * columns.period_s
+        delay_s = float(
+            minimize_scalar(
+                lambda delay: solved(float(delay))[1],
+                bounds=around,
+                method="bounded",
+                options={"xatol": tolerance},
+            ).x
+        )
+    theta, _ = solved(delay_s)
+    psi, command = columns.at(delay_s)
+    J = psi
+    if estimated:
+        J = np.column_stack([psi, delay_sensitivity(columns, delay_s, theta, "command")])
+    projected = Q.T @ J
+    scale = _lengths(projected)
+    curvature = (projected / scale).T @ (projected / scale)
+    if np.linalg.cond(curvature) > 1.0 / SMALLEST_SINGULAR_VALUE**2:
+        return None
+    bread = np.linalg.inv(curvature) / np.outer(scale, scale)
+    scores = (Q @ projected) * (command - psi @ theta)[:, None]
+    covariance = np.zeros((n + 1, n + 1))
+    size = J.shape[1]
+    covariance[:size, :size] = sandwich(bread, scores, bandwidth_rows)
+    return Estimate(theta, delay_s, covariance)
+
+
+def _basis(ideal: RegressionData, delay_s: float) -> Array:
+    """Give an orthonormal basis (m, k) of the instruments."""
+    assert ideal.options.filter_hz is not None
+    low, high = delay_range_s(ideal.options, 1.0 / ideal.period_s)
+    shift = 1.0 / (SHIFTS_PER_PERIOD * ideal.options.filter_hz)
+    psi, command = ideal.at(delay_s)
+    parts = [psi, command[:, None]]
+    if ideal.options.estimate_delay:
+        for shifted in (delay_s - shift, delay_s + shift):
+            psi, command = ideal.at(min(max(shifted, low), high))
+            parts += [command[:, None], psi[:, ideal.input_index]]
+    Z = np.column_stack(parts)
+    U, s, _ = np.linalg.svd(Z / _lengths(Z), full_matrices=False)
+    return np.asarray(U[:, s > SMALLEST_SINGULAR_VALUE * s[0]])
+
+
+def _noise_free(data: Measured, columns: RegressionData, theta: Array) -> RegressionData | None:
+    """Form the same rows from the reference and the command that the model asks for there."""
+    assert data.reference is not None
+    options = replace(columns.options, friction_velocity="measured", rest_velocity=0.0)
+    command = np.zeros_like(data.reference)
+    for rows in data.stretches(3):
+        command[rows] = _ideal_command(data, rows, columns, theta)
+    ideal = replace(data, position=data.reference, command=command)
+    formed = prepare(ideal, columns.model, options)
+    formed = formed.rows(np.isin(formed.time_s, columns.time_s))
+    return formed if len(formed.time_s) == len(columns.time_s) else None
+
+
+def _ideal_command(data: Measured, rows: slice, columns: RegressionData, theta: Array) -> Array:
+    """Solve v(u) = sum of the state terms at the reference: iterate u = v + (u - v(u))."""
+    assert data.reference is not None
+    reference, time = data.reference[rows], data.time_s[rows]
+    velocity = velocity_of(reference, data.period_s)
+    how = columns.options.derivative
+    acceleration = acceleration_of(reference, velocity, data.period_s, how)
+    motion = (reference, velocity, acceleration, velocity, time)
+    limit = float(np.max(np.abs(data.command[data.usable])))
+    inputs = columns.input_index
+    virtual = columns.model.regressor(*motion, np.zeros_like(time)) @ theta
+    command = np.clip(virtual, -limit, limit)
+    for _ in range(INVERSION_STEPS if len(inputs) else 0):
+        psi = columns.model.regressor(*motion, command)[:, inputs]
+        command = np.clip(virtual + psi @ theta[inputs], -limit, limit)
+    return command
+
+
+def _lengths(columns: Array) -> Array:
+    lengths = np.linalg.norm(columns, axis=0)
+    return np.where(lengths > 0.0, lengths, 1.0)

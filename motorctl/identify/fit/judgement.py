@@ -1,0 +1,171 @@
+"""Whether an identification can be believed: errors that stop it, and notes that go with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured, check_usable
+from motorctl.identify.columns.regression_data import prepare
+from motorctl.identify.fit.least_squares import LeastSquares
+from motorctl.identify.fit.regression import Regression, Solution, inertia_index, regression, solve
+from motorctl.identify.fit.result import AxisFit, FitError
+from motorctl.identify.fit.settings import FitOptions
+from motorctl.identify.fit.standard_errors import sandwich
+from motorctl.model import EffectList, effect_class, make_effect
+
+SIGNIFICANT = 3.0
+INDISTINCT = 2.0
+ILL_CONDITIONED = 1e3
+POORLY_DETERMINED = 0.02
+"""A term whose standard error moves more than this part of the command's rms."""
+BAD_ERROR = 0.5
+GOOD_ERROR = 0.3
+TAKES_PART = 0.2
+
+
+class NothingExplainedError(DataError):
+    """The command seems to have nothing to do with the motion."""
+
+
+def check_direction(
+    data: Measured, problem: Regression, solution: Solution, bandwidth_rows: int
+) -> None:
+    """Raise DataError where the command does not drive the acceleration, or drives it backwards."""
+    if problem.inertia is None:
+        return
+    b = solution.b[problem.inertia]
+    scores = problem.X * solution.residual[:, None]
+    variance = sandwich(solution.bread, scores, bandwidth_rows)[problem.inertia, problem.inertia]
+    error = math.sqrt(max(variance, 0.0))
+    if b > SIGNIFICANT * error:
+        return
+    check_exchanged(data, None, FitOptions())
+    if b < -SIGNIFICANT * error:
+        raise DataError(
+            f"{data.place}: a positive command accelerates towards negative positions: the sign "
+            "of one of the two is reversed"
+        )
+    raise NothingExplainedError(
+        f"{data.place}: the command explains none of the acceleration; are these the position "
+        "and the command of the same axis, in time with each other?"
+    )
+
+
+def check_exchanged(data: Measured, error: FitError | None, options: FitOptions) -> None:
+    """Raise DataError where position and command make sense only the other way round."""
+    if error is not None and error.relative < BAD_ERROR:
+        return
+    other = replace(
+        data, position=data.command, command=data.position, reference=None,
+        reference_velocity=None, saturated=None, resolution=None,
+    )  # fmt: skip
+    model = EffectList(
+        [make_effect(effect_class(n)) for n in ("inertia", "viscous_friction", "offset")]
+    )
+    choices = options.with_changes(
+        fit_segments=None, held_out_segments=None, left="acceleration", estimate_delay=False
+    )
+    try:
+        check_usable(other)
+        columns = prepare(other, model, choices)
+    except DataError:
+        return
+    psi, command = columns.at(0.0)
+    problem = regression(psi, command, model, "acceleration")
+    b = solve(problem).b
+    unexplained = np.linalg.norm(command - psi @ problem.theta(b)) / np.linalg.norm(command)
+    if b[0] > 0.0 and unexplained < GOOD_ERROR:
+        raise DataError(
+            f"{data.place}: position and command seem to be exchanged: the other way round the "
+            f"model leaves only {100 * unexplained:.0f} % of the command"
+        )
+
+
+def judge(fit: AxisFit, found: LeastSquares) -> AxisFit:
+    """Add the notes that a reader of the numbers needs."""
+    notes = [
+        *_bound_notes(fit),
+        *_excitation_notes(fit, found.solution),
+        *_instrument_notes(fit),
+        *_map_notes(fit),
+    ]
+    if inertia_index(fit.model) is None and fit.options.left == "acceleration":
+        notes.append("the model has no inertia, so the command stands on the left")
+    if found.delay_at_end and fit.estimator == "least_squares":
+        notes.append(
+            f"the input delay stands at the end of the range that was sought "
+            f"({1e3 * fit.delay_s:.3g} ms)"
+        )
+    if fit.error.relative > BAD_ERROR:
+        notes.append(
+            f"the model explains little of the command: {100 * fit.error.relative:.0f} % is left"
+        )
+    return replace(fit, notes=tuple(notes))
+
+
+def _bound_notes(fit: AxisFit) -> list[str]:
+    return [
+        f"{name} would leave its physical bounds; it is held at the {bound} one"
+        for name, bound in fit.estimate.at_bound.items()
+    ]
+
+
+def _excitation_notes(fit: AxisFit, solution: Solution) -> list[str]:
+    names = np.array(fit.model.parameter_names)
+    notes = [
+        f"this motion cannot tell apart: {', '.join(names[np.abs(direction) > TAKES_PART])}"
+        for direction in solution.open_directions
+    ]
+    if not notes and solution.condition > ILL_CONDITIONED:
+        notes.append(
+            f"poor excitation: the regressor's condition number is {solution.condition:.0f}"
+        )
+    psi, command = fit.columns.at(fit.delay_s)
+    effects = [effect for effect in fit.model.effects for _ in effect.parameters]
+    sizes = fit.std_error * np.sqrt(np.mean(psi**2, axis=0)) / np.sqrt(np.mean(command**2))
+    for name, effect, size in zip(names, effects, sizes, strict=True):
+        if size > POORLY_DETERMINED:
+            notes.append(
+                f"{name} is poorly determined: its standard error is {100 * size:.1f} % of the "
+                f"command; it becomes visible in {effect.visible_in}"
+            )
+    vague = [
+        name
+        for name, value, error in zip(names, fit.theta, fit.std_error, strict=True)
+        if name not in fit.estimate.at_bound and abs(value) < INDISTINCT * error
+    ]
+    if vague:
+        notes.append(f"not to be told from zero: {', '.join(vague)}")
+    return notes
+
+
+def _instrument_notes(fit: AxisFit) -> list[str]:
+    differs = fit.disagreement()
+    if not differs.any():
+        return []
+    names = ", ".join(np.array(fit.model.parameter_names)[differs])
+    taken = fit.estimator.replace("_", " ")
+    return [
+        f"least squares and instruments built from the reference disagree on {names}: noise or an "
+        f"undeclared effect comes back through the feedback; the values are those of {taken}"
+    ]
+
+
+def _map_notes(fit: AxisFit) -> list[str]:
+    """Check Assumption 2 over the commands that were used."""
+    if not len(fit.columns.input_index):
+        return []
+    largest = float(np.max(np.abs(fit.data.command[fit.data.usable])))
+    u = np.linspace(-largest, largest, 201)
+    zero = np.zeros_like(u)
+    psi = fit.model.regressor(zero, zero, zero, zero, zero, u)[:, fit.columns.input_index]
+    v = u - psi @ fit.theta[fit.columns.input_index]
+    if np.all(np.diff(v) > 0.0):
+        return []
+    return [
+        f"the input map v(u) is not strictly monotonic up to {largest:.3g} {fit.data.command_unit}"
+    ]

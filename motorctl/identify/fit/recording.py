@@ -1,0 +1,202 @@
+"""Identify the declared model of an axis from a recording.
+
+The way: form the columns (regression_data), solve least squares with the acceleration on the left
+(fit_least_squares), solve again with instruments built from the reference (instruments), take the
+one that is least biased, judge (fit_judgement).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.measured import Measured, check_usable, measured
+from motorctl.identify.columns.regression_data import RegressionData, prepare
+from motorctl.identify.fit.estimate import Estimate
+from motorctl.identify.fit.instruments import by_instruments
+from motorctl.identify.fit.judgement import check_direction, check_exchanged, judge
+from motorctl.identify.fit.least_squares import by_least_squares, physical_bounds, within
+from motorctl.identify.fit.result import AxisFit, FitError, RecordingFit
+from motorctl.identify.fit.settings import Estimator, FitOptions, Segment
+from motorctl.log import Recording
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+SHORTEST_CORRELATION_S = 0.1
+"""Residuals closer than this always count as correlated."""
+ROWS_PER_PARAMETER = 10
+
+
+def fit_recording(
+    recording: Recording,
+    models: Mapping[str, EffectList],
+    options: FitOptions | None = None,
+    evaluate_on: Recording | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> RecordingFit:
+    """Identify each axis that `models` names.
+
+    `evaluate_on` is a second recording that gives the held-out error; its axis is that of the
+    same name, or its only one. `progress` is told each axis before its turn. An axis that cannot
+    be identified, such as one that did not move, is told in the result. Raises DataError where
+    no axis can be, and UsageError.
+    """
+    options = options or FitOptions()
+    held_out = options.held_out_segments or _described(recording, "held_out")
+    options = options.with_changes(
+        fit_segments=options.fit_segments or _described(recording, "fit"),
+        held_out_segments=None if evaluate_on is not None else held_out,
+    )
+    fits: dict[str, AxisFit] = {}
+    refused: dict[str, DataError] = {}
+    for name, model in models.items():
+        if progress is not None:
+            progress(name)
+        other = None
+        if evaluate_on is not None:
+            other = measured(evaluate_on, _counterpart(evaluate_on, name))
+        try:
+            fits[name] = fit_axis(measured(recording, name), model, options, other)
+        except DataError as error:
+            refused[name] = error
+    if not fits:
+        raise DataError("\n".join(str(error) for error in refused.values()))
+    return RecordingFit(
+        recording.source,
+        recording.sample_rate_hz,
+        recording.duration_s,
+        fits,
+        {name: str(error) for name, error in refused.items()},
+        recording.notes,
+    )
+
+
+def fit_axis(
+    data: Measured,
+    model: EffectList,
+    options: FitOptions | None = None,
+    evaluate_on: Measured | None = None,
+) -> AxisFit:
+    """Identify `model` from one axis.
+
+    Raises DataError where the data cannot tell anything: too short, no motion, a constant or
+    saturated command, columns that seem exchanged or of opposite sign.
+    """
+    check_usable(data)
+    everything = prepare(data, model, options or FitOptions())
+    options = everything.options
+    columns = _chosen(data, everything, options.fit_segments)
+    bandwidth = _correlated_rows(columns)
+    found = by_least_squares(data, columns, bandwidth)
+    check_direction(data, found.problem, found.solution, bandwidth)
+    instruments = by_instruments(data, columns, found.estimate, bandwidth)
+    estimator = _preferred(data, columns, found.estimate, instruments)
+    estimate = found.estimate
+    if estimator == "instruments" and instruments is not None:
+        estimate = instruments
+    residual, error = _error(data, columns, estimate)
+    check_exchanged(data, error, options)
+    held_out = None
+    if evaluate_on is not None:
+        held_out = _evaluate(evaluate_on, everything, estimate)
+    elif options.held_out_segments:
+        rest = _chosen(data, everything, options.held_out_segments)
+        held_out = _error(data, rest, estimate)[1]
+    fit = AxisFit(
+        data=data,
+        model=everything.model,
+        options=options,
+        columns=columns,
+        estimator=estimator,
+        least_squares=found.estimate,
+        instruments=instruments,
+        error=error,
+        held_out=held_out,
+        residual=residual,
+        condition=found.solution.condition,
+        notes=(),
+    )
+    return judge(fit, found)
+
+
+def evaluate(fit: AxisFit, other: Measured) -> FitError:
+    """Give the error that the identified model leaves on another recording, in the same band."""
+    return _evaluate(other, fit.columns, fit.estimate)
+
+
+def _described(recording: Recording, part: str) -> tuple[Segment, ...] | None:
+    found = [segment for name, segment in recording.segments.items() if name == part]
+    return tuple(found) or None
+
+
+def _counterpart(recording: Recording, axis: str) -> str:
+    if axis in recording.axes:
+        return axis
+    if len(recording.axes) == 1:
+        return next(iter(recording.axes))
+    known = ", ".join(recording.axes)
+    raise UsageError(f"{recording.source}: no axis '{axis}' to evaluate on; it has: {known}")
+
+
+def _chosen(
+    data: Measured, columns: RegressionData, segments: tuple[Segment, ...] | None
+) -> RegressionData:
+    chosen = columns.within(segments) if segments else columns
+    needed = ROWS_PER_PARAMETER * len(columns.model)
+    if len(chosen.time_s) < needed:
+        spans = ", ".join(f"{begin:g} to {end:g} s" for begin, end in segments or ())
+        raise DataError(
+            f"{data.place}: {len(chosen.time_s)} rows are left after filtering and decimation"
+            + (f" in {spans}" if spans else "")
+            + f"; {len(columns.model)} parameters need at least {needed}"
+        )
+    return chosen
+
+
+def _correlated_rows(columns: RegressionData) -> int:
+    assert columns.options.decimation is not None
+    return math.ceil(SHORTEST_CORRELATION_S / (columns.period_s * columns.options.decimation))
+
+
+def _preferred(
+    data: Measured, columns: RegressionData, ordinary: Estimate, instruments: Estimate | None
+) -> Estimator:
+    wanted = columns.options.estimator
+    if wanted == "least_squares" or (wanted == "auto" and columns.options.left == "command"):
+        return "least_squares"
+    if wanted == "instruments":
+        if instruments is None:
+            raise DataError(
+                f"{data.place}: instruments need a reference that excites every parameter"
+            )
+        return wanted
+    if instruments is None or instruments.weaker_than(ordinary).any():
+        return "least_squares"
+    bounds = physical_bounds(columns.model, data)
+    return "instruments" if within(instruments.theta, *bounds) else "least_squares"
+
+
+def _error(data: Measured, columns: RegressionData, estimate: Estimate) -> tuple[Array, FitError]:
+    psi, command = columns.at(estimate.delay_s)
+    residual = command - psi @ estimate.theta
+    size = float(np.linalg.norm(command))
+    assert columns.options.decimation is not None
+    rows = len(residual)
+    return residual, FitError(
+        rms=float(np.linalg.norm(residual)) / math.sqrt(rows),
+        relative=float(np.linalg.norm(residual)) / size if size else math.inf,
+        source=data.source,
+        duration_s=rows * columns.period_s * columns.options.decimation,
+    )
+
+
+def _evaluate(other: Measured, like: RegressionData, estimate: Estimate) -> FitError:
+    check_usable(other)
+    options = like.options.with_changes(fit_segments=None, held_out_segments=None)
+    columns = _chosen(other, prepare(other, like.model, options), None)
+    return _error(other, columns, estimate)[1]

@@ -1,0 +1,144 @@
+"""Linear least squares of the declared model, with either side on the left.
+
+Command on the left:       u = sum theta_i psi_i.
+Acceleration on the left:  a = (1/theta_1) u - sum_{i>1} (theta_i/theta_1) psi_i,
+
+the same equation divided by the inertia: the command is known exactly, the acceleration carries
+the noise, so the second form is the one without bias. Parameters come back as theta_1 = 1/b_1,
+theta_i = -b_i/b_1, and their covariance by the delta method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from motorctl.identify.fit.settings import Side
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SMALLEST_SINGULAR_VALUE = 1e-9
+"""Of the normalised columns; directions below it are not determined by the data."""
+
+
+@dataclass(frozen=True)
+class Regression:
+    """y = X b + noise, and the way from b to theta; m rows, n parameters."""
+
+    X: Array
+    """(m, n)"""
+    y: Array
+    """(m,)"""
+    inertia: int | None
+    """Index of the inertia in theta where the acceleration is on the left."""
+
+    def theta(self, b: Array) -> Array:
+        """Give theta (n,) of the coefficients b (n,)."""
+        if self.inertia is None:
+            return b
+        theta: Array = -b / b[self.inertia]
+        theta[self.inertia] = 1.0 / b[self.inertia]
+        return theta
+
+    def coefficients(self, theta: Array) -> Array:
+        """Give b (n,) of theta (n,); its own inverse."""
+        return self.theta(theta)
+
+    def jacobian(self, b: Array) -> Array:
+        """Give d theta / d b, shape (n, n)."""
+        if self.inertia is None:
+            return np.eye(len(b))
+        i, b1 = self.inertia, b[self.inertia]
+        jacobian: Array = -np.eye(len(b)) / b1
+        jacobian[:, i] = b / b1**2
+        jacobian[i, i] = -1.0 / b1**2
+        return jacobian
+
+
+def regression(psi: Array, command: Array, model: EffectList, left: Side) -> Regression:
+    """Arrange psi (m, n) and the command (m,) for the side that goes on the left.
+
+    A model without inertia can only have the command on the left.
+    """
+    inertia = inertia_index(model)
+    if left == "command" or inertia is None:
+        return Regression(psi, command, None)
+    X = psi.copy()
+    X[:, inertia] = command
+    return Regression(X, psi[:, inertia], inertia)
+
+
+def inertia_index(model: EffectList) -> int | None:
+    """Give the index of the parameter whose column is the acceleration."""
+    names = model.parameter_names
+    return names.index("inertia") if "inertia" in names else None
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients of a regression and what is needed to judge them."""
+
+    b: Array
+    residual: Array
+    """y - X b, (m,)"""
+    condition: float
+    """Of X with its columns scaled to length one."""
+    bread: Array
+    """(X'X)^-1, (n, n), finite also where the data leaves a direction open."""
+    open_directions: Array
+    """(k, n) in b scaled by the columns' lengths: what the data does not determine."""
+
+
+def solve(problem: Regression) -> Solution:
+    """Minimise |y - X b|, with the least scaled |b| in directions the data leaves open."""
+    scale = np.linalg.norm(problem.X, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    U, s, Vt = np.linalg.svd(problem.X / scale, full_matrices=False)
+    known = s > SMALLEST_SINGULAR_VALUE * s[0]
+    b = (Vt[known].T @ ((U[:, known].T @ problem.y) / s[known])) / scale
+    floored = np.maximum(s, SMALLEST_SINGULAR_VALUE * s[0])
+    half = (Vt.T / floored) / scale[:, None]
+    return Solution(
+        b=b,
+        residual=problem.y - problem.X @ b,
+        condition=float(s[0] / floored[-1]),
+        bread=half @ half.T,
+        open_directions=Vt[~known],
+    )
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """The least-squares solution within the bounds of theta."""
+
+    theta: Array
+    at_lower: Flags
+    at_upper: Flags
+
+
+def solve_bounded(problem: Regression, start: Array, lower: Array, upper: Array) -> Bounded:
+    """Minimise |y - X b(theta)| over lower <= theta <= upper, all of shape (n,).
+
+    The rows are first compressed to n by an orthogonal factorisation.
+    """
+    R = np.linalg.qr(np.column_stack([problem.X, problem.y]), mode="r")
+    size = np.maximum(np.abs(start), 1e-6)
+    low, high = lower / size, upper / size
+    inside = np.clip(start / size, low, high)
+
+    def residual(scaled: Array) -> Array:
+        b = problem.coefficients(scaled * size)
+        return np.asarray(R @ np.append(b, -1.0))
+
+    found = least_squares(residual, inside, bounds=(low, high), xtol=1e-14, ftol=1e-14)
+    theta = np.clip(found.x * size, lower, upper)
+    # an interior method stops just short of a bound
+    near = 1e-6 * size
+    at_lower, at_upper = theta - lower <= near, upper - theta <= near
+    theta = np.where(at_lower, lower, np.where(at_upper, upper, theta))
+    return Bounded(theta, at_lower, at_upper)

@@ -1,0 +1,108 @@
+"""What an identification gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.regression_data import RegressionData
+from motorctl.identify.fit.estimate import Estimate, Flags
+from motorctl.identify.fit.settings import Estimator, FitOptions
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FitError:
+    """What a model leaves of the command in the fitted band."""
+
+    rms: float
+    """In units of the command."""
+    relative: float
+    """|residual| / |command|."""
+    source: str
+    duration_s: float
+    """Of the rows that were compared."""
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """The identified model of one axis; n parameters in the order of `model`."""
+
+    data: Measured
+    model: EffectList
+    """With the sign function's slope as it was used."""
+    options: FitOptions
+    """With everything filled in."""
+    columns: RegressionData
+    """The rows that were fitted; m rows."""
+    estimator: Estimator
+    """Which of the two estimates gives the values."""
+    least_squares: Estimate
+    instruments: Estimate | None
+    """None where the reference is unknown or does not excite."""
+    error: FitError
+    held_out: FitError | None
+    residual: Array
+    """(m,) command minus model, in units of the command."""
+    condition: float
+    """Of the regressor with its columns scaled to length one."""
+    notes: tuple[str, ...]
+
+    @property
+    def estimate(self) -> Estimate:
+        """The estimate that gives the values."""
+        if self.estimator == "instruments" and self.instruments is not None:
+            return self.instruments
+        return self.least_squares
+
+    @property
+    def theta(self) -> Array:
+        """The parameters (n,) in units of the command."""
+        return self.estimate.theta
+
+    @property
+    def std_error(self) -> Array:
+        """Standard errors of theta, (n,), honouring serial correlation and the delay's error."""
+        return self.estimate.std_error
+
+    @property
+    def delay_s(self) -> float:
+        """The input delay; positive: the command acts later."""
+        return self.estimate.delay_s
+
+    def value(self, name: str) -> float:
+        """Give one parameter by its full name."""
+        return float(self.theta[self.model.parameter_names.index(name)])
+
+    def weak(self) -> Flags:
+        """Tell which parameters (n,) the instruments hardly determine."""
+        if self.instruments is None:
+            return np.ones(len(self.theta), dtype=np.bool_)
+        return self.instruments.weaker_than(self.least_squares)
+
+    def disagreement(self) -> Flags:
+        """Tell on which parameters (n,) instruments and least squares disagree."""
+        if self.instruments is None:
+            return np.zeros(len(self.theta), dtype=np.bool_)
+        psi, command = self.columns.at(self.delay_s)
+        differs = self.instruments.disagrees_with(self.least_squares, psi, command)
+        return np.asarray(differs & ~self.weak())
+
+
+@dataclass(frozen=True)
+class RecordingFit:
+    """The identified axes of a recording."""
+
+    source: str
+    sample_rate_hz: float
+    duration_s: float
+    axes: Mapping[str, AxisFit]
+    refused: Mapping[str, str]
+    """Why the other axes could not be identified."""
+    notes: tuple[str, ...] = ()

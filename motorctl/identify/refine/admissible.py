@@ -1,0 +1,139 @@
+"""Make refined values such that the configuration accepts them, changing as little as possible.
+
+A fit may say more than its recording showed: an input map that is sound over the commands that
+were used may turn back before the voltage limit, and then it has no inverse (Chen, Yao, Wang
+2013, Assumption 2). So the start values of the input map are drawn towards zero until it is
+monotonic up to the limit and the programs can be run, and bounds are narrowed until the
+projection can keep it so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.analysis import required_command, smallest_slope
+from motorctl.config.machine import Axis, Estimate
+from motorctl.control import input_indices, monotonicity_half_planes
+from motorctl.errors import UsageError
+from motorctl.identify.refine.start_values import rounded
+from motorctl.model import EffectList
+from motorctl.motion import AxisLimits, Program, check_program
+
+Array = NDArray[np.float64]
+
+CLEAR_OF_MARGIN = 1e-3
+"""dv/du at the start values lies so far above the margin, beyond what rounding takes."""
+CLEAR_SHARE = 1e-4
+"""What rounding may take of a share."""
+STEPS = 20
+HALVINGS = 12
+
+
+def admissible(
+    axis: Axis, model: EffectList, estimates: Sequence[Estimate], programs: Sequence[Program]
+) -> tuple[list[Estimate], list[str]]:
+    """Give estimates that the axis can start with, and in words what had to be changed.
+
+    estimates: one for each parameter of `model`. What the input map cannot mend, such as a
+    program that needs too much voltage for its inertia, is left for the configuration to refuse.
+    """
+    notes: list[str] = []
+    found = list(estimates)
+    indices = input_indices(model)
+    if not indices:
+        return found, notes
+    limits = axis.limits
+    u_max, travel = limits.max_voltage_v, limits.travel_m
+    margin = axis.adaptation.monotonicity_margin + CLEAR_OF_MARGIN
+
+    def monotonic(theta: Array) -> bool:
+        return smallest_slope(model, theta, u_max, travel)[0] >= margin
+
+    def can_run(theta: Array) -> bool:
+        return monotonic(theta) and not _too_much_voltage(axis, model, theta, programs)
+
+    for sound, why in (
+        (monotonic, f"the input map is not monotonic up to {u_max:g} V as it was fitted"),
+        (can_run, f"a program would need more than {u_max:g} V"),
+    ):
+        share = _largest_share(sound, np.array([e.initial for e in found]), indices)
+        if share is not None and share < 1.0:
+            found = [_drawn(e, share) if i in indices else e for i, e in enumerate(found)]
+            notes.append(f"{why}: its parameters start at {100.0 * share:.0f} % of their estimates")
+    for _ in range(HALVINGS):
+        if _can_be_kept(model, found, u_max, axis.adaptation.monotonicity_margin, travel):
+            break
+        found = [_narrowed(e) if i in indices else e for i, e in enumerate(found)]
+        words = "bounds of the input map are narrowed, so that it stays monotonic within them"
+        notes += [] if words in notes else [words]
+    return found, notes
+
+
+def _largest_share(
+    sound: Callable[[Array], bool], theta: Array, indices: Sequence[int]
+) -> float | None:
+    """Find which part of the input map's parameters is still sound; None where none is."""
+
+    def at(share: float) -> Array:
+        drawn = theta.copy()
+        drawn[list(indices)] *= share
+        return drawn
+
+    if sound(theta):
+        return 1.0
+    if not sound(at(0.0)):
+        return None
+    low, high = 0.0, 1.0
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if sound(at(middle)) else (low, middle)
+    return low * (1.0 - CLEAR_SHARE)
+
+
+def _too_much_voltage(
+    axis: Axis, model: EffectList, theta: Array, programs: Sequence[Program]
+) -> bool:
+    limits = axis.limits
+    needed = required_command(model, theta, limits.max_voltage_v)
+    wide = AxisLimits((-np.inf, np.inf), np.inf, np.inf, np.inf, limits.max_voltage_v)
+    return any(
+        violation.quantity == "voltage"
+        for program in programs
+        for violation in check_program(
+            program, dict.fromkeys(program.axes, wide), {axis.name: needed}
+        )
+    )
+
+
+def _can_be_kept(
+    model: EffectList,
+    estimates: Sequence[Estimate],
+    u_max: float,
+    margin: float,
+    travel: tuple[float, float],
+) -> bool:
+    lower = np.array([e.lower for e in estimates])
+    upper = np.array([e.upper for e in estimates])
+    theta = np.array([e.initial for e in estimates])
+    try:
+        normals, offsets = monotonicity_half_planes(model, lower, upper, u_max, margin, travel)
+    except UsageError:
+        return False
+    return bool(np.all(normals @ theta >= offsets))
+
+
+def _drawn(estimate: Estimate, share: float) -> Estimate:
+    initial = rounded(share * estimate.initial)
+    lower, upper = min(estimate.lower, initial), max(estimate.upper, initial)
+    return replace(estimate, initial=initial, lower=lower, upper=upper)
+
+
+def _narrowed(estimate: Estimate) -> Estimate:
+    initial = estimate.initial
+    lower = min(rounded(0.5 * (estimate.lower + initial)), initial)
+    upper = max(rounded(0.5 * (estimate.upper + initial)), initial)
+    return replace(estimate, lower=lower, upper=upper)

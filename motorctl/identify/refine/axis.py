@@ -1,0 +1,254 @@
+"""The model that an axis should have after a diagnosis, and what is to be said of it."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.axis_model import MOST_PARAMETERS
+from motorctl.config.freeze import decode
+from motorctl.config.machine import Axis, Estimate, Machine
+from motorctl.errors import DataError
+from motorctl.identify.columns.frame import make_frame
+from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.refine.admissible import admissible
+from motorctl.identify.refine.header import found_words
+from motorctl.identify.refine.model_error import force_error_rms
+from motorctl.identify.refine.model_text import WantedEffect
+from motorctl.identify.refine.start_values import (
+    estimates_of,
+    is_spline,
+    sizes_of,
+    with_rounded_options,
+)
+from motorctl.model import Effect, EffectList
+
+COMMENT_WIDTH = 90
+IMPROVEMENT = 0.98
+"""New start values of a complete model must leave less than this part of the error."""
+
+
+@dataclass(frozen=True)
+class AxisRefinement:
+    """What becomes of one axis."""
+
+    axis: str
+    verdict: str
+    changed: bool
+    added: tuple[str, ...]
+    """Names of the effects that the configuration did not have."""
+    wanted: tuple[WantedEffect, ...]
+    """The whole model as the configuration should have it; as it is where nothing changes."""
+    done: tuple[str, ...]
+    """What was done and why, in sentences."""
+    old_delay_s: float
+    """adaptation.input_delay_s where an effect that was found takes its place, else 0."""
+    start_error_v: float
+    """What the model leaves of this recording's command with the old start values, rms."""
+    refined_error_v: float
+    """The same with the new ones."""
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Give every parameter's estimate by its full name."""
+        return {
+            part.effect.full_name(parameter): estimate
+            for part in self.wanted
+            for parameter, estimate in zip(part.effect.parameters, part.estimates, strict=True)
+        }
+
+
+def keep_axis(
+    diagnosis: RecordingDiagnosis, machine: Machine, name: str, *why: str
+) -> AxisRefinement:
+    """Leave the model of an axis as it is, and say why."""
+    found, current = diagnosis.axes[name], current_model(machine, name)
+    error = _error_of(current, found)
+    return AxisRefinement(name, found.verdict, False, (), current, why, 0.0, error, error)
+
+
+def refine_axis(
+    diagnosis: RecordingDiagnosis, machine: Machine, name: str, without: Collection[str] = ()
+) -> AxisRefinement:
+    """Decide on the model of one axis; effects in `without` are left out."""
+    found, axis = diagnosis.axes[name], machine.axes[name]
+    current = current_model(machine, name)
+    before = _error_of(current, found)
+
+    def unchanged(*done: str) -> AxisRefinement:
+        return AxisRefinement(name, found.verdict, False, (), current, done, 0.0, before, before)
+
+    crowded = _too_many(axis, found, without)
+    model, picked = _model_without(found, {*without, *crowded})
+    # rounded before bounds are made: the range of a parameter may depend on an option
+    model = EffectList(
+        [e if e.name in axis.declared.names else with_rounded_options(e) for e in model.effects]
+    )
+    new = [effect for effect in model.effects if effect.name not in axis.declared.names]
+    if found.verdict == "insufficient_data":
+        return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
+    if not new and found.verdict != "complete":
+        return unchanged(f"unchanged: {found.sentence}")
+    sizes = sizes_of(model, make_frame(found.data, dict(found.others)))
+    fitted = estimates_of(model, found.theta[picked], found.std_error[picked], sizes)
+    wanted = _wanted(axis, current, found, model, fitted)
+    programs = [p for p in machine.programs.values() if name in p.axes]
+    whole = EffectList([part.effect for part in wanted])
+    sound, notes = admissible(axis, whole, [e for part in wanted for e in part.estimates], programs)
+    wanted = _with_estimates(wanted, sound)
+    after = _error_of(wanted, found)
+    if not new and not after < IMPROVEMENT * before:
+        return unchanged(
+            "unchanged: nothing beyond noise is missing, and with parameters fitted to this "
+            f"recording the error would be {after:.3g} V rms instead of {before:.3g}"
+        )
+    added = tuple(effect.name for effect in new)
+    notes += [
+        f"{spline} is left out: the model would have more than {MOST_PARAMETERS} parameters"
+        for spline in crowded
+    ]
+    delay_s = axis.adaptation.input_delay_s if any(e.kind == "command" for e in new) else 0.0
+    if delay_s:
+        notes.append("adaptation.input_delay_s is 0 now: what was found contains it")
+    done = (*_done(found, added, before, after), *notes)
+    return AxisRefinement(name, found.verdict, True, added, wanted, done, delay_s, before, after)
+
+
+def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> list[str]:
+    """Name the splines that leave no room for the rest of the model, what explains least first."""
+    effects = {effect.name: effect for effect in (*axis.declared.effects, *found.model.effects)}
+    counts = {name: len(e.parameters) for name, e in effects.items() if name not in without}
+    scores = {effect.name: effect.score for effect in found.effects}
+    new = [name for name in counts if name not in axis.declared.names and is_spline(effects[name])]
+    crowded: list[str] = []
+    # of equals, what was found last goes first
+    for name in sorted(new, key=lambda name: (scores.get(name, -1.0), -new.index(name))):
+        if sum(counts.values()) <= MOST_PARAMETERS:
+            break
+        del counts[name]
+        crowded.append(name)
+    return crowded
+
+
+def _model_without(
+    found: AxisDiagnosis, without: Collection[str]
+) -> tuple[EffectList, NDArray[np.int64]]:
+    """Give the whole model but for some effects that were found, and the places of its theta."""
+    left_out = set(without) - set(found.declared.names)
+    effects = [effect for effect in found.model.effects if effect.name not in left_out]
+    belongs = [effect.name for effect in found.model.effects for _ in effect.parameters]
+    return EffectList(effects), np.flatnonzero([name not in left_out for name in belongs])
+
+
+def _done(
+    found: AxisDiagnosis, added: tuple[str, ...], before: float, after: float
+) -> Iterator[str]:
+    if added:
+        yield f"added {', '.join(added)}; all parameters were fitted together"
+        for effect in found.effects:
+            if effect.name in added:
+                yield found_words(effect)
+        if found.unknown is not None and found.unknown.compensation is not None:
+            yield found.unknown.sentence
+    else:
+        yield (
+            "nothing beyond noise is missing; parameters fitted to this recording take its error "
+            f"from {before:.3g} to {after:.3g} V rms"
+        )
+    for name, why in found.dropped.items():
+        if name not in found.model.names:
+            yield f"{name} starts at 0: {why}"
+
+
+def current_model(machine: Machine, axis: str) -> tuple[WantedEffect, ...]:
+    """Give the model of an axis as its configuration has it."""
+    resolved: Mapping[str, Any] = decode(machine.resolved)["axes"][axis]["model"]
+    return tuple(
+        WantedEffect(effect, _estimates_in(effect, resolved[effect.name]), _type(resolved, effect))
+        for effect in machine.axes[axis].declared.effects
+    )
+
+
+def _wanted(
+    axis: Axis,
+    current: tuple[WantedEffect, ...],
+    found: AxisDiagnosis,
+    model: EffectList,
+    fitted: list[Estimate],
+) -> tuple[WantedEffect, ...]:
+    """Put the fitted values into the configuration's own order, and what is new behind."""
+    known: dict[str, tuple[Effect, tuple[Estimate, ...]]] = {}
+    first = 0
+    for effect in model.effects:
+        last = first + len(effect.parameters)
+        known[effect.name] = effect, tuple(fitted[first:last])
+        first = last
+    told = {effect.name: effect for effect in found.effects}
+    wanted = []
+    for part in current:
+        name = part.effect.name
+        effect, estimates = known.pop(name, (part.effect, ()))
+        if len(estimates) < len(effect.parameters):  # not fitted: as if it were not there
+            estimates = tuple(_absent(e) for e in part.estimates)
+        wanted.append(WantedEffect(effect, estimates, part.type))
+    for name, (effect, estimates) in known.items():
+        if name in told:
+            above, errors = found_words(told[name]), told[name].option_errors
+        elif found.unknown is not None and name not in found.declared.names:
+            above, errors = found.unknown.sentence, {}
+        else:
+            above, errors = effect.title, {}
+        lines = tuple(textwrap.wrap(above, COMMENT_WIDTH))
+        wanted.append(WantedEffect(with_rounded_options(effect), estimates, None, lines, errors))
+    return tuple(wanted)
+
+
+def _with_estimates(
+    wanted: tuple[WantedEffect, ...], estimates: list[Estimate]
+) -> tuple[WantedEffect, ...]:
+    left = iter(estimates)
+    return tuple(
+        WantedEffect(
+            part.effect,
+            tuple(next(left) for _ in part.estimates),
+            part.type,
+            part.above,
+            part.option_errors,
+        )
+        for part in wanted
+    )
+
+
+def _absent(estimate: Estimate) -> Estimate:
+    """Let a parameter start at zero, or as near to it as its bounds allow."""
+    nearest = min(max(0.0, estimate.lower), estimate.upper)
+    return Estimate(nearest, estimate.lower, estimate.upper, estimate.covariance)
+
+
+def _error_of(wanted: tuple[WantedEffect, ...], found: AxisDiagnosis) -> float:
+    """Give the error of a model's start values on the recording; NaN where there is none."""
+    model = EffectList([part.effect for part in wanted])
+    theta = np.array([e.initial for part in wanted for e in part.estimates])
+    try:
+        return force_error_rms(found.data, found.others, model, theta, found.declared.names)
+    except DataError:
+        return float("nan")
+
+
+def _estimates_in(effect: Effect, keys: Mapping[str, Any]) -> tuple[Estimate, ...]:
+    parts = [
+        keys["parameters"][parameter.name] if parameter.name else keys
+        for parameter in effect.parameters
+    ]
+    return tuple(
+        Estimate(p["initial"], p["bounds"][0], p["bounds"][1], p["covariance"]) for p in parts
+    )
+
+
+def _type(resolved: Mapping[str, Any], effect: Effect) -> str | None:
+    name: str | None = resolved[effect.name].get("type")
+    return name

@@ -1,0 +1,59 @@
+"""A refinement as the JSON document of ``refine --json``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from motorctl.config.machine import Machine
+from motorctl.identify.diagnose.report.json_document import axis_document
+from motorctl.identify.diagnose.result import RecordingDiagnosis
+from motorctl.identify.refine.axis import AxisRefinement, current_model
+from motorctl.identify.refine.refinement import Refinement
+
+
+def refinement_document(
+    diagnosis: RecordingDiagnosis, refinement: Refinement, before: Machine, report: list[Path]
+) -> dict[str, Any]:
+    """Give the document; `before` is the machine as it was configured."""
+    return {
+        "source": diagnosis.source,
+        "config": str(refinement.source),
+        "out": str(refinement.out),
+        "changed": refinement.changed,
+        "axes": {name: _axis(diagnosis, axis, before) for name, axis in refinement.axes.items()},
+        "refused": dict(diagnosis.refused),
+        "diff": refinement.diff,
+        "report": [str(path) for path in report],
+    }
+
+
+def _axis(diagnosis: RecordingDiagnosis, axis: AxisRefinement, before: Machine) -> dict[str, Any]:
+    told = axis_document(diagnosis.axes[axis.axis])
+    known = {
+        part.effect.full_name(parameter): asdict(estimate)
+        for part in current_model(before, axis.axis)
+        for parameter, estimate in zip(part.effect.parameters, part.estimates, strict=True)
+    }
+    return {
+        "verdict": axis.verdict,
+        "changed": axis.changed,
+        "effects_added": list(axis.added),
+        "done": list(axis.done),
+        "effects": told["effects"],
+        "error": told["error"]
+        | {
+            "start_values_before_rms": _finite(axis.start_error_v),
+            "start_values_after_rms": _finite(axis.refined_error_v),
+        },
+        "parameters": {
+            name: {"before": known.get(name), "after": asdict(estimate)}
+            for name, estimate in axis.estimates().items()
+        },
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,75 @@
+"""What a model with given parameters leaves of the command on a recording it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.command_path import CommandPath
+from motorctl.identify.columns.frame import Frame, make_frame
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.position_noise import choose_band_hz
+from motorctl.model import EffectList
+
+Array = NDArray[np.float64]
+
+
+def frame_for(data: Measured, others: Mapping[str, Measured] | None = None) -> Frame:
+    """Filter a recording to the band in which noise leaves the acceleration alone.
+
+    others are the other axes of the same recording. Raises DataError where it is too short.
+    """
+    return make_frame(data, dict(others or {}), choose_band_hz(data))
+
+
+def model_columns(frame: Frame, model: EffectList) -> tuple[Array, Array]:
+    """Give the command that acts, (m,), and the columns psi at the measured motion, (n, m)."""
+    path = CommandPath(model.delay_s, model.lag_s)
+    inputs = [effect for effect in model.effects if effect.kind == "input"]
+    command, *held = frame.inputs(inputs, path)
+    accelerations = [_second_difference(s.position, frame.period_s) for s in frame.stretches]
+    columns = []
+    for effect in model.effects:
+        if effect.kind == "input":
+            columns.append(np.array(held[: len(effect.parameters)]))
+            held = held[len(effect.parameters) :]
+        elif effect.kind == "state":
+            # At the full rate: the raw second difference has noise far above the band.
+            columns.append(frame.state(effect, accelerations, 1))
+    return command, np.concatenate(columns)
+
+
+def force_error_rms(
+    data: Measured,
+    others: Mapping[str, Measured],
+    model: EffectList,
+    theta: Array,
+    corrected_by: Collection[str] = (),
+) -> float:
+    """Give the rms of the command minus the model at the measured motion, over the moving rows.
+
+    theta (n,) in the order of `model`; in units of the command. `corrected_by` names the effects
+    of the measurement that the recorded position is free of already. Raises DataError where the
+    recording is too short.
+    """
+    frame = frame_for(corrected(data, model, corrected_by), others)
+    command, columns = model_columns(frame, model)
+    return float(np.sqrt(np.mean((command - theta @ columns) ** 2)))
+
+
+def corrected(data: Measured, model: EffectList, corrected_by: Collection[str] = ()) -> Measured:
+    """Take the errors of the measurement out of the position, but for those that are out."""
+    errors = [e for e in model.effects if e.kind == "measurement" and e.name not in corrected_by]
+    if not errors:
+        return data
+    correct = EffectList(errors).kernels.correct
+    return replace(data, position=np.array([correct(y) for y in data.position]))
+
+
+def _second_difference(position: Array, period_s: float) -> Array:
+    result = np.zeros_like(position)
+    result[1:-1] = np.diff(position, 2) / period_s**2
+    return result

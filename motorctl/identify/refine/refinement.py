@@ -1,0 +1,215 @@
+"""From a diagnosis and a configuration to a refined configuration."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from motorctl.config import Machine, load
+from motorctl.config.document import read_document
+from motorctl.config.freeze import decode
+from motorctl.config.shipped import locate
+from motorctl.errors import ConfigError, UsageError
+from motorctl.identify.diagnose.result import RecordingDiagnosis
+from motorctl.identify.refine.axis import AxisRefinement, current_model, keep_axis, refine_axis
+from motorctl.identify.refine.header import header_lines, with_header
+from motorctl.identify.refine.model_text import text_of, write_model
+from motorctl.identify.refine.yaml_text import YamlText
+
+PASSES = 3
+"""A change of what an alias names changes other axes too; the next pass writes theirs out."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A refined configuration, checked but not yet in place."""
+
+    source: Path
+    """The configuration that was refined."""
+    out: Path
+    """Where it goes; files that it names relative to itself are found from there."""
+    text: str
+    machine: Machine
+    """What the text means."""
+    diff: str
+    """From the old text to the new one."""
+    axes: Mapping[str, AxisRefinement]
+
+    @property
+    def changed(self) -> bool:
+        """Tell whether any axis' model was changed."""
+        return any(axis.changed for axis in self.axes.values())
+
+    def write(self) -> Path:
+        """Put the configuration in place, whole or not at all. Raises UsageError where it can't."""
+        written = _beside(self.out, self.text)
+        try:
+            written.replace(self.out)
+        except OSError as error:
+            raise UsageError(f"{self.out}: cannot be written: {error.strerror}") from error
+        return self.out
+
+
+def refine_config(
+    diagnosis: RecordingDiagnosis,
+    config: str | Path,
+    out: Path,
+    *,
+    without: Mapping[str, Collection[str]] | None = None,
+    kept: Mapping[str, str] | None = None,
+) -> Refinement:
+    """Give `config` with the model of each diagnosed axis as the diagnosis found it.
+
+    `config` is a file or a shipped configuration's name, `out` where the result shall stand.
+    `without` names found effects that are left out, by axis; the values of the rest are those of
+    the whole model all the same, for a fit without an effect that is there would bend them to make
+    up for it. `kept` names axes that stay as they are, and says why. The result is loaded before
+    it is given, so it is valid and means what was intended.
+    Raises ConfigError where no valid configuration can be made, UsageError where its text cannot
+    be changed in place.
+    """
+    source = locate(config)
+    machine, hardware = load_machine(source)
+    axes = {
+        name: keep_axis(diagnosis, machine, name, kept[name])
+        if kept and name in kept
+        else refine_axis(diagnosis, machine, name, (without or {}).get(name, ()))
+        for name in diagnosis.axes
+    }
+    old = source.read_bytes().decode("utf-8-sig")
+    text = _with_models(moved_text(machine, out), machine, axes, out)
+    told = [(name, axis.done) for name, axis in axes.items()]
+    text = with_header(text, header_lines(diagnosis, told))
+    refined = _checked(text, source, out, hardware)
+    _require_intended(machine, refined, axes)
+    diff = difflib.unified_diff(
+        old.splitlines(keepends=True), text.splitlines(keepends=True), source.name, out.name
+    )
+    return Refinement(source, out, text, refined, "".join(diff), axes)
+
+
+def _with_models(text: str, machine: Machine, axes: Mapping[str, AxisRefinement], out: Path) -> str:
+    """Write the changed models; what others share with them is written out for these."""
+    wanted = {name: axis.wanted for name, axis in axes.items() if axis.changed}
+    resolved: Mapping[str, Any] = decode(machine.resolved)["axes"]
+    before = _models_in(text, out)
+    for _ in range(PASSES):
+        edited = text
+        for name, effects in wanted.items():
+            changes = YamlText(edited)
+            try:
+                write_model(changes, name, effects, resolved[name]["model"])
+                if name in axes and axes[name].old_delay_s:
+                    changes.replace(("axes", name, "adaptation", "input_delay_s"), "0")
+            except KeyError as error:
+                raise _not_in_place(machine.source, name) from error
+            edited = changes.applied()
+        after = _models_in(edited, out)
+        shared = [
+            name for name in machine.axes if name not in wanted and after[name] != before[name]
+        ]
+        if not shared:
+            return edited
+        wanted |= {name: current_model(machine, name) for name in shared}
+    raise _not_in_place(machine.source, ", ".join(shared))
+
+
+def _models_in(text: str, out: Path) -> dict[str, Any]:
+    """Give what stands in the text as the model of each axis."""
+    written = _beside(out, text)
+    try:
+        axes = read_document(written).at(("axes",))
+    finally:
+        written.unlink()
+    return {name: axis.get("model") for name, axis in axes.items()}
+
+
+def load_machine(path: str | Path) -> tuple[Machine, bool]:
+    """Load a configuration, without its drivers where these are not installed; tells whether with.
+
+    Raises ConfigError where it is not valid even so.
+    """
+    try:
+        return load(path), True
+    except ConfigError:
+        return load(path, hardware=False), False
+
+
+def moved_text(machine: Machine, out: Path) -> str:
+    """Give a machine's configuration so that its files of points are found from `out` too."""
+    source = machine.source
+    text = source.read_bytes().decode("utf-8-sig")
+    old, new = source.parent.resolve(), out.parent.resolve()
+    if old == new:
+        return text
+    changes = YamlText(text)
+    for name in machine.programs:
+        path = ("programs", name, "file")
+        file = read_document(source).at(path)
+        if isinstance(file, str) and not Path(file).is_absolute() and changes.has(path):
+            changes.replace(path, text_of(os.path.relpath(old / file, new)))
+    return changes.applied()
+
+
+def _require_intended(before: Machine, after: Machine, axes: Mapping[str, AxisRefinement]) -> None:
+    """Raise UsageError where the new text means anything else than what was intended."""
+    old, new = decode(before.resolved), decode(after.resolved)
+    for name in before.axes:
+        model = old["axes"][name].pop("model")
+        refined = axes.get(name)
+        if refined is not None and refined.changed:
+            model = {part.effect.name: part.data() for part in refined.wanted}
+            if refined.old_delay_s:
+                old["axes"][name]["adaptation"]["input_delay_s"] = 0.0
+        if _without_nulls(new["axes"][name].pop("model")) != _without_nulls(model):
+            raise _not_in_place(before.source, name)
+    for machine in (old, new):  # files of points have moved
+        for program in machine["programs"].values():
+            program.pop("file", None)
+    if old != new:
+        raise _not_in_place(before.source, ", ".join(before.axes))
+
+
+def _without_nulls(model: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: {key: value for key, value in part.items() if value is not None}
+        for name, part in model.items()
+    }
+
+
+def _checked(text: str, source: Path, out: Path, hardware: bool) -> Machine:
+    """Load a text as if it stood at `out`; its problems are told as those of what is written."""
+    written = _beside(out, text)
+    try:
+        return load(written, hardware=hardware)
+    except ConfigError as error:
+        told = "\n".join(f"  {problem.key}: {problem.message}" for problem in error.problems)
+        raise UsageError(
+            f"{source}: with the model that was found the configuration would not be valid:\n{told}"
+        ) from error
+    finally:
+        written.unlink()
+
+
+def _beside(path: Path, text: str) -> Path:
+    """Write a text into a new file beside `path`."""
+    written = path.with_name(f".{path.stem}-{os.getpid()}.yaml")
+    try:
+        with written.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
+    return written
+
+
+def _not_in_place(source: Path, axis: str) -> UsageError:
+    return UsageError(
+        f"{source}: the model of axis {axis} is written in a way that cannot be changed in place; "
+        "write it out without anchors, aliases and merged keys"
+    )

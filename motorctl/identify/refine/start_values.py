@@ -1,0 +1,179 @@
+"""Start values, bounds and covariances of refined parameters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.machine import Estimate
+from motorctl.identify.columns.frame import Frame, Stretch
+from motorctl.model import Effect, EffectList, Parameter
+from motorctl.model.columns import input_columns, state_columns
+
+Array = NDArray[np.float64]
+
+ERRORS = 5.0
+"""Bounds lie at least so many standard errors from the estimate,"""
+SHARE = 0.3
+"""at least this part of the amplitude,"""
+COMMAND_SHARE = 0.01
+"""and at least as far as changes the command by this part of its rms where that changes most."""
+PEAK_SHARE = 0.999
+RESIDUAL_MAP = "residual_map"
+MOVING = 0.02
+"""Part of the top speed above which the axis moves."""
+LEARNING_S = 5.0
+"""Time in which the adaptation may take up what the recording got wrong."""
+DIGITS = 6
+BOUND_DIGITS = 4
+COVARIANCE_DIGITS = 3
+OPTION_DIGITS = 7
+"""A pitch has to be right over many of them."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much the columns psi and the command move where the axis does."""
+
+    rms: Array
+    """(n,)"""
+    peak: Array
+    """(n,) but for a thousandth of the time."""
+    command_rms: float
+
+
+def estimates_of(model: EffectList, theta: Array, std_error: Array, sizes: Sizes) -> list[Estimate]:
+    """Give an estimate for each of the n parameters; theta, std_error (n,).
+
+    What makes no difference to the command needs no narrow bounds. Gamma(0) is the inverse of
+    psi^2 times the learning time (Chen, Yao, Wang 2013, eq. 27, without forgetting), no more than
+    the effect's default: a Gamma that is large for a column makes the estimate follow noise.
+    """
+    found = []
+    amplitude = amplitudes(model, theta)
+    effects = [effect for effect in model.effects for _ in effect.parameters]
+    for k, (effect, parameter) in enumerate(zip(effects, model.parameters, strict=True)):
+        initial = rounded_within(parameter, float(theta[k]))
+        spread = ERRORS * float(std_error[k]) if math.isfinite(std_error[k]) else 0.0
+        if is_spline(effect):
+            # Where there was little motion its heights are hardly known, and must not wander.
+            spread = min(spread, float(amplitude[k]))
+        reach = COMMAND_SHARE * sizes.command_rms / sizes.peak[k] if sizes.peak[k] > 0.0 else 0.0
+        width = max(spread, SHARE * float(amplitude[k]), float(reach))
+        lower, upper = bounds_within(parameter, initial, width)
+        power = LEARNING_S * float(sizes.rms[k]) ** 2
+        learned = min(1.0 / power if power > 0.0 else math.inf, parameter.covariance)
+        found.append(Estimate(initial, lower, upper, rounded(learned, COVARIANCE_DIGITS)))
+    return found
+
+
+def amplitudes(model: EffectList, theta: Array) -> Array:
+    """Give for each parameter how large its effect is in the parameter's unit, (n,).
+
+    Sine and cosine of one order share the length of their vector, and the coefficients of a
+    spline the largest of them, for a small one of them is not known any better.
+    """
+    found = []
+    first = 0
+    for effect in model.effects:
+        parameters = effect.parameters
+        own = np.abs(theta[first : first + len(parameters)])
+        first += len(parameters)
+        for k, parameter in enumerate(parameters):
+            order = _order(parameter.name)
+            alike = [
+                i
+                for i, other in enumerate(parameters)
+                if other.unit == parameter.unit and _order(other.name) == order
+            ]
+            waves = order is not None and len(alike) == 2
+            if waves or is_spline(effect):
+                found.append(float(np.linalg.norm(own[alike]) if waves else own[alike].max()))
+            else:
+                found.append(float(own[k]))
+    return np.array(found)
+
+
+def sizes_of(model: EffectList, frame: Frame) -> Sizes:
+    """Measure the columns of a model over a recording."""
+    top = max(float(np.max(np.abs(stretch.v))) for stretch in frame.stretches)
+    moving = [np.abs(stretch.v) > MOVING * top for stretch in frame.stretches]
+    rms, peak = [], []
+    for effect in model.effects:
+        if effect.parameters:
+            parts = [
+                _columns(effect, stretch, frame.period_s)[:, rows]
+                for stretch, rows in zip(frame.stretches, moving, strict=True)
+            ]
+            columns = np.concatenate(parts, axis=1)
+            rms.append(_rms(columns))
+            peak.append(np.quantile(np.abs(columns), PEAK_SHARE, axis=1))
+    command = [s.command[rows] for s, rows in zip(frame.stretches, moving, strict=True)]
+    return Sizes(np.concatenate(rms), np.concatenate(peak), float(_rms(np.concatenate(command))))
+
+
+def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[float, float]:
+    """Give bounds around a start value that the effect allows; the lower is always the smaller."""
+    width = width or SHARE * (abs(parameter.initial) or 1e-3)
+    lower = rounded_within(parameter, rounded(initial - width, BOUND_DIGITS))
+    upper = rounded_within(parameter, rounded(initial + width, BOUND_DIGITS))
+    # Rounding must not cut off the start value.
+    return min(lower, initial), max(upper, initial)
+
+
+def is_spline(effect: Effect) -> bool:
+    """Tell whether an effect is a smooth function of no particular form."""
+    return getattr(effect.options, "knots", None) is not None or effect.name == RESIDUAL_MAP
+
+
+def with_rounded_options(effect: Effect) -> Effect:
+    """Give an effect whose options have no more digits than are worth writing."""
+    options = effect.options.model_dump()
+    return effect.with_options(**{name: _option(value) for name, value in options.items()})
+
+
+def rounded_within(parameter: Parameter, value: float) -> float:
+    """Round to a value that the effect allows."""
+    within = rounded(min(max(value, parameter.lower), parameter.upper))
+    if within > parameter.upper:
+        return rounded(parameter.upper - abs(parameter.upper) * 10.0 ** (1 - DIGITS))
+    if within < parameter.lower:
+        return rounded(parameter.lower + abs(parameter.lower) * 10.0 ** (1 - DIGITS))
+    return within
+
+
+def rounded(value: float, digits: int = DIGITS) -> float:
+    """Round to the digits that are worth writing."""
+    return float(f"{value:.{digits}g}")
+
+
+def _columns(effect: Effect, s: Stretch, period_s: float) -> Array:
+    if effect.kind == "input":
+        return input_columns(effect, s.command, s.x, s.time_s)
+    others = np.zeros((len(s.x), len(effect.other_axes), 3))
+    for i, axis in enumerate(effect.other_axes):
+        if axis in s.others:
+            others[:, i] = s.others[axis]
+    acceleration = np.gradient(s.v, period_s)
+    return state_columns(effect, s.x, s.v, acceleration, s.quiet, s.time_s, others)
+
+
+def _option(value: object) -> object:
+    if isinstance(value, float) and math.isfinite(value):
+        return rounded(value, OPTION_DIGITS)
+    return tuple(map(_option, value)) if isinstance(value, tuple) else value
+
+
+def _rms(signals: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(signals**2, axis=-1)))
+
+
+def _order(name: str) -> str | None:
+    """Give what follows sin or cos in a parameter's name."""
+    for wave in ("sin", "cos"):
+        if name.startswith(wave):
+            return name.removeprefix(wave)
+    return None

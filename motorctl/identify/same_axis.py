@@ -1,0 +1,123 @@
+"""Whether a recording can be of the axis that a configuration describes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from motorctl.config.machine import Axis, Machine
+from motorctl.errors import DataError
+from motorctl.identify.columns.frame import low_pass_response, make_frame
+from motorctl.identify.columns.measured import Measured, measured
+from motorctl.log import Recording
+
+SAME_RESOLUTION = 0.01
+BEYOND_TRAVEL = 0.05
+"""Part of the travel by which a recorded position may lie outside the soft limits."""
+BEYOND_VOLTAGE = 0.05
+OFF_GRID = 0.1
+"""Counts by which a step may miss a whole number of counts: files round."""
+OFF_GRID_SHARE = 0.5
+FAR_BEYOND_BOUNDS = 4.0
+"""An inertia so many times beyond its bounds is that of another axis, or in another unit."""
+ROUGH_BAND_HZ = 60.0
+
+
+def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -> None:
+    """Raise DataError where the recording of an axis cannot be of the machine's.
+
+    Axes that the machine lacks, or in other units than a configuration's, cannot be compared.
+    """
+    problems = []
+    for name in axes:
+        data = measured(recording, name)
+        axis = _axis_of(machine, name)
+        if axis is None or (data.position_unit, data.command_unit) != ("m", "V"):
+            continue
+        found = against(data, axis) or inertia_against(data, axis)
+        problems += [f"axis {name}: {words}" for words in found]
+    if problems:
+        listed = "".join(f"\n  {problem}" for problem in problems)
+        raise DataError(
+            f"{recording.source} is not a recording of the machine in {machine.source}, or not in "
+            f"its units, m and V:{listed}"
+        )
+
+
+def _axis_of(machine: Machine, name: str) -> Axis | None:
+    """Give the axis of that name, or the only one, from which the model is taken too."""
+    if len(machine.axes) == 1:
+        return next(iter(machine.axes.values()))
+    return machine.axes.get(name)
+
+
+def against(data: Measured, axis: Axis) -> list[str]:
+    """Give what speaks against a recording: encoder, travel and voltage."""
+    found = []
+    resolution, count = axis.encoder.resolution_m, data.resolution
+    if count is not None and abs(count - resolution) > SAME_RESOLUTION * resolution:
+        found.append(f"one count is {count:g} m there, encoder.resolution_m is {resolution:g}")
+    if not data.usable.any():
+        return found
+    position, command = data.position[data.usable], data.command[data.usable]
+    corrected = any(effect.kind == "measurement" for effect in axis.model.effects)
+    if not corrected and (share := _off_grid(position, resolution)) > OFF_GRID_SHARE:
+        found.append(
+            f"{100 * share:.0f} % of its steps are no whole number of counts, "
+            f"encoder.resolution_m is {resolution:g}"
+        )
+    low, high = axis.limits.travel_m
+    lowest, highest = float(np.min(position)), float(np.max(position))
+    slack = BEYOND_TRAVEL * (high - low)
+    if lowest < low - slack or highest > high + slack:
+        found.append(
+            f"it stood between {lowest:.4g} and {highest:.4g} m, limits.travel_m is "
+            f"{low:g} to {high:g}"
+        )
+    largest, limit = float(np.max(np.abs(command))), axis.limits.max_voltage_v
+    if largest > (1.0 + BEYOND_VOLTAGE) * limit:
+        found.append(f"commands reach {largest:.4g} V, limits.max_voltage_v is {limit:g}")
+    return found
+
+
+def inertia_against(data: Measured, axis: Axis) -> list[str]:
+    """Give what the inertia says against a recording; nothing where it cannot be told."""
+    if "inertia" not in axis.model.parameter_names:
+        return []
+    bounds = axis.estimates[axis.model.parameter_names.index("inertia")]
+    inertia = _rough_inertia(data)
+    if inertia is None:
+        return []
+    if bounds.lower / FAR_BEYOND_BOUNDS < inertia < bounds.upper * FAR_BEYOND_BOUNDS:
+        return []
+    return [
+        f"its inertia is about {inertia:.3g} V*s^2/m, model.inertia.bounds is "
+        f"{bounds.lower:g} to {bounds.upper:g}"
+    ]
+
+
+def _off_grid(position: np.ndarray, resolution: float) -> float:
+    """Give the share of steps between samples that are no whole number of counts."""
+    counts = np.diff(position) / resolution
+    counts = counts[np.abs(counts) > OFF_GRID]
+    if len(counts) == 0:
+        return 0.0
+    return float(np.mean(np.abs(counts - np.round(counts)) > OFF_GRID))
+
+
+def _rough_inertia(data: Measured) -> float | None:
+    """Fit acceleration, velocity, direction and a constant to the command."""
+    if not np.all(np.isfinite(data.position) & np.isfinite(data.command)):
+        return None
+    try:
+        frame = make_frame(data, band_hz=min(ROUGH_BAND_HZ, 0.2 * data.sample_rate_hz))
+    except DataError:
+        return None
+    frame = frame.with_response(low_pass_response(frame.band_hz))
+    columns = [np.stack([s.command, s.v, np.sign(s.v), np.ones_like(s.v)]) for s in frame.stretches]
+    X = frame.filtered(columns)
+    b = np.linalg.lstsq(X.T, frame.acceleration(), rcond=None)[0]
+    left = frame.acceleration() - b @ X
+    explained = 1.0 - float(left @ left) / max(float(np.sum(frame.acceleration() ** 2)), 1e-300)
+    return 1.0 / float(b[0]) if b[0] > 0.0 and explained > 0.5 else None

@@ -1,0 +1,163 @@
+"""What the machine is made of, and how: Debian packages, wheels, a disk image."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+from virtual_machine.initrd import make_initrd
+
+HERE = Path(__file__).parent
+PYPROJECT = HERE.parents[2] / "pyproject.toml"
+SUITE = "bookworm"
+PYTHON = "3.11"  # of that suite
+PACKAGES = ("python3", "can-utils", "iproute2", "kmod", "busybox-static", "procps")
+KERNEL = "linux-image-rt-amd64"
+MODULES = ("net/can", "drivers/net/can", "net/sched")
+PLATFORMS = ("manylinux2014_x86_64", "manylinux_2_17_x86_64", "manylinux_2_28_x86_64")
+EXTRAS = ("can",)
+NOT_NEEDED = ("matplotlib",)  # draws only
+IMAGE_SIZE = "4G"  # sparse
+TOOLS = {
+    "qemu-system-x86_64": "qemu-system-x86",
+    "debootstrap": "debootstrap",
+    "mkfs.ext4": "e2fsprogs",
+    "dpkg": "dpkg",
+}
+"""What the host needs, and the Debian package that has it."""
+
+
+class UnavailableError(Exception):
+    """This host cannot have such a machine, and why."""
+
+
+def requirements() -> list[str]:
+    """Give what motorctl needs inside."""
+    project = tomllib.loads(PYPROJECT.read_text())["project"]
+    wanted = list(project["dependencies"])
+    for extra in EXTRAS:
+        wanted += project["optional-dependencies"][extra]
+    return [text for text in wanted if not text.startswith(NOT_NEEDED)]
+
+
+def key() -> str:
+    """Name this recipe by its content."""
+    digest = hashlib.sha256(repr(requirements()).encode())
+    for name in ("recipe.py", "initrd.py", "init.sh"):
+        digest.update((HERE / name).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def check_host() -> None:
+    """Raise UnavailableError where this host cannot run the machine."""
+    if platform.machine() != "x86_64" or sys.platform != "linux":
+        raise UnavailableError(f"the machine is an x86_64 one, this is {platform.machine()}")
+    missing = [f"{tool} (Debian: {have})" for tool, have in TOOLS.items() if not _which(tool)]
+    if missing:
+        raise UnavailableError(f"not installed: {', '.join(missing)}")
+    if os.geteuid() != 0:
+        raise UnavailableError("debootstrap and chroot need root")
+
+
+def mirror() -> str:
+    """Give the address that the host's own Debian packages come from. Raises UnavailableError."""
+    files = [Path("/etc/apt/sources.list"), *Path("/etc/apt/sources.list.d").glob("*")]
+    for file in files:
+        text = file.read_text() if file.is_file() else ""
+        for line in text.splitlines():
+            found = re.search(r"https?://\S+/debian(?=/?(\s|$))", line)
+            if found and not line.lstrip().startswith("#"):
+                return found.group()
+    raise UnavailableError("the host's apt sources name no Debian mirror")
+
+
+def build(folder: Path) -> None:
+    """Make `tree`, `vmlinuz`, `initrd` and `image` in a folder. Raises UnavailableError."""
+    source = mirror()
+    try:
+        urllib.request.urlopen(f"{source}/dists/{SUITE}/Release", timeout=20).close()
+    except (urllib.error.URLError, TimeoutError) as error:
+        raise UnavailableError(f"no network to {source}: {error}") from error
+    tree, kernel = folder / "tree", folder / "kernel"
+    include = f"--include={','.join(PACKAGES)}"
+    _run("debootstrap", "--variant=minbase", include, SUITE, tree, source)
+    _add_kernel(tree, kernel)
+    for path in (tree / "var/cache/apt/archives").glob("*.deb"):
+        path.unlink()
+    (folder / "initrd").write_bytes(make_initrd(tree / "bin/busybox", kernel))
+    (vmlinuz,) = (kernel / "boot").glob("vmlinuz-*")
+    shutil.move(vmlinuz, folder / "vmlinuz")
+    shutil.rmtree(kernel)
+    _add_wheels(tree)
+    init = tree / "sbin/machine-init"
+    shutil.copy(HERE / "init.sh", init)
+    init.chmod(0o755)
+    (tree / "job").mkdir()
+    image = folder / "image"
+    _run("truncate", "-s", IMAGE_SIZE, image)
+    _run("mkfs.ext4", "-q", "-F", "-d", tree, image)
+
+
+def in_tree(tree: Path, *command: str | Path, **environment: str) -> str:
+    """Run a program of the machine's, without the machine, on this kernel; give what it said."""
+    usual = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8", "HOME": "/root"}
+    return _run("chroot", tree, *command, environment={**usual, **environment})
+
+
+def _add_kernel(tree: Path, kernel: Path) -> None:
+    said = in_tree(tree, "apt-cache", "depends", KERNEL)
+    name = re.findall(r"Depends: (linux-image-\S+)", said)[0]
+    in_tree(tree, "sh", "-c", f"cd /tmp && apt-get download -q {name}")
+    (package,) = (tree / "tmp").glob("linux-image-*.deb")
+    _run("dpkg", "-x", package, kernel)
+    package.unlink()
+    (modules,) = (kernel / "lib/modules").iterdir()
+    there = tree / "lib/modules" / modules.name
+    for wanted in MODULES:
+        shutil.copytree(modules / "kernel" / wanted, there / "kernel" / wanted)
+    for path in modules.glob("modules.*"):
+        shutil.copy(path, there)
+    in_tree(tree, "depmod", modules.name)
+
+
+def _add_wheels(tree: Path) -> None:
+    python = f"--python-version={PYTHON}"
+    kinds = [f"--platform={name}" for name in PLATFORMS]
+    target = ("--target", tree / "opt/packages")
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", *target, python)
+    try:
+        _run(*pip, *kinds, "--only-binary=:all:", *requirements())
+    except RuntimeError as error:
+        if "connection" in str(error).lower():
+            raise UnavailableError(f"no network to PyPI: {str(error)[-300:]}") from error
+        raise
+    in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages")
+
+
+def _run(*command: str | Path, environment: dict[str, str] | None = None) -> str:
+    words = [str(word) for word in command]
+    done = subprocess.run(
+        words,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(words)}: exit status {done.returncode}\n{done.stdout}")
+    return done.stdout
+
+
+def _which(tool: str) -> str | None:
+    return shutil.which(tool) or shutil.which(tool, path="/usr/sbin:/sbin")

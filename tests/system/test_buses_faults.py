@@ -1,0 +1,281 @@
+"""Every fault to order, from the wire to the axis: what docs/drivers/gantry_device.md promises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from buses_bench import (
+    AXES,
+    BUSES,
+    END_S,
+    HOLD_S,
+    SLACK_S,
+    WATCHDOG_S,
+    Bus,
+    Outcome,
+    calm_run,
+)
+
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+
+AT_S = 0.8
+REFUSED = "what came was refused"
+GONE = "the bus or the port is gone"
+ANEW = "the device began anew"
+SILENT = "no new sample from the device"
+
+IN_THE_LOG = {REFUSED: "CORRUPT", GONE: "BUS_OFF", ANEW: "DEVICE_RESTARTED", SILENT: "STALE"}
+"""The same in the words of `motorctl log info`."""
+
+SERIAL = ("serial poll", "serial exchange", "serial stream")
+CAN = ("can udp_multicast", "slcan")
+MODBUS = ("modbus tcp", "modbus rtu")
+EVERY = (*SERIAL, *CAN, *MODBUS)
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What becomes of an axis."""
+
+    causes: tuple[FaultCause, ...]
+    words: tuple[str, ...] = ()
+    off_s: float | None = None
+    """From the fault's begin until the device's amplifiers are off for good; None: no promise."""
+    watchdog_trips: int = 0
+
+
+def held(*words: str, off_s: float = HOLD_S, watchdog_trips: int = 0) -> Promise:
+    """Give the promise that an axis goes on for the allowed time, then trips."""
+    return Promise((FaultCause.NO_NEW_SAMPLE,), (SILENT, *words), off_s, watchdog_trips)
+
+
+BY_WATCHDOG = held(off_s=WATCHDOG_S, watchdog_trips=1)
+PORT_GONE = Promise((FaultCause.COMMUNICATION,), (GONE,), WATCHDOG_S, 1)
+RESET_S = 0.05
+RESTARTED = Promise((FaultCause.ENCODER_LOST,), (ANEW,), RESET_S)
+ANYTHING_WRONG = Promise(
+    (
+        FaultCause.ENCODER_LOST,
+        FaultCause.ENCODER_JUMP,
+        FaultCause.AMPLIFIER,
+        FaultCause.ESTOP,
+        FaultCause.LIMIT_SWITCH,
+        FaultCause.COMMUNICATION,
+        FaultCause.NO_NEW_SAMPLE,
+    )
+)
+"""Of content that is wrong in any place."""
+
+
+def _each(promise: Promise, **others: Promise) -> dict[str, Promise]:
+    return dict.fromkeys(EVERY, promise) | {k.replace("_", " ", 1): v for k, v in others.items()}
+
+
+ORDERS: dict[str, dict[str, Any]] = {
+    "loss": {"kind": "loss"},
+    "loss to the device": {"kind": "loss", "way": "to_device"},
+    "silence": {"kind": "silence"},
+    "delay": {"kind": "delay", "amount_s": 0.06},
+    "wrong length": {"kind": "wrong_length"},
+    "bit errors": {"kind": "bit_errors"},
+    "stuck sequence": {"kind": "wrong_sequence", "sequence": "stuck"},
+    "random sequence": {"kind": "wrong_sequence", "sequence": "random"},
+    "short reset": {"kind": "reset", "duration_s": RESET_S},
+    "long reset": {"kind": "reset", "duration_s": 0.5},
+    "unplug": {"kind": "unplug", "duration_s": 1.0},
+    "short unplug": {"kind": "unplug", "duration_s": 0.03},
+}
+PROMISES: dict[str, Mapping[str, Promise]] = {
+    "loss": _each(held()),
+    "loss to the device": _each(BY_WATCHDOG),
+    "silence": _each(BY_WATCHDOG),
+    "delay": _each(held(off_s=HOLD_S + 0.06)),
+    "wrong length": _each(
+        held(REFUSED),
+        modbus_tcp=Promise((FaultCause.NO_NEW_SAMPLE, FaultCause.COMMUNICATION)),
+        modbus_rtu=held(),  # the last tick may have been one without any reply
+    ),
+    "bit errors": {name: held(REFUSED) for name in SERIAL}
+    | {"modbus rtu": held()}
+    | dict.fromkeys((*CAN, "modbus tcp"), ANYTHING_WRONG),
+    "stuck sequence": _each(held(), modbus_tcp=held(REFUSED), modbus_rtu=held(REFUSED)),
+    "random sequence": {name: held(REFUSED) for name in MODBUS},
+    "short reset": _each(
+        RESTARTED, modbus_tcp=Promise((FaultCause.COMMUNICATION,), (GONE,), RESET_S)
+    ),
+    "long reset": _each(
+        held(off_s=0.0), modbus_tcp=Promise((FaultCause.COMMUNICATION,), (GONE,), 0.0)
+    ),
+    "unplug": _each(PORT_GONE, can_udp_multicast=BY_WATCHDOG),
+    "short unplug": {name: PORT_GONE for name in EVERY if name != "can udp_multicast"},
+}
+IN_THE_DEFAULT_RUN = {("silence", "serial poll")}
+
+
+def _cases() -> Iterator[Any]:
+    for fault, promises in PROMISES.items():
+        for bus in promises:
+            marks = () if (fault, bus) in IN_THE_DEFAULT_RUN else pytest.mark.slow
+            yield pytest.param(fault, bus, marks=marks, id=f"{fault}-{bus}")
+
+
+@pytest.mark.parametrize(("fault", "bus_name"), list(_cases()))
+def test_a_fault_that_stays_trips_the_axis_as_promised(
+    tmp_path: Path, fault: str, bus_name: str
+) -> None:
+    bus, promise = BUSES[bus_name], PROMISES[fault][bus_name]
+    outcome = calm_run(tmp_path, bus, [{**ORDERS[fault], "at_s": AT_S}])
+    assert outcome.report["faults"][0]["fired"] >= 1
+    for axis in AXES:
+        _the_log_and_status_tell(outcome, axis, promise)
+    if promise.causes == (FaultCause.NO_NEW_SAMPLE,):
+        _it_was_held_first(outcome, bus)
+    _the_device_is_off(outcome, promise)
+    assert outcome.exit_status == 0
+    assert outcome.ended_in_s < END_S
+    assert "Traceback" not in outcome.said
+    assert "NOT be safe" not in outcome.said
+
+
+def _the_log_and_status_tell(outcome: Outcome, axis: str, promise: Promise) -> None:
+    cause, recorded = outcome.cause(axis), outcome.log.axes[axis]
+    assert cause in promise.causes
+    told = outcome.status["axes"][axis]
+    assert told["state"] == "fault"
+    assert told["fault"]["cause"] == cause.name.lower()
+    message = told["fault"]["message"]
+    assert all(words in message for words in promise.words), message
+    assert f"axis {axis}: fault: {message}" in outcome.said
+    (noted,) = [fault for fault in outcome.info.faults if fault.axis == axis]
+    assert noted.cause == cause.name
+    assert {IN_THE_LOG[words] for words in promise.words} <= set(noted.device)
+    trip = outcome.trip_row(axis)
+    assert recorded.state is not None
+    assert recorded.fault is not None
+    assert (recorded.state[trip:] == AxisState.FAULT).all()
+    assert (recorded.fault[trip:] == cause).all()
+    assert (recorded.command[trip:] == 0.0).all()
+    # It was on its way, not at rest, and not before the fault's time.
+    assert recorded.state[trip - 1] == AxisState.RUNNING
+    assert outcome.log.time_s[trip] - outcome.began_s > AT_S - SLACK_S - outcome.pause_s
+    assert any(axis in motion["axes"] for motion in outcome.log.metadata["motions"])
+
+
+def _it_was_held_first(outcome: Outcome, bus: Bus) -> None:
+    """As many ticks as configured, each flagged; one more trips."""
+    for axis in AXES:
+        trip = outcome.trip_row(axis)
+        fresh = np.flatnonzero(~outcome.flag(axis, SampleFlag.HELD)[: trip + 1])[-1]
+        ticks = round((outcome.log.time_s[trip] - outcome.log.time_s[fresh]) * bus.rate_hz)
+        assert (
+            bus.hold_ticks + 1 - _pause_ticks(outcome)
+            <= ticks
+            <= bus.hold_ticks + 1 + _pause_ticks(outcome)
+        )
+
+
+def _pause_ticks(outcome: Outcome) -> int:
+    return int(np.ceil(outcome.pause_s / outcome.log.period_s)) + 1
+
+
+def _the_device_is_off(outcome: Outcome, promise: Promise) -> None:
+    report = outcome.report
+    off_s = report["faults"][0]["off_after_s"]
+    assert off_s is not None, "an amplifier was still on"
+    if promise.off_s is not None:
+        # Two periods: the tick in which the fault began, and the one that takes the enable away.
+        late_s = SLACK_S + 3 * outcome.log.period_s + 2 * outcome.pause_s
+        assert off_s <= promise.off_s + late_s
+        assert report["watchdog_trips"] == promise.watchdog_trips
+
+
+SPELL_S = 0.3
+EACH_S = 0.5
+PASSING: dict[str, dict[str, Any]] = {
+    "delay": {"kind": "delay", "amount_s": 0.5e-3},
+    "jitter": {"kind": "jitter", "amount_s": 8e-3},
+    "loss": {"kind": "loss", "share": 0.2},
+    "loss to the device": {"kind": "loss", "share": 0.2, "way": "to_device"},
+    "duplicates": {"kind": "duplicates", "every": 2},
+    "reordering": {"kind": "reordering", "every": 5},
+    "bit errors": {"kind": "bit_errors", "share": 0.1},
+    "wrong length": {"kind": "wrong_length", "share": 0.1},
+    "stuck sequence": {"kind": "wrong_sequence", "sequence": "stuck", "share": 0.2},
+    "random sequence": {"kind": "wrong_sequence", "sequence": "random", "share": 0.2},
+    "silence": {"kind": "silence", "duration_s": 0.04},
+    "babbling": {"kind": "babbling", "rate_hz": 100},
+}
+NOT_PASSING = {
+    "bit errors": (*CAN, "modbus tcp"),  # what passes their own checksums is content
+    "wrong length": ("modbus tcp",),  # may lose step with the stream
+    "random sequence": CAN,  # right numbers look old until they have caught up with a wrong one
+}
+NEVER_HELD = {
+    "duplicates": (*SERIAL, *CAN, "modbus tcp"),
+    "babbling": (*CAN, "modbus tcp"),
+    "loss to the device": ("serial stream",),  # of commands, and the next is newer
+}
+MAY_BE_HELD = ("delay", "babbling")
+"""All others are, in some ticks: noise on a line may fall between two frames."""
+SOME_TICKS = 0.1
+"""Share of ticks that a busy machine may have held by itself."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bus_name", EVERY)
+def test_a_fault_that_passes_is_held_over_and_the_axis_goes_on(
+    tmp_path: Path, bus_name: str
+) -> None:
+    bus = BUSES[bus_name]
+    chosen = {k: v for k, v in PASSING.items() if bus_name not in NOT_PASSING.get(k, ())}
+    orders = [
+        {"duration_s": SPELL_S, **order, "at_s": AT_S + EACH_S * k}
+        for k, order in enumerate(chosen.values())
+    ]
+    outcome = calm_run(tmp_path, bus, orders, run_s=AT_S + EACH_S * len(orders))
+    for axis in AXES:
+        assert outcome.status["axes"][axis]["state"] == "running", outcome.said
+        assert (outcome.log.axes[axis].fault == 0).all()
+    for name, order, told in zip(chosen, orders, outcome.report["faults"], strict=True):
+        assert told["fired"] >= 1, name
+        end_s = order["at_s"] + order["duration_s"]
+        flagged = outcome.flag("x", SampleFlag.HELD)[outcome.window(order["at_s"], end_s + 0.1)]
+        if bus_name in NEVER_HELD.get(name, ()):
+            assert flagged.mean() <= SOME_TICKS, name
+        elif name not in MAY_BE_HELD:
+            assert flagged.any(), name
+    assert outcome.report["watchdog_trips"] == 0
+    assert outcome.exit_status == 0
+    assert outcome.ended_in_s < END_S
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", [30_000, -30_000])
+@pytest.mark.parametrize("bus_name", EVERY)
+def test_a_counter_that_wraps_on_the_way_is_no_jump(
+    tmp_path: Path, bus_name: str, left: int
+) -> None:
+    bus = BUSES[bus_name]
+    edge = 2 ** (bus.counter_bits - 1)
+    offset_m = -(edge - left if left > 0 else -edge - left) * 0.5e-6
+    wrap = [{"kind": "counter_wrap", "counts": left}]
+    outcome = calm_run(tmp_path, bus, wrap, run_s=2.0, offset_m=offset_m)
+    for axis in AXES:
+        recorded = outcome.log.axes[axis]
+        assert outcome.status["axes"][axis]["state"] == "running", outcome.said
+        # From 0 to 60 mm and back, over an edge at 15 mm.
+        assert recorded.position.max() > 0.05
+        moved, passed = np.diff(recorded.position), np.diff(outcome.log.time_s)
+        assert (np.abs(moved) < 0.2 * passed + 1e-3).all()
+
+
+def test_the_page_has_a_row_for_every_fault() -> None:
+    page = (Path(__file__).parents[2] / "docs/drivers/gantry_device.md").read_text()
+    rows = page.partition("| kind | CAN |")[2].partition("## The report")[0]
+    for order in (*ORDERS.values(), *PASSING.values()):
+        assert f"| `{order['kind']}`" in rows or f", `{order['kind']}`" in rows, order["kind"]
