@@ -1,15 +1,19 @@
 """The model of an axis: a list of effects, and the compiled kernels made from it."""
 
-from motorctl.model.catalog import effect_class, known_effects
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans, make_effect
+from motorctl.model.catalog import basic_effects, effect_class, known_effects
+from motorctl.model.effect import Effect, EffectOptions, Parameter, make_effect
+from motorctl.model.knowledge import CarriedOver, Picture, Spans
 from motorctl.model.list import EffectList
 
 __all__ = [
+    "CarriedOver",
     "Effect",
     "EffectList",
     "EffectOptions",
     "Parameter",
+    "Picture",
     "Spans",
+    "basic_effects",
     "effect_class",
     "known_effects",
     "make_effect",

@@ -7,7 +7,7 @@ from typing import Annotated
 from numba import njit
 from pydantic import AfterValidator, Field
 
-from motorctl.model.effect import Spans
+from motorctl.model.knowledge import Spans
 
 FEWEST, MOST = 4, 48
 """Basis functions: four are any cubic polynomial."""

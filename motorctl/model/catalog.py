@@ -1,4 +1,8 @@
-"""Find effects by name: every module in `motorctl.model.effects`, or ``package.module:Class``."""
+"""Find effects by name: built-in ones, installed ones, or ``package.module:Class``.
+
+Built in is every module in `motorctl.model.effects`. A package installs further ones through the
+entry-point group `motorctl.effects`; one that fails to load hurts no other.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import importlib
 import pkgutil
 import sys
 from functools import cache
+from importlib.metadata import entry_points
 from typing import get_args
 
 from numba.core.dispatcher import Dispatcher
@@ -13,17 +18,53 @@ from numba.core.dispatcher import Dispatcher
 from motorctl.errors import UsageError
 from motorctl.model import effects
 from motorctl.model.effect import Effect, Kind
+from motorctl.model.knowledge import Signal
+
+GROUP = "motorctl.effects"
 
 
 @cache
 def known_effects() -> dict[str, type[Effect]]:
-    """Give every effect that stands in the effects folder, by its name."""
+    """Return every effect that is built in or installed, by its name."""
+    return {**built_in_effects(), **_installed()[0]}
+
+
+@cache
+def built_in_effects() -> dict[str, type[Effect]]:
+    """Return every effect that stands in the effects folder, by its name."""
     found: dict[str, type[Effect]] = {}
     for module in pkgutil.iter_modules(effects.__path__, effects.__name__ + "."):
         for item in vars(importlib.import_module(module.name)).values():
             if _is_effect(item) and item.__module__ == module.name:
                 found[item.name] = item
     return found
+
+
+def failed_effects() -> dict[str, str]:
+    """Return why installed effects could not be loaded, by the name of their entry point."""
+    return dict(_installed()[1])
+
+
+@cache
+def basic_effects() -> dict[Signal, type[Effect]]:
+    """Return the basic effects by the signal that each one's column is: those of every machine."""
+    basic = {cls.proportional_to: cls for cls in built_in_effects().values()}
+    order: tuple[Signal, ...] = ("acceleration", "velocity", "direction", "one")
+    return {signal: basic[signal] for signal in order}
+
+
+@cache
+def _installed() -> tuple[dict[str, type[Effect]], dict[str, str]]:
+    found: dict[str, type[Effect]] = {}
+    failed: dict[str, str] = {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            if entry.name in built_in_effects():
+                raise UsageError(f"an effect named '{entry.name}' is built in")  # noqa: TRY301
+            found[entry.name] = effect_class(entry.name, entry.value)
+        except UsageError as error:
+            failed[entry.name] = str(error)
+    return found, failed
 
 
 def effect_class(name: str, type_name: str | None = None) -> type[Effect]:

@@ -17,13 +17,16 @@ import sys
 from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from motorctl.errors import UsageError
+from motorctl.model.knowledge import CarriedOver, Group, Motion, Picture, Signal, Spans
 
 Kind = Literal["state", "input", "command", "measurement"]
+End = Literal["either", "upper"]
 
 
 @dataclass(frozen=True)
@@ -42,40 +45,6 @@ class Parameter:
     """Default initial diagonal of Gamma: how far from `initial` the truth may lie, squared."""
 
 
-@dataclass(frozen=True)
-class Spans:
-    """What a recording spans: from it an effect tells which of its forms are worth trying."""
-
-    position_m: tuple[float, float]
-    """Lowest and highest position."""
-    speed_m_s: float
-    """Top speed."""
-    acceleration_m_s2: float
-    """Top acceleration."""
-    command_v: float
-    """Largest command."""
-    time_s: tuple[float, float]
-    """First and last time."""
-    period_s: float
-    """Between two samples."""
-    band_hz: float
-    """Highest frequency that is looked at."""
-    resolution_m: float
-    """One count of the encoder; 0 where it is not known."""
-    other_axes: tuple[str, ...] = ()
-    """Axes whose motion was recorded too."""
-
-    @property
-    def travel_m(self) -> float:
-        """Length of the travel that was used."""
-        return self.position_m[1] - self.position_m[0]
-
-    @property
-    def duration_s(self) -> float:
-        """Time from the first to the last sample."""
-        return self.time_s[1] - self.time_s[0]
-
-
 class EffectOptions(BaseModel):
     """Base of an effect's own options: its nonlinear parameters, fixed while running."""
 
@@ -90,6 +59,8 @@ class Effect(ABC):
         column(j, x, v, a, vs, t, c) -> float     for a state effect
         column(j, u, c) -> float and slope(j, u, c) -> float     for an input effect
         correct(y, c) -> float     for a measurement effect: the position without its error
+        column(j, x, c) -> float     for a measurement effect with `amplitudes`: the error of the
+                                     measured position at x for an amplitude of one
 
     Here j is the parameter's index within the effect, x [m], v [m/s], a [m/s^2] the motion,
     vs [m/s] a velocity free of quantisation (the desired one in the loop), t [s] the time,
@@ -125,6 +96,23 @@ class Effect(ABC):
     visible_in: ClassVar[str]
     """What motion makes the effect visible."""
     Options: ClassVar[type[EffectOptions]] = EffectOptions
+    groups: ClassVar[frozenset[Group]] = frozenset()
+    """The kinds that it belongs to; effects that share one may be taken for each other."""
+    proportional_to: ClassVar[Signal | None] = None
+    """The signal that the one column of a basic effect is. Each signal has one basic effect."""
+    amplitudes: ClassVar[tuple[str, ...]] = ()
+    """Options of a measurement effect in which its error is linear [m]; without them diagnosis does
+    not look for it."""
+    ordinary: ClassVar[bool] = False
+    """Common on sound machines: a motion that could not have shown it proves no model complete."""
+    scan_shows_part: ClassVar[bool] = False
+    """A first look, with one line or coarse columns, shows only a part of what it explains."""
+    refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})
+    """Options that mean another effect where they come to an end of the range that is tried."""
+    revealed_by: ClassVar[tuple[Motion, ...]] = ()
+    """Motions that show it and tell it from others, besides moves all over the travel."""
+    load_sign: ClassVar[float] = 1.0
+    """Sign of its parameters as forces on the load's side."""
 
     def __init__(self, options: EffectOptions | None = None) -> None:
         self.options = self.Options() if options is None else options
@@ -159,6 +147,26 @@ class Effect(ABC):
         """Pure delay that a command effect gives the command."""
         return 0.0
 
+    @property
+    def is_spline(self) -> bool:
+        """Whether the parameters are heights of a smooth function of no form of its own."""
+        return False
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Wave numbers [1/m] or frequencies [Hz] at which it shows as lines of a spectrum."""
+        return ()
+
+    @property
+    def repeats_every(self) -> float:
+        """Length [m] or time [s] after which it repeats; 0 where it does not."""
+        return 0.0
+
+    @property
+    def picture(self) -> Picture:
+        """How it is drawn."""
+        return Picture("over_time", "What it adds to the command, over time.")
+
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Give the forms that diagnosis tries first, in the order of their nonlinear option.
@@ -174,6 +182,42 @@ class Effect(ABC):
     def richer(self, spans: Spans) -> Sequence[Effect]:
         """Give forms one step richer than this one, which diagnosis takes where they pay."""
         return ()
+
+    @classmethod
+    def typical(cls, spans: Spans) -> Effect | None:
+        """Return a form of middling options, to ask whether a motion could show it at all."""
+        forms = list(cls.trials(spans))
+        return forms[len(forms) // 2] if forms else None
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return the form of a wave with one line, at a wave number [1/m] or a frequency [Hz]."""
+        raise TypeError(f"{cls.__name__} is a wave and does not define at_line")
+
+    @classmethod
+    def smooth_function(cls, variables: Sequence[str], spans: Spans) -> Effect | None:
+        """Return a form that takes any smooth function of `variables`; None where there is none.
+
+        Parameters
+        ----------
+        variables
+            Of position, velocity, command, time, history: what unknown structure depends on.
+        spans
+            What the recording spans.
+        """
+        return None
+
+    def on_own_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
+        """Return a resonance as it acts on the machine's own acceleration, with its parameters.
+
+        It was fitted on the acceleration that the machine would have if it were rigid; theta are
+        its parameters there, in parts of the inertia.
+        """
+        return self, tuple(theta)
+
+    def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
+        """Return what of it belongs into a configuration, theta being its fitted parameters."""
+        return CarriedOver()
 
     @property
     def column(self) -> Callable[..., float]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from motorctl.model.effect import Spans
 from motorctl.model.grids import log_grid
+from motorctl.model.knowledge import Spans
 
 PER_DECADE = 8
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from motorctl.errors import UsageError
 from motorctl.kernels import load_generated, source_digest
 from motorctl.model.effect import Effect, Parameter
+from motorctl.model.knowledge import Signal
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,15 @@ class EffectList:
     def parameter_names(self) -> tuple[str, ...]:
         """Full names of the parameters, in the order of theta."""
         return tuple(e.full_name(p) for e in self.effects for p in e.parameters)
+
+    def index_of(self, signal: Signal) -> int | None:
+        """Return the place in theta of the basic effect whose column is this signal."""
+        start = 0
+        for effect in self.effects:
+            if effect.proportional_to == signal:
+                return start
+            start += len(effect.parameters)
+        return None
 
     def __len__(self) -> int:
         return len(self.parameters)

@@ -6,8 +6,9 @@ import math
 
 from pydantic import Field, field_validator
 
-from motorctl.model.effect import EffectOptions, Spans
+from motorctl.model.effect import EffectOptions
 from motorctl.model.grids import even_grid
+from motorctl.model.knowledge import Spans
 
 HIGHEST_ORDER = 24
 ORDERS = (1, 2, 3, 4, 5, 6, 8, 12)
@@ -16,6 +17,8 @@ MULTIPLES = (2, 3, 4, 6)
 """The strongest wave may be one of these orders of the true pitch."""
 MOST_FORMS = 2000
 SHORTEST_TRAVEL_M = 1e-6
+TYPICAL_PITCHES = 12.0
+"""Pitches in the travel of a typical form: linear motors have 20 to 60 mm in half a metre or so."""
 
 
 class PitchOptions(EffectOptions):

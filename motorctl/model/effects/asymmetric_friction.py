@@ -5,6 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from motorctl.model.effect import Effect, Parameter
+from motorctl.model.knowledge import Picture
 from motorctl.model.sign_function import SlopeOptions, sf
 
 
@@ -21,6 +22,9 @@ class AsymmetricFriction(Effect):
         "travel in both directions at two or more different speeds, with rests or slow "
         "reversals between, which tell it from a constant force"
     )
+    groups = frozenset({"friction"})
+    ordinary = True
+    revealed_by = ("two_speeds",)
     Options = SlopeOptions
     options: SlopeOptions
 
@@ -36,6 +40,11 @@ class AsymmetricFriction(Effect):
     def constants(self) -> tuple[float, ...]:
         """Slope of Sf [s/m]."""
         return (self.options.slope_s_m,)
+
+    @property
+    def picture(self) -> Picture:
+        """Friction against velocity."""
+        return Picture("friction_over_velocity", "Friction against velocity: data and models.")
 
 
 @njit(inline="always")

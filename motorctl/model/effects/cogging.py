@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from numba import njit
 
-from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.effect import Effect, Parameter
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.pitch import (
+    TYPICAL_PITCHES,
     PitchOptions,
     pitch_constants,
     pitch_steps,
@@ -30,6 +32,10 @@ class Cogging(Effect):
         "travel over at least one pitch, better several, at two different accelerations: "
         "a force that grows with the command is force ripple instead"
     )
+    groups = frozenset({"force_of_position", "wave_over_position"})
+    ordinary = True
+    scan_shows_part = True
+    revealed_by = ("two_speeds",)
     Options = PitchOptions
     options: PitchOptions
 
@@ -46,6 +52,36 @@ class Cogging(Effect):
     def constants(self) -> tuple[float, ...]:
         """Wave number of every order [rad/m]."""
         return pitch_constants(self.options)
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Wave number of every order [1/m]."""
+        return tuple(order / self.options.pitch_m for order in self.options.orders)
+
+    @property
+    def repeats_every(self) -> float:
+        """The pitch [m]."""
+        return self.options.pitch_m
+
+    @property
+    def picture(self) -> Picture:
+        """Data and model over one pitch, and the spectrum along the way."""
+        return Picture(
+            "folded_over_pitch",
+            "Force on the carriage that everything else leaves, against position, folded over one "
+            "pitch, and the residual's spectrum along the way.",
+            scale=self.options.pitch_m,
+        )
+
+    @classmethod
+    def typical(cls, spans: Spans) -> Effect | None:
+        """Return a wave that repeats a dozen times over the travel."""
+        return cls(PitchOptions(pitch_m=spans.travel_m / TYPICAL_PITCHES))
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return one order of this wave number [1/m]."""
+        return cls(PitchOptions(pitch_m=1.0 / line))
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

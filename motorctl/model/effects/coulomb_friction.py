@@ -16,6 +16,9 @@ class CoulombFriction(Effect):
     compensated = "feedforward with the sign function of the desired velocity"
     identified = "linear in Sf(v)"
     visible_in = "travel in both directions"
+    groups = frozenset({"friction"})
+    proportional_to = "direction"
+    revealed_by = ("two_speeds",)
     Options = SlopeOptions
     options: SlopeOptions
 

@@ -9,7 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.knowledge import Picture, Spans
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,7 @@ class CrossAxis(Effect):
         "the other axis moving while this one rests or moves out of step with it; axes that "
         "always move together cannot be told apart"
     )
+    groups = frozenset({"coupling"})
     Options = CrossAxisOptions
     options: CrossAxisOptions
 
@@ -64,6 +66,11 @@ class CrossAxis(Effect):
     def other_axes(self) -> tuple[str, ...]:
         """The axes that act on this one."""
         return self.options.axes
+
+    @property
+    def picture(self) -> Picture:
+        """Pull of the other axis against its acceleration."""
+        return Picture("other_axis", "Pull of the other axis against its acceleration.")
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

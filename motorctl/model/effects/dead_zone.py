@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import Picture, Spans
 
 PER_DECADE = 8
 STEEPEST = 0.9
@@ -38,6 +39,10 @@ class DeadZone(Effect):
     compensated = "inversion of the input map: a step of 2 delta where the command changes sign"
     identified = "linear in the depth delta; the half width w by a scan"
     visible_in = "commands that pass zero often and slowly: gentle accelerations, slow travel"
+    revealed_by = (
+        "slow_reversals",
+        "fast_reversals",
+    )
     Options = DeadZoneOptions
     options: DeadZoneOptions
 
@@ -51,6 +56,15 @@ class DeadZone(Effect):
     def constants(self) -> tuple[float, ...]:
         """Half width [V] and its reciprocal [1/V]."""
         return self.options.half_width_v, 1.0 / self.options.half_width_v
+
+    @property
+    def picture(self) -> Picture:
+        """The command that acts, near zero."""
+        return Picture(
+            "acting_command",
+            "Command that acts against command that is given, near zero.",
+            scale=self.options.half_width_v,
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -17,6 +17,7 @@ class EmCubic(Effect):
     compensated = "inversion of the input map"
     identified = "linear in u^3, nearly collinear with the quadratic part: judge the map as a whole"
     visible_in = "commands up to the range that is to be known"
+    revealed_by = ("fast_reversals",)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

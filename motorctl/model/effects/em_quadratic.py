@@ -17,6 +17,7 @@ class EmQuadratic(Effect):
     compensated = "inversion of the input map"
     identified = "linear in u|u|, nearly collinear with the cubic part: judge the map as a whole"
     visible_in = "commands up to the range that is to be known"
+    revealed_by = ("fast_reversals",)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -9,7 +9,8 @@ from typing import Self
 from numba import njit
 from pydantic import Field, model_validator
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.pitch import SHORTEST_TRAVEL_M, wave_number_step
 
 COUNTS = (4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 400, 512, 1000)
@@ -51,6 +52,8 @@ class EncoderError(Effect):
         "slow constant speeds, at which a signal period takes many samples, at two different "
         "speeds: its apparent force grows with the square of the speed, that of cogging does not"
     )
+    amplitudes = ("sin_m", "cos_m")
+    revealed_by = ("two_speeds",)
     Options = EncoderErrorOptions
     options: EncoderErrorOptions
 
@@ -63,6 +66,16 @@ class EncoderError(Effect):
     def constants(self) -> tuple[float, ...]:
         """Wave number [rad/m] and both amplitudes [m]."""
         return 2.0 * math.pi / self.options.period_m, self.options.sin_m, self.options.cos_m
+
+    @property
+    def picture(self) -> Picture:
+        """The error over one period."""
+        return Picture(
+            "error_over_period",
+            "Error of the measured position over one period of the scale, as the acceleration "
+            "tells.",
+            scale=self.options.period_m,
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
@@ -92,3 +105,9 @@ def correct(y: float, c: tuple[float, ...]) -> float:
         steepness = c[0] * (c[1] * cosine - c[2] * sine)
         x -= (x + error - y) / (1.0 + steepness)
     return x
+
+
+@njit(inline="always")
+def column(j: int, x: float, c: tuple[float, ...]) -> float:
+    """Give what the encoder shows too much at x for an amplitude of one."""
+    return math.sin(c[0] * x) if j == 0 else math.cos(c[0] * x)

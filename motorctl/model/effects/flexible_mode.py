@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import Picture, Spans
 
 Array = NDArray[np.float64]
 
@@ -19,6 +21,8 @@ GRID = ((0.1, 12), (0.03, 30), (0.01, 80))
 """Damping ratios, and frequencies a decade: a sharper resonance needs a finer search."""
 SLOWEST_HZ = 8.0
 HIGHEST_HZ = 1e6
+LARGEST_PART = 0.9
+"""Of the inertia that may hang on the spring: beyond it the carriage itself would weigh nothing."""
 
 
 class FlexibleOptions(EffectOptions):
@@ -48,6 +52,10 @@ class FlexibleMode(Effect):
         "high jerk: starts and stops shorter than a period of the oscillation, rests after them, "
         "sampled several times as fast as the oscillation"
     )
+    groups = frozenset({"line_over_time", "resonance"})
+    scan_shows_part = True
+    refuted_at_end = MappingProxyType({"damping_ratio": "either", "frequency_hz": "either"})
+    revealed_by = ("fast_reversals",)
     Options = FlexibleOptions
     options: FlexibleOptions
 
@@ -62,6 +70,38 @@ class FlexibleMode(Effect):
         omega, zeta = 2.0 * math.pi * self.options.frequency_hz, self.options.damping_ratio
         damped = omega * math.sqrt(1.0 - zeta * zeta)
         return omega, zeta * omega, damped, 1.0 / damped
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """The resonance [Hz]."""
+        return (self.options.frequency_hz,)
+
+    @property
+    def picture(self) -> Picture:
+        """Response from force to acceleration."""
+        return Picture(
+            "force_response",
+            "Gain and phase from force to acceleration.",
+            scale=self.options.frequency_hz,
+            damping_ratio=self.options.damping_ratio,
+        )
+
+    def on_own_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
+        """Return the mode itself, theta being the part's share of the inertia.
+
+        With r the rigid machine's acceleration, a = r/(1 - f G) = r + f/(1 - f) G' r, where G' has
+        its frequency and damping 1/sqrt(1 - f) times those of
+        G = s^2/(s^2 + 2 zeta omega s + omega^2).
+        """
+        share = theta[0]
+        f = share / (1.0 + share) if share > -LARGEST_PART else 0.0
+        f = min(max(f, -LARGEST_PART), LARGEST_PART)
+        narrower = math.sqrt(1.0 - f)
+        mode = self.with_options(
+            frequency_hz=self.options.frequency_hz * narrower,
+            damping_ratio=self.options.damping_ratio * narrower,
+        )
+        return mode, (f,)
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

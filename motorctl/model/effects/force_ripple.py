@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from numba import njit
 
-from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.effect import Effect, Parameter
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.pitch import (
+    TYPICAL_PITCHES,
     PitchOptions,
     pitch_constants,
     pitch_steps,
@@ -32,6 +34,10 @@ class ForceRipple(Effect):
         "travel over at least one pitch, better several, at two different accelerations: "
         "a force that stays when the command does not is cogging instead"
     )
+    groups = frozenset({"wave_over_position"})
+    ordinary = True
+    scan_shows_part = True
+    revealed_by = ("two_accelerations",)
     Options = PitchOptions
     options: PitchOptions
 
@@ -49,6 +55,36 @@ class ForceRipple(Effect):
     def constants(self) -> tuple[float, ...]:
         """Wave number of every order [rad/m]."""
         return pitch_constants(self.options)
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Wave number of every order [1/m]."""
+        return tuple(order / self.options.pitch_m for order in self.options.orders)
+
+    @property
+    def repeats_every(self) -> float:
+        """The pitch [m]."""
+        return self.options.pitch_m
+
+    @property
+    def picture(self) -> Picture:
+        """Thrust for a command along the way."""
+        return Picture(
+            "thrust_over_position",
+            "Thrust for a command, against position: what everything else leaves, over the "
+            "command.",
+            scale=self.options.pitch_m,
+        )
+
+    @classmethod
+    def typical(cls, spans: Spans) -> Effect | None:
+        """Return a wave that repeats a dozen times over the travel."""
+        return cls(PitchOptions(pitch_m=spans.travel_m / TYPICAL_PITCHES))
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return one order of this wave number [1/m]."""
+        return cls(PitchOptions(pitch_m=1.0 / line))
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import CarriedOver, Picture, Spans
 
 PER_DECADE = 8
 
@@ -40,6 +41,7 @@ class GainDrift(Effect):
         "the same motion repeated for at least a time constant (minutes), with accelerations "
         "that make large commands"
     )
+    revealed_by = ("longer_run",)
     Options = GainDriftOptions
     options: GainDriftOptions
 
@@ -52,6 +54,26 @@ class GainDrift(Effect):
     def constants(self) -> tuple[float, ...]:
         """1/tau [1/s] and t_0 [s]."""
         return 1.0 / self.options.time_constant_s, self.options.begin_s
+
+    @property
+    def picture(self) -> Picture:
+        """Thrust for a command over time."""
+        return Picture("gain_over_time", "Thrust for a command, against time.")
+
+    def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
+        """Carry over the gain that the warm motor has at the end, not the time of warming up."""
+        lost = theta[0] * -math.expm1(
+            -max(spans.time_s[1] - self.options.begin_s, 0.0) / self.options.time_constant_s
+        )
+        return CarriedOver(
+            kept=False,
+            scale=1.0 / (1.0 - lost),
+            note=(
+                f"the motor lost {100.0 * lost:.2g} % of its thrust while it warmed up in this "
+                "recording: the parameters are those of the warm machine at its end, and the "
+                "adaptation follows from there; the time of the recording is no time of the daemon"
+            ),
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -15,6 +15,8 @@ class Inertia(Effect):
     compensated = "feedforward of the desired acceleration"
     identified = "linear in acceleration; its reciprocal multiplies the command in a = b1 u + ..."
     visible_in = "accelerations well above the noise, of both signs"
+    proportional_to = "acceleration"
+    revealed_by = ("fast_reversals",)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

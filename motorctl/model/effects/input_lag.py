@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import log_step
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.latency import PER_DECADE, trial_times
 
 
@@ -30,6 +31,8 @@ class InputLag(Effect):
         "high jerk: fast starts and stops of large acceleration; only commands that change "
         "within tau tell it from a delay"
     )
+    groups = frozenset({"command_timing"})
+    revealed_by = ("fast_reversals",)
     Options = InputLagOptions
     options: InputLagOptions
 
@@ -42,6 +45,14 @@ class InputLag(Effect):
     def lag_s(self) -> float:
         """tau."""
         return self.options.time_s
+
+    @property
+    def picture(self) -> Picture:
+        """Response from the given command to the acting one."""
+        return Picture(
+            "command_response",
+            "Gain and phase from the command that was given to the one that the motion shows.",
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

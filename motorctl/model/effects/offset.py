@@ -15,6 +15,8 @@ class Offset(Effect):
     compensated = "feedforward of its negative"
     identified = "linear in a constant"
     visible_in = "any motion in both directions"
+    proportional_to = "one"
+    load_sign = -1.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

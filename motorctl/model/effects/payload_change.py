@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import even_grid
+from motorctl.model.knowledge import CarriedOver, Picture, Spans
 
 FORMS = 60
 OUTER = 0.05
@@ -31,6 +32,7 @@ class PayloadChange(Effect):
     compensated = "feedforward of the desired acceleration, from the time of the change on"
     identified = "linear in acceleration from t_0 on; the time t_0 by a scan"
     visible_in = "accelerations well above the noise both before and after the change"
+    revealed_by = ("longer_run",)
     Options = PayloadOptions
     options: PayloadOptions
 
@@ -43,6 +45,23 @@ class PayloadChange(Effect):
     def constants(self) -> tuple[float, ...]:
         """t_0 [s]."""
         return (self.options.time_s,)
+
+    @property
+    def picture(self) -> Picture:
+        """Moving mass over time."""
+        return Picture("mass_over_time", "Moving mass against time.", scale=self.options.time_s)
+
+    def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
+        """Carry over the inertia after the change, not the time of the change."""
+        return CarriedOver(
+            kept=False,
+            adds={"acceleration": theta[0]},
+            note=(
+                f"the load changed by {theta[0]:.3g} V*s^2/m of inertia at "
+                f"{self.options.time_s:.4g} s of this recording: the refined configuration has the "
+                "inertia after the change; the time of the recording is no time of the daemon"
+            ),
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.grids import even_grid
+from motorctl.model.knowledge import Picture, Spans
 
 LOWEST_HZ = 0.2
 MOST_FORMS = 8000
@@ -36,6 +37,8 @@ class PeriodicDisturbance(Effect):
         "many periods of the disturbance, at rest too, at two different speeds: what follows the "
         "speed is periodic in position instead"
     )
+    groups = frozenset({"wave_over_time", "line_over_time"})
+    revealed_by = ("two_speeds",)
     Options = PeriodicOptions
     options: PeriodicOptions
 
@@ -51,6 +54,30 @@ class PeriodicDisturbance(Effect):
     def constants(self) -> tuple[float, ...]:
         """Angular frequency [rad/s]."""
         return (2.0 * math.pi * self.options.frequency_hz,)
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """The frequency [Hz]."""
+        return (self.options.frequency_hz,)
+
+    @property
+    def repeats_every(self) -> float:
+        """The period [s]."""
+        return 1.0 / self.options.frequency_hz
+
+    @property
+    def picture(self) -> Picture:
+        """Over time, and folded over the period."""
+        return Picture(
+            "folded_over_time",
+            "Disturbance that everything else leaves, over time and folded over its period.",
+            scale=1.0 / self.options.frequency_hz,
+        )
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return a wave of this frequency [Hz]."""
+        return cls(PeriodicOptions(frequency_hz=line))
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

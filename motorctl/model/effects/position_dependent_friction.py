@@ -9,7 +9,8 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
-from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.effect import Effect, Parameter
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 
@@ -38,6 +39,9 @@ class PositionDependentFriction(Effect):
         "travel over the whole range in both directions, each place passed both ways: the part "
         "that keeps its sign is a force of position instead"
     )
+    groups = frozenset({"friction"})
+    ordinary = True
+    revealed_by = ("two_speeds",)
     Options = PositionFrictionOptions
     options: PositionFrictionOptions
 
@@ -61,6 +65,19 @@ class PositionDependentFriction(Effect):
         """Slope of Sf [s/m], centre [m], and the splines' constants."""
         options = self.options
         return options.slope_s_m, options.center_m, *spline_constants(options.knots)
+
+    @property
+    def is_spline(self) -> bool:
+        """Whether knots are given."""
+        return self.options.knots is not None
+
+    @property
+    def picture(self) -> Picture:
+        """Friction against position."""
+        return Picture(
+            "friction_over_position",
+            "Level of friction without its viscous part, against position.",
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -9,7 +9,11 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.knowledge import Picture, Spans
+
+SMOOTH_FUNCTIONS = 30
+"""Splines over the travel for unknown structure: a wave a tenth of the travel long is followed."""
 
 
 class PositionForceOptions(EffectOptions):
@@ -39,6 +43,9 @@ class PositionForce(Effect):
         "travel over the whole range in both directions, slow passes most of all: the part that "
         "changes sign with the direction is friction instead"
     )
+    groups = frozenset({"force_of_position"})
+    ordinary = True
+    revealed_by = ("two_speeds",)
     Options = PositionForceOptions
     options: PositionForceOptions
 
@@ -59,6 +66,26 @@ class PositionForce(Effect):
     def constants(self) -> tuple[float, ...]:
         """Centre [m], and the splines' constants."""
         return self.options.center_m, *spline_constants(self.options.knots)
+
+    @property
+    def is_spline(self) -> bool:
+        """Whether knots are given."""
+        return self.options.knots is not None
+
+    @property
+    def picture(self) -> Picture:
+        """Force against position."""
+        return Picture(
+            "force_over_position",
+            "Command that works against a force of position alone; below, the residual.",
+        )
+
+    @classmethod
+    def smooth_function(cls, variables: Sequence[str], spans: Spans) -> Effect | None:
+        """Return splines over the travel for what depends on position alone."""
+        if set(variables) != {"position"} or spans.travel_m < SHORTEST_M:
+            return None
+        return cls(PositionForceOptions(knots=(*spans.position_m, SMOOTH_FUNCTIONS)))
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

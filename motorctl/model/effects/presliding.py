@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.effect import Effect, Parameter
 from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 Array = NDArray[np.float64]
@@ -49,6 +51,10 @@ class Presliding(Effect):
         "many slow reversals and short strokes, from x_s itself (micrometres) to a hundred "
         "times as much, with an encoder that resolves x_s"
     )
+    groups = frozenset({"friction"})
+    scan_shows_part = True
+    refuted_at_end = MappingProxyType({"displacement_m": "either"})
+    revealed_by = ("slow_reversals",)
     Options = PreslidingOptions
     options: PreslidingOptions
 
@@ -64,6 +70,16 @@ class Presliding(Effect):
     def constants(self) -> tuple[float, ...]:
         """1/x_s [1/m], slope of Sf [s/m]."""
         return 1.0 / self.options.displacement_m, self.options.slope_s_m
+
+    @property
+    def picture(self) -> Picture:
+        """Friction against the way after a reversal."""
+        return Picture(
+            "friction_after_reversal",
+            "Friction against the way after each reversal, in the direction of the new motion, and "
+            "against velocity.",
+            scale=self.options.displacement_m,
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

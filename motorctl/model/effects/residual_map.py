@@ -9,7 +9,17 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import Knots, basis
-from motorctl.model.effect import Effect, EffectOptions, Parameter, Spans
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.knowledge import Spans
+
+SPEED_RANGE = 300.0
+"""Top speed over the speed below which velocities are told apart best."""
+BEYOND_TOP = 1.05
+"""Highest speed of the map over the recording's top speed."""
+VELOCITY_FUNCTIONS = 24
+"""Over velocity alone."""
+MAP_FUNCTIONS = 7
+"""Over each of position and velocity: 48 parameters are as many as the tick should bear."""
 
 
 class ResidualMapOptions(EffectOptions):
@@ -33,6 +43,7 @@ class ResidualMap(Effect):
     compensated = "feedforward at the desired motion"
     identified = "linear in the height of every function"
     visible_in = "motion through every speed, at every position, that is to be compensated"
+    groups = frozenset({"friction"})
     Options = ResidualMapOptions
     options: ResidualMapOptions
 
@@ -57,6 +68,29 @@ class ResidualMap(Effect):
             return (*over_velocity, count, 0.0, 0.0, 0.0)
         low, high, places = options.knots
         return (*over_velocity, count, low, (places - 3.0) / (high - low), float(places))
+
+    @property
+    def is_spline(self) -> bool:
+        """Always."""
+        return True
+
+    @classmethod
+    def smooth_function(cls, variables: Sequence[str], spans: Spans) -> Effect | None:
+        """Return splines over velocity, or over position and velocity."""
+        options = ResidualMapOptions(
+            fine_velocity_m_s=spans.speed_m_s / SPEED_RANGE,
+            top_velocity_m_s=spans.speed_m_s * BEYOND_TOP,
+            velocity_functions=VELOCITY_FUNCTIONS,
+        )
+        if set(variables) == {"velocity"}:
+            return cls(options)
+        if set(variables) != {"position", "velocity"}:
+            return None
+        over_both = {
+            "knots": (*spans.position_m, MAP_FUNCTIONS),
+            "velocity_functions": MAP_FUNCTIONS,
+        }
+        return cls(ResidualMapOptions.model_validate(options.model_dump() | over_both))
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, Parameter, Spans
+from motorctl.model.effect import Effect, Parameter
 from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 12
@@ -37,6 +39,10 @@ class Stribeck(Effect):
         "slow travel in both directions, at several constant speeds below and around v_s "
         "(a thousandth to a tenth of the top speed), not only reversals"
     )
+    groups = frozenset({"friction"})
+    ordinary = True
+    refuted_at_end = MappingProxyType({"velocity_m_s": "either", "exponent": "upper"})
+    revealed_by = ("slow_reversals",)
     Options = StribeckOptions
     options: StribeckOptions
 
@@ -49,6 +55,15 @@ class Stribeck(Effect):
     def constants(self) -> tuple[float, ...]:
         """1/v_s [s/m], exponent, slope of Sf [s/m]."""
         return 1.0 / self.options.velocity_m_s, self.options.exponent, self.options.slope_s_m
+
+    @property
+    def picture(self) -> Picture:
+        """Friction against velocity, and slow motion close by."""
+        return Picture(
+            "friction_over_velocity",
+            "Friction against velocity: data and models.",
+            scale=self.options.velocity_m_s,
+        )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

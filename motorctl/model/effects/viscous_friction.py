@@ -15,6 +15,9 @@ class ViscousFriction(Effect):
     compensated = "feedforward of the desired velocity"
     identified = "linear in velocity"
     visible_in = "travel at two or more different speeds"
+    groups = frozenset({"friction"})
+    proportional_to = "velocity"
+    revealed_by = ("two_speeds",)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -1,0 +1,118 @@
+"""What an effect tells of itself to those who look for it, draw it or write it down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Group = Literal[
+    "friction",
+    "force_of_position",
+    "wave_over_position",
+    "wave_over_time",
+    "line_over_time",
+    "resonance",
+    "command_timing",
+    "coupling",
+]
+"""What code that must treat kinds of effects apart may ask for; effects of one group look alike.
+
+- friction: opposes the motion; pictures and sums of friction contain it
+- force_of_position: position alone decides it, and it is a force on the carriage
+- wave_over_position: repeats over the travel; its options are `PitchOptions`
+- wave_over_time: repeats over time; sought at the lines of a spectrum
+- line_over_time: shows as a line in a spectrum over time, at `Effect.lines`
+- resonance: rings at `Effect.lines`; its columns are formed on the rigid machine's acceleration
+- command_timing: the command acts later than it was given
+- coupling: the motion of other axes acts on this one
+"""
+Signal = Literal["acceleration", "velocity", "direction", "one"]
+"""What the one column of a basic effect is; direction is the sign function of the velocity."""
+Motion = Literal[
+    "two_speeds", "two_accelerations", "slow_reversals", "fast_reversals", "longer_run"
+]
+"""Motions that tell effects apart; the report writes them as programs."""
+PictureKind = Literal[
+    "over_time",
+    "folded_over_pitch",
+    "thrust_over_position",
+    "force_over_position",
+    "friction_over_position",
+    "error_over_period",
+    "friction_over_velocity",
+    "friction_after_reversal",
+    "command_response",
+    "force_response",
+    "acting_command",
+    "gain_over_time",
+    "mass_over_time",
+    "folded_over_time",
+    "other_axis",
+]
+"""How an effect may be drawn: one drawer each in the report."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How an engineer would draw an effect."""
+
+    kind: PictureKind
+    caption: str
+    scale: float = 0.0
+    """The effect's own size along the picture's horizontal axis, in its unit: a pitch [m], a speed
+    [m/s], a half width [V], a frequency [Hz]; 0 where it has none."""
+    damping_ratio: float = 0.0
+    """Of a resonance."""
+
+
+@dataclass(frozen=True)
+class CarriedOver:
+    """What of a found effect belongs into a configuration that starts anew at every start.
+
+    A recording has a beginning and an end; a configuration has not. What happened at a time of the
+    recording is kept as what it left behind.
+    """
+
+    kept: bool = True
+    """Whether the effect itself stands in the refined configuration."""
+    adds: Mapping[Signal, float] = field(default_factory=dict)
+    """What is added to the parameters of the basic effects, in their units."""
+    scale: float = 1.0
+    """Factor by which every parameter of the model is multiplied."""
+    note: str = ""
+    """What the reader of the refined configuration has to know, as a sentence."""
+
+
+@dataclass(frozen=True)
+class Spans:
+    """What a recording spans: from it an effect tells which of its forms are worth trying."""
+
+    position_m: tuple[float, float]
+    """Lowest and highest position."""
+    speed_m_s: float
+    """Top speed."""
+    acceleration_m_s2: float
+    """Top acceleration."""
+    command_v: float
+    """Largest command."""
+    time_s: tuple[float, float]
+    """First and last time."""
+    period_s: float
+    """Between two samples."""
+    band_hz: float
+    """Highest frequency that is looked at."""
+    resolution_m: float
+    """One count of the encoder; 0 where it is not known."""
+    other_axes: tuple[str, ...] = ()
+    """Axes whose motion was recorded too."""
+
+    @property
+    def travel_m(self) -> float:
+        """Length of the travel that was used."""
+        return self.position_m[1] - self.position_m[0]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample."""
+        return self.time_s[1] - self.time_s[0]
