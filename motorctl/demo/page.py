@@ -26,7 +26,6 @@ from motorctl.errors import UsageError
 from motorctl.identify.compare.measures import table_headings
 from motorctl.identify.compare.published import PAPER, TURNAROUND_S
 from motorctl.identify.compare.runs import Comparison
-from motorctl.identify.diagnose.report.pictures.all import DRAWERS
 from motorctl.loop.simulation import Simulation
 
 TITLES = {
@@ -142,7 +141,7 @@ def _axis(loop: ClosedLoop, name: str, picture: Any) -> dict[str, Any]:
     wanted = [("residual", f"Residual of axis {name}", told)]
     for effect, found in kept_effects(loop, name).items():
         if found.explained_fraction >= WORTH_A_PICTURE:
-            caption = DRAWERS[effect][1] if effect in DRAWERS else "What it adds to the command."
+            caption = found.effect.picture.caption
             wanted.append((effect, f"{found.effect.title}, axis {name}", caption))
     pictures = []
     for what, title, caption in wanted:

@@ -83,16 +83,17 @@ def against(data: Measured, axis: Axis) -> list[str]:
 
 def inertia_against(data: Measured, axis: Axis) -> list[str]:
     """Give what the inertia says against a recording; nothing where it cannot be told."""
-    if "inertia" not in axis.model.parameter_names:
+    place = axis.model.index_of("acceleration")
+    if place is None:
         return []
-    bounds = axis.estimates[axis.model.parameter_names.index("inertia")]
+    bounds, name = axis.estimates[place], axis.model.parameter_names[place]
     inertia = _rough_inertia(data)
     if inertia is None:
         return []
     if bounds.lower / FAR_BEYOND_BOUNDS < inertia < bounds.upper * FAR_BEYOND_BOUNDS:
         return []
     return [
-        f"its inertia is about {inertia:.3g} V*s^2/m, model.inertia.bounds is "
+        f"its inertia is about {inertia:.3g} V*s^2/m, model.{name}.bounds is "
         f"{bounds.lower:g} to {bounds.upper:g}"
     ]
 

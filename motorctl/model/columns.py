@@ -33,6 +33,13 @@ def columns(u, x, t, c, out):
         for j in range(out.shape[0]):
             out[j, k] = -column(j, u[k], {where}c)
 """
+ERROR = """
+@njit(cache=True)
+def columns(x, c, out):
+    for k in range(x.size):
+        for j in range(out.shape[0]):
+            out[j, k] = column(j, x[k], c)
+"""
 
 
 def state_columns(
@@ -64,6 +71,26 @@ def input_columns(effect: Effect, u: Array, x: Array, t: Array) -> Array:
     return out
 
 
+def error_columns(effect: Effect, x: Array) -> Array:
+    """Return the error of the measured position for an amplitude of one each.
+
+    Parameters
+    ----------
+    effect
+        A measurement effect with `amplitudes`.
+    x
+        Position [m], shape (N,).
+
+    Returns
+    -------
+    Array
+        Shape (amplitudes, N).
+    """
+    out = np.empty((len(effect.amplitudes), len(x)))
+    _compiled(effect).columns(*_signals(x), _constants(effect), out)
+    return out
+
+
 def _signals(*signals: Array) -> list[Array]:
     shapes = {np.shape(signal) for signal in signals}
     if len(shapes) > 1 or np.ndim(signals[0]) != 1:
@@ -88,6 +115,8 @@ def _module(cls: type[Effect], remembers: bool) -> ModuleType:
         source += STATE.format(
             advance=ADVANCE if remembers else "", memory="w, " if remembers else ""
         )
+    elif cls.kind == "measurement":
+        source += ERROR
     else:
         source += INPUT.format(where="x[k], t[k], " if cls.varies else "")
     return load_generated(f"columns_{cls.name}_{source_digest(source)}", source)

@@ -1,11 +1,14 @@
 """The sign function Sf of friction, and how steep it is."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Iterable
 
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import EffectOptions
+from motorctl.model.effect import Effect, EffectOptions
 
 
 class SlopeOptions(EffectOptions):
@@ -14,6 +17,19 @@ class SlopeOptions(EffectOptions):
     slope_s_m: float = Field(
         default=900.0, gt=0, description="slope of Sf at rest; .inf is sign(v)"
     )
+
+
+def slope_of(effects: Iterable[Effect]) -> float | None:
+    """Return the slope at rest [s/m] of the first friction among effects; None without friction."""
+    slopes = (e.options.slope_s_m for e in effects if isinstance(e.options, SlopeOptions))
+    return next(slopes, None)
+
+
+def with_slope(effect: Effect, slope_s_m: float | None) -> Effect:
+    """Return an effect with this slope at rest [s/m], where it has one and one is given."""
+    if slope_s_m is None or not isinstance(effect.options, SlopeOptions):
+        return effect
+    return effect.with_options(slope_s_m=slope_s_m)
 
 
 @njit(inline="always")

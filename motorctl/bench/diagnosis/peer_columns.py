@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_path import CommandPath, held_parts
-from motorctl.identify.columns.frame import Stretch, make_frame, slope_of, spans_of
+from motorctl.identify.columns.frame import Stretch, make_frame, spans_of
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
@@ -28,6 +28,7 @@ from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording
 from motorctl.model import Effect, Spans
+from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ class PeerBench:
         data = measured(recording, axis)
         others = {name: measured(recording, name) for name in recording.axes if name != axis}
         declared = declared_models(recording, None, axis)[axis]
-        slope = slope_of(declared)
+        slope = slope_of(declared.effects)
         frame = make_frame(data, others, slope_s_m=slope)
         model, _ = carried(frame, declared)
         bench, _ = whitened(frame, model, ())

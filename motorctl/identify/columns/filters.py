@@ -75,8 +75,20 @@ def acceleration_of(position: Array, velocity: Array, period_s: float, how: Deri
     """
     if how == "central":
         return velocity_of(velocity, period_s)
-    acceleration = np.empty_like(position)
-    acceleration[1:-1] = np.diff(position, 2) / period_s**2
-    acceleration[0] = acceleration[1]
-    acceleration[-1] = acceleration[-2]
-    return acceleration
+    return second_difference(position, period_s)
+
+
+def second_difference(position: Array, period_s: float) -> Array:
+    """Return the second difference over the period squared, (N,); the ends repeat their neighbours.
+
+    Parameters
+    ----------
+    position
+        Shape (N,).
+    period_s
+        Between two samples [s].
+    """
+    result = np.empty_like(position)
+    result[1:-1] = np.diff(position, 2) / period_s**2
+    result[0], result[-1] = result[1], result[-2]
+    return result

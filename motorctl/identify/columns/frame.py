@@ -19,11 +19,12 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.command_path import CommandPath, held_parts, later
+from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import position_noise_density
 from motorctl.identify.columns.repetition import period_of
-from motorctl.model import Effect, EffectList, Spans
-from motorctl.model.columns import input_columns, state_columns
+from motorctl.model import Effect, Spans
+from motorctl.model.columns import error_columns, input_columns, state_columns
 
 Array = NDArray[np.float64]
 Response = Callable[[Array], Array]
@@ -144,14 +145,14 @@ class Frame:
 
     def acceleration(self) -> Array:
         """Give the filtered second difference of the measured position, (m,)."""
-        columns = [_second_difference(s.position, self.period_s)[None] for s in self.stretches]
+        columns = [second_difference(s.position, self.period_s)[None] for s in self.stretches]
         return np.asarray(self.filtered(columns)[0])
 
     def smoothed_acceleration(self, bands: float) -> list[Array]:
         """Give the measured acceleration of each stretch up to `bands` times the band, (N,)."""
         return [
             smoothed(
-                _second_difference(s.position, self.period_s), bands * self.band_hz, self.period_s
+                second_difference(s.position, self.period_s), bands * self.band_hz, self.period_s
             )
             for s in self.stretches
         ]
@@ -186,22 +187,16 @@ class Frame:
             columns.append(total)
         return self.filtered(columns)
 
-    def measurement(self, period: float) -> Array:
-        """Give what a sine and a cosine over the position add to its measured acceleration.
+    def measurement(self, effect: Effect) -> Array:
+        """Return what an error of the measured position adds to its acceleration, (q, m).
 
-        The smoothed position: sines of the quantised one correlate with its own noise.
+        A column for each of the effect's amplitudes. They are formed on the smoothed position:
+        functions of the quantised one correlate with its own noise.
         """
         columns = []
         for s in self.stretches:
-            angle = 2.0 * np.pi * s.x / period
-            columns.append(
-                np.stack(
-                    [
-                        _second_difference(np.sin(angle), self.period_s),
-                        _second_difference(np.cos(angle), self.period_s),
-                    ]
-                )
-            )
+            errors = error_columns(effect, s.x)
+            columns.append(np.stack([second_difference(e, self.period_s) for e in errors]))
         return self.filtered(columns)
 
     def row_variance(self, force_noise: float) -> float:
@@ -255,12 +250,6 @@ def low_pass_response(band_hz: float) -> Response:
         return np.asarray(0.5 * (1.0 + np.cos(np.pi * place)))
 
     return response
-
-
-def slope_of(model: EffectList) -> float | None:
-    """Give the slope at rest that the declared friction has; None without friction."""
-    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
-    return float(slopes[0]) if slopes else None
 
 
 def make_frame(
@@ -395,7 +384,7 @@ def _stretch(
     for name, other in others.items():
         xo = smoothed(other.position[rows], 0.5 * smooth_hz, data.period_s)
         vo = np.gradient(xo, data.period_s)
-        beside[name] = np.column_stack([xo, vo, _second_difference(xo, data.period_s)])
+        beside[name] = np.column_stack([xo, vo, second_difference(xo, data.period_s)])
     return Stretch(
         time_s=data.time_s[rows],
         position=data.position[rows],
@@ -428,13 +417,6 @@ def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
     spectrum *= np.exp(-((frequency / cutoff_hz) ** 8) * math.log(2.0))
     smooth = fft.irfft(spectrum, size)[: len(extended)] + ramp
     return np.asarray(smooth[pad : pad + n])
-
-
-def _second_difference(position: Array, period_s: float) -> Array:
-    result = np.empty_like(position)
-    result[1:-1] = np.diff(position, 2) / period_s**2
-    result[0], result[-1] = result[1], result[-2]
-    return result
 
 
 def _columns(effect: Effect, u: Array, s: Stretch) -> Array:

@@ -34,6 +34,7 @@ from motorctl.identify.columns.position_noise import (
 )
 from motorctl.identify.fit.settings import FitOptions, Segment
 from motorctl.model import EffectList
+from motorctl.model.sign_function import SlopeOptions, with_slope
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -122,7 +123,7 @@ def resolve_options(data: Measured, model: EffectList, options: FitOptions) -> F
     if options.decimation_order and decimation > 1:
         chebyshev = decimation_filter(options.decimation_order, decimation)
         discard += settling_samples(chebyshev, SETTLED)
-    slopes = [e.options.slope_s_m for e in model.effects if hasattr(e.options, "slope_s_m")]
+    slopes = [e.options.slope_s_m for e in model.effects if isinstance(e.options, SlopeOptions)]
     steepest = max(slopes, default=0.0)
     friction_hz = options.friction_hz or choose_velocity_band_hz(data, band, steepest)
     friction = options.friction_velocity
@@ -149,7 +150,7 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
     `options` may leave choices open (see `resolve_options`). Raises DataError where no stretch
     of usable rows is long enough for the filter to settle.
     """
-    model = with_slope(model, options.coulomb_slope_s_m)
+    model = EffectList([with_slope(e, options.coulomb_slope_s_m) for e in model.effects])
     options = resolve_options(data, model, options)
     assert options.discard_start is not None
     assert options.discard_end is not None
@@ -182,19 +183,6 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
         held=np.concatenate([held for _, _, held, _ in parts]),
         pick=np.concatenate([pick + s for (_, _, _, pick), s in zip(parts, starts, strict=False)]),
     )
-
-
-def with_slope(model: EffectList, slope_s_m: float | None) -> EffectList:
-    """Replace the slope of the sign function in every effect that has one."""
-    if slope_s_m is None:
-        return model
-    changed = []
-    for effect in model.effects:
-        if "slope_s_m" in type(effect.options).model_fields:
-            options = effect.options.model_copy(update={"slope_s_m": slope_s_m})
-            effect = type(effect)(options)  # noqa: PLW2901
-        changed.append(effect)
-    return EffectList(changed)
 
 
 def _reach(options: FitOptions, lowest: float, highest: float) -> tuple[int, int]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import make_frame, slope_of, without
+from motorctl.identify.columns.frame import make_frame, without
 from motorctl.identify.columns.measured import Measured, beside, check_usable, measured
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import both_ways, nothing_sought, over_all
 from motorctl.identify.diagnose.search.undetermined import carried
@@ -23,10 +24,11 @@ from motorctl.identify.diagnose.verdict.recording_checks import (
     check_motion,
     too_plain,
 )
-from motorctl.identify.diagnose.verdict.testable import coupled_motion
+from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
 from motorctl.log.recording import Part
-from motorctl.model import EffectList
+from motorctl.model import Effect, EffectList, known_effects
+from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -39,14 +41,19 @@ def diagnose_recording(
     models: Mapping[str, EffectList],
     progress: Progress | None = None,
     evaluate_on: Recording | None = None,
+    further: Sequence[type[Effect]] = (),
 ) -> RecordingDiagnosis:
     """Diagnose each axis that `models` names; all other axes count as possible causes.
 
     `evaluate_on` is a second recording of the same machine, on which the errors before and after
-    are measured; without it, a part of this one is held out. progress(what, share) is told what
-    is being done. An axis that cannot be diagnosed is told in the result. Raises DataError where
-    no axis can be.
+    are measured; without it, a part of this one is held out. `further` are effects to be tried
+    beside those that are built in, installed, or declared for any axis. progress(what, share) is
+    told what is being done. An axis that cannot be diagnosed is told in the result. Raises
+    DataError where no axis can be.
     """
+    catalogue = dict(known_effects())
+    catalogue |= {type(e).name: type(e) for model in models.values() for e in model.effects}
+    catalogue |= {cls.name: cls for cls in further}
     every = {name: measured(recording, name) for name in recording.axes}
     axes: dict[str, AxisDiagnosis] = {}
     refused: dict[str, str] = {}
@@ -59,7 +66,9 @@ def diagnose_recording(
         others = {other: data for other, data in every.items() if other != name}
         try:
             test = None if evaluate_on is None else _counterpart(evaluate_on, name)
-            axes[name] = diagnose_axis(every[name], model, others, tell, recording.segments, test)
+            axes[name] = diagnose_axis(
+                every[name], model, others, tell, recording.segments, test, catalogue
+            )
         except DataError as error:
             refused[name] = str(error)
     if not axes:
@@ -83,6 +92,7 @@ def diagnose_axis(
     tell: Callable[[str], None] | None = None,
     segments: Mapping[Part, tuple[float, float]] | None = None,
     test: Test | None = None,
+    catalogue: Catalogue | None = None,
 ) -> AxisDiagnosis:
     """Diagnose one axis. Raises DataError where the data cannot tell anything."""
     began = time.monotonic()
@@ -91,7 +101,7 @@ def diagnose_axis(
     check_magnitude(data)
     tell("reading its motion")
     moving = beside(data, others or {})
-    slope = slope_of(declared)
+    slope = slope_of(declared.effects)
     parts = {str(part): span for part, span in (segments or {}).items()}
     frame = make_frame(data, moving, slope_s_m=slope)
     check_motion(data, frame)
@@ -105,13 +115,14 @@ def diagnose_axis(
     if plain:
         found = nothing_sought(frame, model)
     else:
-        barred = frozenset(dropped) | coupled_motion(data, frame)
+        tried = tested_apart(known_effects() if catalogue is None else catalogue, data, frame)
+        tried = {name: cls for name, cls in tried.items() if name not in dropped}
         rows = frame, wide
         if "held_out" in parts:
             rows = without(frame, *parts["held_out"]), without(wide, *parts["held_out"])
-        found = both_ways(rows[0], model, slope, tell, barred, rows[1])
+        found = both_ways(rows[0], model, slope, tell, tried, rows[1])
         whole = frame if found.final.bench.side == "acceleration" else wide
-        found = over_all(found, whole, model, barred)
+        found = over_all(found, whole, model, tried)
     tell("judging what was found")
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
 

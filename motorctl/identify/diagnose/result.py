@@ -15,18 +15,6 @@ from motorctl.model import Effect, EffectList
 Array = NDArray[np.float64]
 Verdict = Literal["complete", "effect", "unknown_structure", "insufficient_data"]
 
-FRICTION = (
-    "viscous_friction",
-    "coulomb_friction",
-    "stribeck",
-    "asymmetric_friction",
-    "presliding",
-    "position_dependent_friction",
-    "quadratic_drag",
-    "residual_map",
-)
-"""Effects that are friction, declared or found."""
-
 
 @dataclass(frozen=True)
 class Alternative:

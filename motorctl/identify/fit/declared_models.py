@@ -8,9 +8,8 @@ from typing import Any
 from motorctl.config import Machine, load, load_resolved
 from motorctl.errors import ConfigError, DataError, UsageError
 from motorctl.log import Recording
-from motorctl.model import Effect, EffectList, effect_class, known_effects, make_effect
-
-FOUR = ("inertia", "viscous_friction", "coulomb_friction", "offset")
+from motorctl.model import EffectList, basic_effects
+from motorctl.model.catalog import built_in_effects
 
 
 def declared_models(
@@ -49,23 +48,19 @@ def machine_of(recording: Recording, model: str | None = None) -> Machine | None
 def controller_list(declared: EffectList | None, controller: str | None) -> EffectList:
     """Give C1's or C2's list, made from what an axis declares where that is known."""
     if declared is None:
-        declared = EffectList(_effects(FOUR))
+        declared = EffectList([cls() for cls in basic_effects().values()])
         if controller is None:
             return declared
     if controller == "C1":
         return declared.without_electromagnetic()
     if controller == "C2":
         missing = [
-            name
-            for name, effect in known_effects().items()
-            if effect.electromagnetic and name not in declared.names
+            cls()
+            for name, cls in built_in_effects().items()
+            if cls.electromagnetic and name not in declared.names
         ]
-        return EffectList([*declared.effects, *_effects(missing)])
+        return EffectList([*declared.effects, *missing])
     return declared
-
-
-def _effects(names: tuple[str, ...] | list[str]) -> list[Effect]:
-    return [make_effect(effect_class(name)) for name in names]
 
 
 def _own(recording: Recording) -> Machine | None:

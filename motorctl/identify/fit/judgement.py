@@ -15,7 +15,7 @@ from motorctl.identify.fit.regression import Regression, Solution, inertia_index
 from motorctl.identify.fit.result import AxisFit, FitError
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.identify.fit.standard_errors import sandwich
-from motorctl.model import EffectList, effect_class, make_effect
+from motorctl.model import EffectList, basic_effects
 
 SIGNIFICANT = 3.0
 INDISTINCT = 2.0
@@ -63,9 +63,8 @@ def check_exchanged(data: Measured, error: FitError | None, options: FitOptions)
         data, position=data.command, command=data.position, reference=None,
         reference_velocity=None, saturated=None, resolution=None,
     )  # fmt: skip
-    model = EffectList(
-        [make_effect(effect_class(n)) for n in ("inertia", "viscous_friction", "offset")]
-    )
+    basic = basic_effects()
+    model = EffectList([basic["acceleration"](), basic["velocity"](), basic["one"]()])
     choices = options.with_changes(
         fit_segments=None, held_out_segments=None, left="acceleration", estimate_delay=False
     )

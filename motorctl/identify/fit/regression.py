@@ -75,8 +75,7 @@ def regression(psi: Array, command: Array, model: EffectList, left: Side) -> Reg
 
 def inertia_index(model: EffectList) -> int | None:
     """Give the index of the parameter whose column is the acceleration."""
-    names = model.parameter_names
-    return names.index("inertia") if "inertia" in names else None
+    return model.index_of("acceleration")
 
 
 @dataclass(frozen=True)

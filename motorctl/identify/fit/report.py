@@ -17,10 +17,6 @@ from motorctl.log.units import unit_for
 
 FAR_PERCENT = 1000.0
 """A difference beyond it is told as the value itself."""
-LOAD_SIGN = {"offset": -1.0}
-"""theta4 pushes along with the motor. In newtons the force balance is written with every term on
-the load's side, F = M a + Fv v + Fc Sf(v) + offset, as the literature on identification has it:
-the offset in newtons is minus theta4 times the force constant."""
 _ESTIMATORS = {
     "least_squares": "least squares with the {} on the left",
     "instruments": "instruments built from the reference",
@@ -66,18 +62,23 @@ def parameter_values(fit: AxisFit, estimate: Estimate | None = None) -> dict[str
 
 
 def force_values(fit: AxisFit) -> dict[str, dict[str, Any]] | None:
-    """Give the parameters as forces on the load's side; None without a force constant."""
+    """Return the parameters as forces on the load's side; None without a force constant.
+
+    In newtons the force balance is written with every term on the load's side, F = M a + Fv v +
+    Fc Sf(v) + offset, as the literature on identification has it: the offset in newtons is minus
+    theta4 times the force constant.
+    """
     gain = fit.data.force_per_command
     if gain is None:
         return None
-    found = {}
-    for name, entry in parameter_values(fit).items():
-        value = LOAD_SIGN.get(name, 1.0) * gain * entry["value"]
-        found[name] = {"value": value, "std_error": abs(gain) * entry["std_error"]}
-    for (name, entry), unit in zip(found.items(), _force_units(fit), strict=True):
-        entry["unit"] = unit
-        if name in LOAD_SIGN:
-            entry["side"] = "load"
+    found: dict[str, dict[str, Any]] = {}
+    signs = [effect.load_sign for effect in fit.model.effects for _ in effect.parameters]
+    entries = zip(parameter_values(fit).items(), signs, _force_units(fit), strict=True)
+    for (name, entry), sign, unit in entries:
+        value = sign * gain * entry["value"]
+        found[name] = {"value": value, "std_error": abs(gain) * entry["std_error"], "unit": unit}
+        if sign < 0.0:
+            found[name]["side"] = "load"
     return found
 
 

@@ -8,25 +8,24 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Axis, Estimate, Machine
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import make_frame
+from motorctl.identify.columns.frame import make_frame, spans_of
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.admissible import admissible
+from motorctl.identify.refine.carry_over import CarriedModel, carry_over
 from motorctl.identify.refine.header import found_words
 from motorctl.identify.refine.model_error import force_error_rms
 from motorctl.identify.refine.model_text import WantedEffect
 from motorctl.identify.refine.start_values import (
     estimates_of,
-    is_spline,
     sizes_of,
     with_rounded_options,
 )
-from motorctl.model import Effect, EffectList
+from motorctl.model import Effect, EffectList, known_effects
 
 COMMENT_WIDTH = 90
 IMPROVEMENT = 0.98
@@ -82,26 +81,29 @@ def refine_axis(
     def unchanged(*done: str) -> AxisRefinement:
         return AxisRefinement(name, found.verdict, False, (), current, done, 0.0, before, before)
 
-    crowded = _too_many(axis, found, without)
-    model, picked = _model_without(found, {*without, *crowded})
-    # rounded before bounds are made: the range of a parameter may depend on an option
-    model = EffectList(
-        [e if e.name in axis.declared.names else with_rounded_options(e) for e in model.effects]
-    )
-    new = [effect for effect in model.effects if effect.name not in axis.declared.names]
     if found.verdict == "insufficient_data":
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
-    if not new and found.verdict != "complete":
+    crowded = _too_many(axis, found, without)
+    frame = make_frame(found.data, dict(found.others))
+    carried = carry_over(found, spans_of(frame), {*without, *crowded})
+    # rounded before bounds are made: the range of a parameter may depend on an option
+    model = EffectList(
+        [
+            e if e.name in axis.declared.names else with_rounded_options(e)
+            for e in carried.model.effects
+        ]
+    )
+    new = [effect for effect in model.effects if effect.name not in axis.declared.names]
+    if not new and not carried.left_behind and found.verdict != "complete":
         return unchanged(f"unchanged: {found.sentence}")
-    sizes = sizes_of(model, make_frame(found.data, dict(found.others)))
-    fitted = estimates_of(model, found.theta[picked], found.std_error[picked], sizes)
+    fitted = estimates_of(model, carried.theta, carried.std_error, sizes_of(model, frame))
     wanted = _wanted(axis, current, found, model, fitted)
     programs = [p for p in machine.programs.values() if name in p.axes]
     whole = EffectList([part.effect for part in wanted])
     sound, notes = admissible(axis, whole, [e for part in wanted for e in part.estimates], programs)
     wanted = _with_estimates(wanted, sound)
     after = _error_of(wanted, found)
-    if not new and not after < IMPROVEMENT * before:
+    if not new and not carried.left_behind and not after < IMPROVEMENT * before:
         return unchanged(
             "unchanged: nothing beyond noise is missing, and with parameters fitted to this "
             f"recording the error would be {after:.3g} V rms instead of {before:.3g}"
@@ -114,7 +116,7 @@ def refine_axis(
     delay_s = axis.adaptation.input_delay_s if any(e.kind == "command" for e in new) else 0.0
     if delay_s:
         notes.append("adaptation.input_delay_s is 0 now: what was found contains it")
-    done = (*_done(found, added, before, after), *notes)
+    done = (*_done(found, added, carried, before, after), *notes)
     return AxisRefinement(name, found.verdict, True, added, wanted, done, delay_s, before, after)
 
 
@@ -123,7 +125,7 @@ def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> lis
     effects = {effect.name: effect for effect in (*axis.declared.effects, *found.model.effects)}
     counts = {name: len(e.parameters) for name, e in effects.items() if name not in without}
     scores = {effect.name: effect.score for effect in found.effects}
-    new = [name for name in counts if name not in axis.declared.names and is_spline(effects[name])]
+    new = [name for name in counts if name not in axis.declared.names and effects[name].is_spline]
     crowded: list[str] = []
     # of equals, what was found last goes first
     for name in sorted(new, key=lambda name: (scores.get(name, -1.0), -new.index(name))):
@@ -134,19 +136,10 @@ def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> lis
     return crowded
 
 
-def _model_without(
-    found: AxisDiagnosis, without: Collection[str]
-) -> tuple[EffectList, NDArray[np.int64]]:
-    """Give the whole model but for some effects that were found, and the places of its theta."""
-    left_out = set(without) - set(found.declared.names)
-    effects = [effect for effect in found.model.effects if effect.name not in left_out]
-    belongs = [effect.name for effect in found.model.effects for _ in effect.parameters]
-    return EffectList(effects), np.flatnonzero([name not in left_out for name in belongs])
-
-
 def _done(
-    found: AxisDiagnosis, added: tuple[str, ...], before: float, after: float
+    found: AxisDiagnosis, added: tuple[str, ...], carried: CarriedModel, before: float, after: float
 ) -> Iterator[str]:
+    yield from carried.notes
     if added:
         yield f"added {', '.join(added)}; all parameters were fitted together"
         for effect in found.effects:
@@ -154,7 +147,7 @@ def _done(
                 yield found_words(effect)
         if found.unknown is not None and found.unknown.compensation is not None:
             yield found.unknown.sentence
-    else:
+    elif not carried.left_behind:
         yield (
             "nothing beyond noise is missing; parameters fitted to this recording take its error "
             f"from {before:.3g} to {after:.3g} V rms"
@@ -203,7 +196,11 @@ def _wanted(
         else:
             above, errors = effect.title, {}
         lines = tuple(textwrap.wrap(above, COMMENT_WIDTH))
-        wanted.append(WantedEffect(with_rounded_options(effect), estimates, None, lines, errors))
+        where = type(effect)
+        type_name = None if name in known_effects() else f"{where.__module__}:{where.__qualname__}"
+        wanted.append(
+            WantedEffect(with_rounded_options(effect), estimates, type_name, lines, errors)
+        )
     return tuple(wanted)
 
 

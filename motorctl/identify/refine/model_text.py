@@ -13,17 +13,7 @@ from motorctl.config.freeze import decode
 from motorctl.config.machine import Estimate
 from motorctl.identify.refine.yaml_text import Item, KeyPath, YamlText
 from motorctl.model import Effect, Parameter
-
-OPTION_UNITS = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_s_m": "s/m",
-    "_hz": "Hz",
-    "_v": "V",
-    "_m": "m",
-    "_s": "s",
-}
-"""By the end of an option's name; the first that fits."""
+from motorctl.model.effect import option_unit
 
 
 @dataclass(frozen=True)
@@ -74,7 +64,7 @@ class WantedEffect:
     def _option_items(self) -> list[Item]:
         items = [] if self.type is None else [Item("type", self.type)]
         for name, value in self.effect.options.model_dump(mode="json", exclude_none=True).items():
-            unit = next((unit for end, unit in OPTION_UNITS.items() if name.endswith(end)), "")
+            unit = option_unit(name)
             error = (self.option_errors or {}).get(name, math.nan)
             told = f" +- {error:.2g}" if math.isfinite(error) else ""
             items.append(Item(name, text_of(value), f"{unit}{told}".strip()))

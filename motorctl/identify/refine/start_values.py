@@ -22,7 +22,6 @@ SHARE = 0.3
 COMMAND_SHARE = 0.01
 """and at least as far as changes the command by this part of its rms where that changes most."""
 PEAK_SHARE = 0.999
-RESIDUAL_MAP = "residual_map"
 MOVING = 0.02
 """Part of the top speed above which the axis moves."""
 LEARNING_S = 5.0
@@ -58,7 +57,7 @@ def estimates_of(model: EffectList, theta: Array, std_error: Array, sizes: Sizes
     for k, (effect, parameter) in enumerate(zip(effects, model.parameters, strict=True)):
         initial = rounded_within(parameter, float(theta[k]))
         spread = ERRORS * float(std_error[k]) if math.isfinite(std_error[k]) else 0.0
-        if is_spline(effect):
+        if effect.is_spline:
             # Where there was little motion its heights are hardly known, and must not wander.
             spread = min(spread, float(amplitude[k]))
         reach = COMMAND_SHARE * sizes.command_rms / sizes.peak[k] if sizes.peak[k] > 0.0 else 0.0
@@ -90,7 +89,7 @@ def amplitudes(model: EffectList, theta: Array) -> Array:
                 if other.unit == parameter.unit and _order(other.name) == order
             ]
             waves = order is not None and len(alike) == 2
-            if waves or is_spline(effect):
+            if waves or effect.is_spline:
                 found.append(float(np.linalg.norm(own[alike]) if waves else own[alike].max()))
             else:
                 found.append(float(own[k]))
@@ -122,11 +121,6 @@ def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[f
     upper = rounded_within(parameter, rounded(initial + width, BOUND_DIGITS))
     # Rounding must not cut off the start value.
     return min(lower, initial), max(upper, initial)
-
-
-def is_spline(effect: Effect) -> bool:
-    """Tell whether an effect is a smooth function of no particular form."""
-    return getattr(effect.options, "knots", None) is not None or effect.name == RESIDUAL_MAP
 
 
 def with_rounded_options(effect: Effect) -> Effect:

@@ -8,6 +8,7 @@ from seventh_effect import SeventhEffect
 from motorctl.identify.fit import declared_models
 from motorctl.identify.fit.declared_models import controller_list
 from motorctl.model import EffectList, known_effects, make_effect
+from motorctl.model.catalog import built_in_effects
 
 
 class NewElectromagnetic(SeventhEffect):
@@ -20,9 +21,8 @@ class NewElectromagnetic(SeventhEffect):
 @pytest.fixture
 def one_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the catalog hold an electromagnetic effect more."""
-    more = known_effects() | {NewElectromagnetic.name: NewElectromagnetic}
-    monkeypatch.setattr(declared_models, "known_effects", lambda: more)
-    monkeypatch.setattr(declared_models, "effect_class", more.__getitem__)
+    more = built_in_effects() | {NewElectromagnetic.name: NewElectromagnetic}
+    monkeypatch.setattr(declared_models, "built_in_effects", lambda: more)
 
 
 @pytest.mark.usefixtures("one_more")
@@ -30,7 +30,7 @@ def test_c2_has_every_electromagnetic_effect_that_the_catalog_holds():
     names = set(controller_list(None, "C2").names)
     assert {"em_quadratic", "em_cubic", "new_electromagnetic"} <= names
     assert names - set(controller_list(None, "C1").names) == {
-        name for name in names if declared_models.effect_class(name).electromagnetic
+        name for name in names if declared_models.built_in_effects()[name].electromagnetic
     }
 
 

@@ -9,14 +9,15 @@ random part everything a little.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Measured
-from motorctl.model import Spans
+from motorctl.model import Effect, Spans
+from motorctl.model.knowledge import Motion
 
 Array = NDArray[np.float64]
 Program = dict[str, object]
@@ -113,33 +114,16 @@ def fast_reversals(reach: Reach) -> Iterator[Stroke]:
             yield Stroke(middle - way / 2, speed, 1.0)
 
 
-RECIPES: dict[str, tuple[Recipe, ...]] = {
-    "inertia": (fast_reversals,),
-    "viscous_friction": (two_speeds,),
-    "coulomb_friction": (two_speeds,),
-    "em_quadratic": (fast_reversals,),
-    "em_cubic": (fast_reversals,),
-    "cogging": (two_speeds,),
-    "force_ripple": (two_accelerations,),
-    "stribeck": (slow_reversals,),
-    "asymmetric_friction": (two_speeds,),
-    "presliding": (slow_reversals,),
-    "position_dependent_friction": (two_speeds,),
-    "position_force": (two_speeds,),
-    "quadratic_drag": (two_speeds,),
-    "input_lag": (fast_reversals,),
-    "input_delay": (fast_reversals,),
-    "dead_zone": (slow_reversals, fast_reversals),
-    "flexible_mode": (fast_reversals,),
-    "encoder_error": (two_speeds,),
-    "periodic_disturbance": (two_speeds,),
+RECIPES: Mapping[Motion, Recipe] = {
+    "two_speeds": two_speeds,
+    "two_accelerations": two_accelerations,
+    "slow_reversals": slow_reversals,
+    "fast_reversals": fast_reversals,
 }
-"""By the effect that is to be seen; besides these there is always some roaming."""
-SLOW = frozenset({"gain_drift", "payload_change"})
-"""Effects that show in a long run."""
+"""Besides these there is always some roaming; a longer run repeats it all."""
 
 
-def advise(effects: Sequence[str], data: Measured, spans: Spans) -> Program:
+def advise(effects: Sequence[type[Effect]], data: Measured, spans: Spans) -> Program:
     """Give the keys of a program file that would show `effects` and tell them apart.
 
     One axis, within the travel, speed and acceleration that the recording used; other axes should
@@ -149,10 +133,11 @@ def advise(effects: Sequence[str], data: Measured, spans: Spans) -> Program:
     reach = _reach(data, spans)
     if reach is None:
         return {}
-    recipes = list(dict.fromkeys(r for name in effects for r in RECIPES.get(name, ())))
+    motions = dict.fromkeys(motion for cls in effects for motion in cls.revealed_by)
+    recipes = [RECIPES[motion] for motion in motions if motion in RECIPES]
     strokes = [*roam(reach), *(stroke for recipe in recipes for stroke in recipe(reach))]
     program = program_keys(data.axis, reach, strokes)
-    if SLOW & set(effects):
+    if "longer_run" in motions:
         wanted_s = min(LONG_RUNS * spans.duration_s, LONGEST_S)
         program["cycles"] = max(1, math.ceil(wanted_s / duration_s(reach, strokes)))
     return program

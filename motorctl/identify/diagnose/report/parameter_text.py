@@ -9,20 +9,10 @@ from typing import Any
 
 from motorctl.identify.columns.measured import Array, Measured
 from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, UnknownStructure
-from motorctl.identify.fit.report import LOAD_SIGN
 from motorctl.log.units import unit_for
 from motorctl.model import Effect, EffectList, Parameter
+from motorctl.model.effect import option_unit
 
-_OPTION_UNITS = {
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_s_m": "s/m",
-    "_hz": "Hz",
-    "_v": "V",
-    "_m": "m",
-    "_s": "s",
-}
-"""By the end of an option's name; the first that fits."""
 _PREFIXES = {
     "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")),
     "rad": ((1.0, "rad"), (1e-3, "mrad"), (1e-6, "µrad")),
@@ -130,7 +120,7 @@ def force_values(axis: AxisDiagnosis) -> dict[str, Value]:
             name = effect.full_name(parameter)
             unit = _force_unit(axis.data, effect, parameter)
             if unit is not None:
-                value, scale = values[name], LOAD_SIGN.get(name, 1.0) * gain
+                value, scale = values[name], effect.load_sign * gain
                 found[name] = Value(scale * value.value, abs(scale) * value.std_error, unit)
     return found
 
@@ -185,15 +175,11 @@ def _effect_values(
             continue
         if name in option_errors or option != fields[name].default:
             error = option_errors.get(name, math.nan)
-            values[name] = Value(float(option), float(error), own_unit(data, _option_unit(name)))
+            values[name] = Value(float(option), float(error), own_unit(data, option_unit(name)))
     for i, parameter in enumerate(effect.parameters):
         unit = own_unit(data, parameter.unit)
         values[parameter.name or effect.name] = Value(_at(theta, i), _at(std_error, i), unit)
     return values | _amplitudes(values)
-
-
-def _option_unit(name: str) -> str:
-    return next((unit for end, unit in _OPTION_UNITS.items() if name.endswith(end)), "")
 
 
 def _amplitudes(values: Mapping[str, Value]) -> dict[str, Value]:

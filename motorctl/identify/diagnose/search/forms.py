@@ -22,15 +22,18 @@ from motorctl.identify.diagnose.search.spectral_lines import (
     strongest,
     time_spectrum,
 )
-from motorctl.model import Effect, Spans, known_effects
+from motorctl.model import Effect, Spans
+from motorctl.model.pitch import PitchOptions
+from motorctl.model.sign_function import with_slope
 
 Array = NDArray[np.float64]
 
-OVER_POSITION = {"cogging": False, "force_ripple": True}
-"""Effects that repeat over position, and whether the command multiplies them."""
-OVER_TIME = ("periodic_disturbance",)
+WAVES = frozenset({"wave_over_position", "wave_over_time"})
+"""Groups whose effects start from the lines of a spectrum instead of a scan."""
 LINES = 6
+"""Lines of a spectrum that are tried: the strongest may be a chance one beside a strong rest."""
 MOST_ORDER = 12
+"""Of a pitch whose strongest line may be an order: motors and screws show these and lower ones."""
 LONGEST_PITCH = 0.3
 """Of the travel: what repeats less often than three times is no periodic force."""
 ORDER_GAIN = 0.004
@@ -49,16 +52,8 @@ RICHER_GAIN = 0.01
 """A richer form is taken where it removes this part of what the simpler one leaves."""
 RICHER_STEPS = 4
 SIMPLEX_STEPS = 30
-TELLING = {
-    ("flexible_mode", "damping_ratio"),
-    ("flexible_mode", "frequency_hz"),
-    ("stribeck", "velocity_m_s"),
-    ("stribeck", "exponent"),
-    ("presliding", "displacement_m"),
-}
-"""Options that mean another effect where they come to the end of their range."""
-ABOVE_ONLY = ("exponent",)
 EDGE = 0.02
+"""Part of an end of an option's range within which it counts as standing there."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +76,10 @@ def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
     barred = "input" if hypothesis.bench.side == "command" else None
     return [
         cls
-        for name, cls in known_effects().items()
-        if name not in present | hypothesis.bench.barred and cls.kind != barred
+        for name, cls in hypothesis.bench.catalogue.items()
+        if name not in present
+        and cls.kind != barred
+        and (cls.kind != "measurement" or cls.amplitudes)
     ]
 
 
@@ -90,7 +87,7 @@ def best_form(
     hypothesis: Hypothesis, cls: type[Effect], spans: Spans, slope_s_m: float | None
 ) -> Form | None:
     """Give the best form of an effect, roughly: not yet refined; None where there is none."""
-    if cls.name in OVER_POSITION or cls.name in OVER_TIME:
+    if cls.groups & WAVES:
         forms: Iterable[Effect] = _lines(hypothesis, cls, spans)
     else:
         forms = cls.trials(spans)
@@ -118,7 +115,7 @@ def _richest(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Divide a spline more finely, where that removes a good part of what is left by now."""
-    if getattr(form.effect.options, "knots", None) is None:
+    if not form.effect.is_spline:
         return form
     best = form
     for effect in form.effect.richer(spans):
@@ -131,7 +128,7 @@ def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 def refined(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Refine the nonlinear options of a form, then make it richer while that pays."""
     best = by_simplex(hypothesis, form, spans)
-    if best.effect.name in OVER_POSITION:
+    if "wave_over_position" in best.effect.groups:
         best = with_orders(hypothesis, best, spans)
         return by_simplex(hypothesis, best, spans)
     return by_simplex(hypothesis, _richest(hypothesis, best, spans), spans)
@@ -200,7 +197,7 @@ def option_bounds(
     cls: type[Effect], names: Sequence[str], spans: Spans
 ) -> list[tuple[float, float]]:
     """Give the range in which each option makes sense: that of the forms that are tried."""
-    if cls.name in OVER_POSITION:
+    if "wave_over_position" in cls.groups:
         return [(0.0, LONGEST_PITCH * spans.travel_m)] * len(names)
     bounds = []
     forms = cls.trials(spans)
@@ -213,11 +210,12 @@ def option_bounds(
 
 def at_bound(effect: Effect, spans: Spans) -> bool:
     """Tell whether a form stands at an end of what was sought: then it is something else."""
-    names = [name for name in effect.steps(spans) if (effect.name, name) in TELLING]
+    ends = effect.refuted_at_end
+    names = [name for name in effect.steps(spans) if name in ends]
     bounds = option_bounds(type(effect), names, spans)
     for name, (low, high) in zip(names, bounds, strict=True):
         value = float(getattr(effect.options, name))
-        below = low > 0.0 and name not in ABOVE_ONLY
+        below = low > 0.0 and ends[name] == "either"
         if value > high * (1.0 - EDGE) or (below and value < low * (1.0 + EDGE)):
             return True
     return False
@@ -226,7 +224,7 @@ def at_bound(effect: Effect, spans: Spans) -> bool:
 def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Find the other orders of a periodic effect, and from all of them its pitch."""
     cls = type(form.effect)
-    waves = [1.0 / float(getattr(form.effect.options, "pitch_m"))]  # noqa: B009
+    waves = [1.0 / form.effect.repeats_every]
     current = hypothesis.plus(form.effect)
     for _ in range(LINES - 1):
         kappa, gain = _spectrum(current, cls)
@@ -236,7 +234,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
         if not place:
             break
         waves.append(place[0])
-        sines = [cls(cls.Options.model_validate({"pitch_m": 1.0 / k})) for k in waves]
+        sines = [cls.at_line(k) for k in waves]
         current = _beside(hypothesis, sines)
     best = form
     for pitch, orders in _fundamentals(waves, spans):
@@ -257,25 +255,14 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     return _fundamental(hypothesis, _pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
 
 
-def with_slope(effect: Effect, slope_s_m: float | None) -> Effect:
-    """Give a friction effect the declared slope at rest."""
-    if slope_s_m is None or "slope_s_m" not in type(effect.options).model_fields:
-        return effect
-    return effect.with_options(slope_s_m=slope_s_m)
-
-
 def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
     return Hypothesis(hypothesis.bench, (*hypothesis.added, *sines), hypothesis.acceleration)
 
 
 def _lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> list[Effect]:
-    if cls.name in OVER_TIME:
-        places = strongest(*_time_lines(hypothesis), LINES)
-        options = [{"frequency_hz": place} for place in places]
-    else:
-        places = strongest(*_spectrum(hypothesis, cls), LINES)
-        options = [{"pitch_m": 1.0 / place} for place in places]
-    return [cls(cls.Options.model_validate(option)) for option in options]
+    over_time = "wave_over_time" in cls.groups
+    found = _time_lines(hypothesis) if over_time else _spectrum(hypothesis, cls)
+    return [cls.at_line(line) for line in strongest(*found, LINES)]
 
 
 def _time_lines(hypothesis: Hypothesis) -> tuple[Array, Array]:
@@ -285,7 +272,7 @@ def _time_lines(hypothesis: Hypothesis) -> tuple[Array, Array]:
 def _spectrum(hypothesis: Hypothesis, cls: type[Effect]) -> tuple[Array, Array]:
     frame = hypothesis.bench.frame
     weight = None
-    if OVER_POSITION[cls.name]:
+    if cls.kind == "input":
         weight = frame.picked(lambda s: s.command)
     return position_spectrum(frame, _left_over(hypothesis), weight)
 
@@ -320,8 +307,7 @@ def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[i
 
 def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Shorten a pitch of which only multiples are left, or that a slow variation made so long."""
-    orders: tuple[int, ...] = getattr(form.effect.options, "orders")  # noqa: B009
-    pitch: float = getattr(form.effect.options, "pitch_m")  # noqa: B009
+    orders, pitch = _orders(form.effect), form.effect.repeats_every
     for divisor in range(max(orders), 1, -1):
         multiples = tuple(k // divisor for k in orders if k % divisor == 0)
         if not multiples:
@@ -340,11 +326,11 @@ def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 def _pruned(hypothesis: Hypothesis, form: Form) -> Form:
     """Drop orders that hardly take anything away."""
-    orders: tuple[int, ...] = getattr(form.effect.options, "orders")  # noqa: B009
+    orders = _orders(form.effect)
     without = hypothesis.solution.sse
     best = form
     for order in orders:
-        left: tuple[int, ...] = getattr(best.effect.options, "orders")  # noqa: B009
+        left = _orders(best.effect)
         if len(left) == 1:
             break
         fewer = best.effect.with_options(orders=tuple(k for k in left if k != order))
@@ -355,3 +341,9 @@ def _pruned(hypothesis: Hypothesis, form: Form) -> Form:
         if lost < ORDER_GAIN * max(without - best.sse, 0.0) and lost < 0.05 * best.held_out:
             best = found
     return best
+
+
+def _orders(effect: Effect) -> tuple[int, ...]:
+    """Return the orders of a wave over position."""
+    assert isinstance(effect.options, PitchOptions)
+    return effect.options.orders

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -22,20 +22,21 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     with_columns,
 )
 from motorctl.identify.fit.settings import Side
-from motorctl.model import Effect, EffectList
+from motorctl.model import Effect, EffectList, basic_effects, known_effects
 from motorctl.model.columns import input_columns, state_columns
 
 Array = NDArray[np.float64]
 
 
 MOST_PHYSICAL = 3
-"""Parameters of a formula; what has more is a spline, unless it is periodic."""
-PERIODIC = ("cogging", "force_ripple")
-
-
-RESONANT = ("flexible_mode",)
+"""Parameters that a spline may have and still be as stiff as a formula: a single cubic polynomial
+needs no holding. With more, knots that few rows show would take up noise."""
 PREDICTED_BAND = 1.5
 """Band of the predicted acceleration, in multiples of the rows' band."""
+
+
+Catalogue = Mapping[str, type[Effect]]
+"""Effects that may be tried, by name."""
 
 
 class Bench:
@@ -47,11 +48,11 @@ class Bench:
         declared: EffectList,
         blocks: Blocks,
         left: Side = "acceleration",
-        barred: frozenset[str] = frozenset(),
+        catalogue: Catalogue | None = None,
     ) -> None:
         self.frame = frame
         self.side = left
-        self.barred = barred
+        self.catalogue = known_effects() if catalogue is None else catalogue
         self.declared = declared
         self.blocks = blocks
         self.left = frame.acceleration()
@@ -96,11 +97,10 @@ class Bench:
         return self._columns[key]
 
     def measurement(self, effect: Effect) -> Array:
-        """Give the columns of an error of the measured position, (2, m)."""
-        period: float = getattr(effect.options, "period_m")  # noqa: B009
-        key = ("measurement", period)
+        """Return the columns of an error of the measured position, (q, m)."""
+        key = form_key(effect)
         if key not in self._columns:
-            self._columns[key] = self.frame.measurement(period)
+            self._columns[key] = self.frame.measurement(effect)
         return self._columns[key]
 
 
@@ -126,16 +126,25 @@ class Hypothesis:
         """
         declared = () if kind == "measurement" else self.bench.declared.effects
         every = [*declared, *self.added]
-        return [e for e in every if e.kind == kind and e.name != "inertia"]
+        return [e for e in every if e.kind == kind and e.proportional_to != "acceleration"]
 
     @cached_property
+    def places(self) -> tuple[tuple[Effect, int], ...]:
+        """Say for each column but the first, the command, which parameter of which effect it is."""
+        found = [
+            (e, j)
+            for kind in ("input", "state")
+            for e in self.of_kind(kind)
+            for j in range(len(e.parameters))
+        ]
+        found += [(e, j) for e in self.of_kind("measurement") for j in range(len(e.amplitudes))]
+        return tuple(found)
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Say for each column which effect it belongs to; the first is the command."""
-        names = ["inertia"]
-        for kind in ("input", "state"):
-            names += [e.name for e in self.of_kind(kind) for _ in e.parameters]
-        names += [e.name for e in self.of_kind("measurement") for _ in range(2)]
-        return tuple(names)
+        """Say for each column which effect it belongs to; the first, the command, is inertia's."""
+        inertia = basic_effects()["acceleration"].name
+        return (inertia, *(effect.name for effect, _ in self.places))
 
     @cached_property
     def problem(self) -> Problem:
@@ -151,11 +160,7 @@ class Hypothesis:
         return make_problem(self.bench.blocks, X, y, self._soft())
 
     def _soft(self) -> NDArray[np.bool_]:
-        soft = [False]
-        for kind in ("input", "state"):
-            soft += [is_spline(e) for e in self.of_kind(kind) for _ in e.parameters]
-        soft += [False] * (2 * len(self.of_kind("measurement")))
-        return np.array(soft)
+        return np.array([False, *(is_loose(effect) for effect, _ in self.places)])
 
     @cached_property
     def solution(self) -> Solution:
@@ -201,13 +206,12 @@ class Hypothesis:
         if effect.kind == "command":
             return self.plus(effect).problem
         if effect.kind == "measurement":
-            period: float = effect.options.model_dump()["period_m"]
-            return with_columns(self.problem, self.bench.frame.measurement(period))
+            return with_columns(self.problem, self.bench.frame.measurement(effect))
         if effect.kind == "input":
             return with_columns(self.problem, self.bench.frame.inputs([effect], self.path)[1:])
         frame = self.bench.frame
         columns = frame.state(effect, self.acceleration, frame.decimation if coarse else None)
-        return with_columns(self.problem, columns, is_spline(effect))
+        return with_columns(self.problem, columns, is_loose(effect))
 
     def refreshed(self) -> Hypothesis:
         """Give effects that act on the acceleration the one that this hypothesis predicts.
@@ -226,7 +230,7 @@ class Hypothesis:
 
         Without resonances: a mode's columns are formed on what the machine would do if it were
         rigid, since on the machine's own acceleration a sharp mode would be found by a fixed
-        point that diverges. `outcome` turns what is found into the mode itself.
+        point that diverges. `parameters` turns what is found into the mode itself.
         """
         frame, b = self.bench.frame, self.b
         predictions = []
@@ -245,7 +249,7 @@ class Hypothesis:
                     if axis in s.others:
                         others[:, j] = s.others[axis]
                 columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, others)
-                if e.name not in RESONANT:
+                if "resonance" not in e.groups:
                     total = total + b[i : i + len(columns)] @ columns
                 i += len(columns)
             # what is beyond the band would be folded into it where columns are formed more coarsely
@@ -262,9 +266,9 @@ def acceleration_form(b: Array, side: Side) -> Array:
     return np.asarray(turned)
 
 
-def is_spline(effect: Effect) -> bool:
-    """Tell whether an effect's parameters are heights of a smooth function."""
-    return len(effect.parameters) > MOST_PHYSICAL and effect.name not in PERIODIC
+def is_loose(effect: Effect) -> bool:
+    """Tell whether an effect is a spline of so many parts that rows may say little of some."""
+    return effect.is_spline and len(effect.parameters) > MOST_PHYSICAL
 
 
 def form_key(effect: Effect) -> tuple[str, str]:

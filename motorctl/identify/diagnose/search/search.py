@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from motorctl.identify.columns.frame import Frame, shortened, spans_of
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
-    OVER_TIME,
     Form,
     at_bound,
     best_form,
@@ -27,7 +26,12 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     residual,
     with_columns,
 )
-from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import (
+    Bench,
+    Catalogue,
+    Hypothesis,
+    uses_acceleration,
+)
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Rivals
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
@@ -58,8 +62,8 @@ REFINED = 5
 """Forms that are refined in each round: the best by the scan, and those that come near."""
 NEAR = 3.0
 """Parts of the best gain."""
-GROWING = ("cogging", "force_ripple", "flexible_mode", "presliding")
-"""What a scan with one line, or with coarse columns, shows only in part."""
+PARTLY_SEEN = 2.0
+"""Factor on `NEAR` for effects of which a scan shows only a part."""
 LEAST_GAIN = 60.0
 """In log-likelihood of held-out rows."""
 PLAIN_GAIN = 600.0
@@ -139,7 +143,7 @@ def whitened(
     declared: EffectList,
     added: tuple[Effect, ...],
     side: Side = "acceleration",
-    barred: frozenset[str] = frozenset(),
+    catalogue: Catalogue | None = None,
 ) -> tuple[Bench, float]:
     """Give a bench whose rows have nearly white noise, and the noise's density.
 
@@ -152,9 +156,9 @@ def whitened(
         plain = plain.refreshed()
     noise = force_noise_density(frame, saturated_residual(plain, Rivals(frame)))
     if side == "command":
-        return Bench(frame.plain(COMMAND_BAND_HZ), declared, blocks, side, barred), noise
+        return Bench(frame.plain(COMMAND_BAND_HZ), declared, blocks, side, catalogue), noise
     white = frame.with_response(whitening_response(frame, noise))
-    return Bench(white, declared, blocks, side, barred), noise
+    return Bench(white, declared, blocks, side, catalogue), noise
 
 
 def search(
@@ -163,14 +167,14 @@ def search(
     slope_s_m: float | None,
     progress: Progress | None = None,
     side: Side = "acceleration",
-    barred: frozenset[str] = frozenset(),
+    catalogue: Catalogue | None = None,
 ) -> Found:
     """Find the effects that the declared model lacks."""
     spans = spans_of(frame)
     tell = progress or (lambda _: None)
     added: tuple[Effect, ...] = ()
     steps: list[Step] = []
-    bench, noise = whitened(frame, declared, added, side, barred)
+    bench, noise = whitened(frame, declared, added, side, catalogue)
     hypothesis = Hypothesis(bench).refreshed()
     rivals: dict[str, list[type[Effect]]] = {}
     for _ in range(MOST_ROUNDS):
@@ -194,7 +198,7 @@ def search(
         near = [f for f in forms if gain(hypothesis, f.held_out) > RIVAL_SHARE * best]
         rivals[taken.effect.name] = [type(f.effect) for f in near if f is not taken] * TRIES
         if side == "acceleration":
-            bench, noise = whitened(frame, declared, added, side, barred)
+            bench, noise = whitened(frame, declared, added, side, catalogue)
         hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, slope_s_m)
@@ -216,7 +220,7 @@ def both_ways(
     declared: EffectList,
     slope_s_m: float | None,
     progress: Progress | None = None,
-    barred: frozenset[str] = frozenset(),
+    catalogue: Catalogue | None = None,
     whole_band: Frame | None = None,
 ) -> Found:
     """Search with the acceleration on the left, and again with the command where that fits better.
@@ -229,23 +233,23 @@ def both_ways(
     command carries them, and would be scaled down as a regressor.
     """
     short = shortened(frame, LONGEST_SEARCH_S)
-    found = search(short, declared, slope_s_m, progress, barred=barred)
+    found = search(short, declared, slope_s_m, progress, catalogue=catalogue)
     left = found.final.bench
     command = found.final.problem.columns[:, 0].ravel()[: left.frame.rows]
     relative = math.sqrt(found.final.solution.sse / float(command @ command))
     relative /= abs(float(found.final.b[0]))
     noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
     if relative < UNEXPLAINED or noisy:
-        return over_all(found, frame, declared, barred)
+        return over_all(found, frame, declared, catalogue)
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
     wide = whole_band or frame
     short = shortened(wide, LONGEST_SEARCH_S)
-    other = search(short, declared, slope_s_m, progress, "command", barred)
+    other = search(short, declared, slope_s_m, progress, "command", catalogue)
     if explained_share(other) < explained_share(found) - LOSES:
         # effects of the input cannot be sought there
-        return over_all(found, frame, declared, barred)
-    return over_all(other, wide, declared, barred)
+        return over_all(found, frame, declared, catalogue)
+    return over_all(other, wide, declared, catalogue)
 
 
 def explained_share(found: Found) -> float:
@@ -255,12 +259,14 @@ def explained_share(found: Found) -> float:
     return (found.base.held_out - found.final.held_out) / above
 
 
-def over_all(found: Found, frame: Frame, declared: EffectList, barred: frozenset[str]) -> Found:
+def over_all(
+    found: Found, frame: Frame, declared: EffectList, catalogue: Catalogue | None
+) -> Found:
     """Fit what was found in the pieces of a long recording to the whole of it."""
     if frame.rows == found.final.bench.frame.rows:
         return found
     added = found.final.added
-    bench, noise = whitened(frame, declared, added, found.final.bench.side, barred)
+    bench, noise = whitened(frame, declared, added, found.final.bench.side, catalogue)
     final = Hypothesis(bench, added).refreshed()
     base = Hypothesis(bench).refreshed()
     return replace(found, base=base, final=final, force_noise=noise, rival_gains=rival_gains(final))
@@ -277,7 +283,7 @@ def ranked(
     best = gain(hypothesis, forms[0].held_out)
     front = [0]
     for k, form in enumerate(forms[1:REFINED], 1):
-        near = NEAR * (2.0 if type(form.effect).name in GROWING else 1.0)
+        near = NEAR * (PARTLY_SEEN if form.effect.scan_shows_part else 1.0)
         if best > LEAST_GAIN / 2.0 and gain(hypothesis, form.held_out) > best / near:
             front.append(k)
     improved = [refined(hypothesis, forms[k], spans) for k in front]
@@ -298,14 +304,17 @@ def acceptable(
     floor = before.noise_sse(noise)
     excess = max(before.held_out - floor, 0.0)
     taken = before.held_out - form.held_out
-    frequency = getattr(form.effect.options, "frequency_hz", 0.0)
+    over_time = "line_over_time" in form.effect.groups
+    frequency = form.effect.lines[0] if over_time else 0.0
     least = LEAST_SHARE[before.bench.side]
-    if form.effect.kind == "state" and form.effect.memory_size and frequency:
+    if "resonance" in form.effect.groups:
         # the feedback of the encoder's own noise looks like a resonance where little else moves
         faint = frequency > BAND_END * before.bench.frame.band_hz
         if faint or not _moves_at(before, frequency):
             least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
-    elif form.effect.name in OVER_TIME and frequency > BAND_END * before.bench.frame.band_hz:
+    elif (
+        "wave_over_time" in form.effect.groups and frequency > BAND_END * before.bench.frame.band_hz
+    ):
         least = AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
@@ -335,31 +344,31 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
     leaves where its own form is not quite the machine's.
     """
     for other in added:
-        if {other.name, effect.name} == {"cogging", "force_ripple"}:
-            apart = np.subtract.outer(_waves(other), _waves(effect))
-            if np.min(np.abs(apart)) < 1.0 / spans.travel_m:
-                return True
-        if {other.name, effect.name} == {"flexible_mode", "periodic_disturbance"}:
-            one, two = (float(e.options.model_dump()["frequency_hz"]) for e in (other, effect))
-            if abs(one - two) < NEAR_MODE * one:
-                return True
+        if other.name == effect.name:
+            continue
+        common = other.groups & effect.groups
+        apart = np.abs(np.subtract.outer(other.lines, effect.lines))
+        if "wave_over_position" in common and apart.min() < 1.0 / spans.travel_m:
+            return True
+        if "line_over_time" in common and apart.min() < NEAR_MODE * other.lines[0]:
+            return True
     return False
 
 
 def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
     """Tell whether an effect repeats with the one move as what is there already does."""
-    over_place = {"cogging", "position_force"} <= {effect.name, *(e.name for e in before.added)}
+    over_place = len(forces_of_position((effect, *before.added))) > 1
     if over_place and before.bench.side == "acceleration":
         return True
-    if effect.name != "periodic_disturbance":
+    if "wave_over_time" not in effect.groups:
         return False
-    cycles = float(effect.options.model_dump()["frequency_hz"]) * before.bench.frame.repeats_s
+    cycles = effect.lines[0] * before.bench.frame.repeats_s
     return abs(cycles - round(cycles)) < IN_STEP
 
 
-def _waves(effect: Effect) -> Array:
-    options = effect.options.model_dump()
-    return np.array(options["orders"]) / float(options["pitch_m"])
+def forces_of_position(effects: Iterable[Effect]) -> list[Effect]:
+    """Return the effects that are forces of position alone."""
+    return [effect for effect in effects if "force_of_position" in effect.groups]
 
 
 def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
@@ -426,11 +435,14 @@ def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hyp
 
     The spline may have come first and taken the periodic force's long waves.
     """
-    if not {"cogging", "position_force"} <= {e.name for e in hypothesis.added}:
+    forces = forces_of_position(hypothesis.added)
+    waves = [effect for effect in forces if "wave_over_position" in effect.groups]
+    if not waves or len(waves) == len(forces):
         return hypothesis
-    cogging = next(e for e in hypothesis.added if e.name == "cogging")
-    rest = hypothesis.without("position_force").without("cogging")
-    forms = ranked(rest, [type(cogging)], spans, slope_s_m)
+    rest = hypothesis
+    for effect in forces:
+        rest = rest.without(effect.name)
+    forms = ranked(rest, [type(waves[0])], spans, slope_s_m)
     enough = hypothesis.held_out * AS_WELL
     if hypothesis.bench.frame.repeats_s:
         enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
@@ -464,6 +476,4 @@ def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
 
 
 def _acts_on_acceleration(effect: Effect) -> bool:
-    from motorctl.identify.diagnose.search.hypothesis import uses_acceleration
-
     return effect.kind == "state" and uses_acceleration(effect)

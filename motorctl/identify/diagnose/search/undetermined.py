@@ -35,6 +35,7 @@ def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, s
 def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
     """Drop the electromagnetic effects where the recording does not determine them."""
     curved = [effect.name for effect in declared.effects if effect.electromagnetic]
+    starts = dict(zip(declared.names, _starts(declared), strict=True))
     if not curved:
         return declared, {}
     largest = max(float(np.abs(s.command).max()) for s in frame.stretches)
@@ -46,10 +47,10 @@ def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str
     # what noise alone would make uncertain: missing effects are yet to be found
     variance = hypothesis.solution.covariance * bench.frame.row_variance(noise)
     bend = np.zeros(len(hypothesis.names))
-    for i, name in enumerate(hypothesis.names):
-        if name in curved:
+    for i, (effect, j) in enumerate(hypothesis.places, 1):
+        if effect.electromagnetic:
             unit = np.zeros(len(declared))
-            unit[[e.full_name(p) for e in declared.effects for p in e.parameters].index(name)] = 1.0
+            unit[starts[effect.name] + j] = 1.0
             bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, unit) - largest
     error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
     if error > UNSURE * largest:
@@ -59,3 +60,9 @@ def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str
         )
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
     return declared, {}
+
+
+def _starts(model: EffectList) -> list[int]:
+    """Return the place in theta of each effect's first parameter."""
+    counts = [len(effect.parameters) for effect in model.effects]
+    return [sum(counts[:k]) for k in range(len(counts))]

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.frame import low_pass_response, slope_of
+from motorctl.identify.columns.frame import low_pass_response
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.report.motion_advice import advise
 from motorctl.identify.diagnose.result import (
-    FRICTION,
     AxisDiagnosis,
     FoundEffect,
     MissingMotion,
@@ -23,7 +22,7 @@ from motorctl.identify.diagnose.result import (
 )
 from motorctl.identify.diagnose.search.held_out_blocks import Problem, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
-from motorctl.identify.diagnose.search.search import LEAST_GAIN, Found, gain
+from motorctl.identify.diagnose.search.search import LEAST_GAIN, Found, forces_of_position, gain
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
 from motorctl.identify.diagnose.verdict.errors import (
@@ -48,7 +47,7 @@ from motorctl.identify.diagnose.verdict.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.verdict.second_recording import error_on
-from motorctl.identify.diagnose.verdict.testable import JUDGED, untestable
+from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
 from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,
@@ -57,11 +56,11 @@ from motorctl.identify.diagnose.verdict.verdict import (
     depends_on,
     judge,
 )
-from motorctl.model import Effect, EffectList, effect_class, make_effect
+from motorctl.model import Effect, EffectList
+from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
 
-MAP_FUNCTIONS = 7
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least."""
 UNNAMED = 0.3
@@ -100,12 +99,12 @@ def assemble(
     if test is not None:
         error, tested = error_on(*test, found, error)
     effects = _effects(found, values, split, error)
-    slope = slope_of(declared)
+    slope = slope_of(declared.effects)
+    catalogue = found.final.bench.catalogue
     hidden = untestable(found, slope)
     missing = _missing(data, found, effects, hidden)
     if too_plain:
-        program = dict(advise(JUDGED, data, found.spans)) or None
-        missing = (MissingMotion(JUDGED, too_plain, _motion(JUDGED), program),)
+        missing = (_missing_motion(ordinary(catalogue), too_plain, data, found),)
     verdict = judged.verdict
     if verdict == "complete" and missing:
         verdict = "insufficient_data"
@@ -113,13 +112,11 @@ def assemble(
         verdict = "insufficient_data"
     if verdict == "effect" and error.explained_fraction < HELPS:
         verdict = "insufficient_data"
-        names = tuple(effect.name for effect in effects)
         why = (
             "no effect that was tried lowers the error on rows that were held out, though each "
             "explains a part of the others"
         )
-        program = dict(advise(names, data, found.spans)) or None
-        missing = (MissingMotion(names, why, _motion(names), program),)
+        missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     unknown = _unknown(found, judged, extra, values) if verdict == "unknown_structure" else None
     diagnosis = AxisDiagnosis(
@@ -151,23 +148,12 @@ def _compensation(found: Found, judged: Judged) -> tuple[Effect, Problem, int] |
     """Offer a spline in the variables that unknown structure depends on, where one can be used."""
     if judged.verdict != "unknown_structure" or judged.rival is None:
         return None
-    spans = found.spans
-    effect: Effect
-    if judged.rival == "position":
-        effect = effect_class("position_force")()
-        if "position_force" in {e.name for e in found.final.added}:
-            return None
-        effect = make_effect(effect_class("position_force"), {"knots": (*spans.position_m, 30)})
-    elif judged.rival in ("velocity", "position_and_velocity", "position_and_direction"):
-        options: dict[str, object] = {
-            "fine_velocity_m_s": spans.speed_m_s / 300.0,
-            "top_velocity_m_s": spans.speed_m_s * 1.05,
-            "velocity_functions": 24,
-        }
-        if judged.rival != "velocity":
-            options |= {"knots": (*spans.position_m, 7), "velocity_functions": MAP_FUNCTIONS}
-        effect = make_effect(effect_class("residual_map"), options)
-    else:
+    variables = depends_on(judged.rival)
+    every = found.final.bench.catalogue.values()
+    forms = (cls.smooth_function(variables, found.spans) for cls in every)
+    effect = next((form for form in forms if form is not None), None)
+    present = {e.name for e in (*found.final.bench.declared.effects, *found.final.added)}
+    if effect is None or effect.name in present:
         return None
     problem = found.final.extended(effect)
     return effect, problem, len(effect.parameters)
@@ -239,35 +225,31 @@ def _missing(
 ) -> tuple[MissingMotion, ...]:
     missing = []
     if hidden:
-        names = tuple(hidden)
-        missing.append(
-            MissingMotion(
-                effects=names,
-                why=(
-                    "this motion ties "
-                    + ", ".join(names)
-                    + " to the declared effects: less than 3 % of what they would add is their own"
-                ),
-                motion=_motion(names),
-                program=dict(advise(names, data, found.spans)) or None,
-            )
+        catalogue = found.final.bench.catalogue
+        why = (
+            f"this motion ties {', '.join(hidden)} to the declared effects: less than "
+            f"{100.0 * UNEXPLAINED:.0f} % of what they would add is their own"
         )
+        missing.append(_missing_motion([catalogue[name] for name in hidden], why, data, found))
     for effect in effects:
         if effect.indistinguishable_from:
-            names = (effect.name, *effect.indistinguishable_from)
-            missing.append(
-                MissingMotion(
-                    effects=names,
-                    why=f"{names[0]} and {', '.join(names[1:])} explain this recording equally",
-                    motion=_motion(names),
-                    program=dict(advise(names, data, found.spans)) or None,
-                )
-            )
+            alike = effect.indistinguishable_from
+            why = f"{effect.name} and {', '.join(alike)} explain this recording equally"
+            classes = [found.final.bench.catalogue[name] for name in alike]
+            missing.append(_missing_motion([type(effect.effect), *classes], why, data, found))
     return tuple(missing)
 
 
-def _motion(names: tuple[str, ...]) -> str:
-    return "; ".join(f"{name}: {effect_class(name).visible_in}" for name in names)
+def _missing_motion(
+    classes: Sequence[type[Effect]], why: str, data: Measured, found: Found
+) -> MissingMotion:
+    """Return the motion that would show some effects."""
+    return MissingMotion(
+        effects=tuple(cls.name for cls in classes),
+        why=why,
+        motion="; ".join(f"{cls.name}: {cls.visible_in}" for cls in classes),
+        program=dict(advise(classes, data, found.spans)) or None,
+    )
 
 
 def _unknown(
@@ -348,11 +330,12 @@ def _notes(
         notes.append(
             f"what is left is still {judged.coloured:.1f} times the noise model at low frequencies"
         )
-    names = {effect.name for effect in effects}
-    if {"cogging", "position_force"} <= names:
+    forces = forces_of_position(effect.effect for effect in effects)
+    if len(forces) > 1:
+        names = " and ".join(effect.name for effect in forces)
         notes.append(
-            "cogging that does not repeat exactly from magnet to magnet and a force that depends "
-            "on position are the same here: the spline over position may be either"
+            f"{names} are forces of position both: a wave that does not repeat exactly and a force "
+            "that does not repeat are the same here, and either may be a part of the other"
         )
     return notes
 
@@ -395,8 +378,8 @@ def _traces(
     for effect in found.final.added:
         if effect.kind == "command":  # the command as it was given, not as it acts
             acted = acted + contributions[effect.name]
-    declared = {effect.name for effect in found.final.bench.declared.effects}
-    friction = column_index(found.final, [name for name in FRICTION if name in declared])
+    declared = found.final.bench.declared.effects
+    friction = column_index(found.final, [e.name for e in declared if "friction" in e.groups])
     frequency, spectrum_before = spectrum(-r_before / base_b[0], frame.row_period_s)
     _, spectrum_after = spectrum(-r_after / b[0], frame.row_period_s)
     density = found.force_noise + (2.0 * np.pi * frequency) ** 4 * frame.position_noise

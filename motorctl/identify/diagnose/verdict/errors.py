@@ -163,14 +163,17 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
         if effect.kind == "command":
             # what the feedback makes of the encoder's noise looks like either
             noise = found.final.noise_sse(found.force_noise)
-            other_kind = {"input_lag": "input_delay", "input_delay": "input_lag"}.get(effect.name)
             faint = rest.held_out < FAINT * noise
             # and below this a lag takes too little off the gain to be told from a delay
-            time_s = effect.options.model_dump()["time_s"]
+            time_s = effect.lag_s + effect.delay_s
             top = 2.0 * math.pi * found.final.bench.frame.band_hz
             faint = faint or (top * time_s) ** 2 < TOLD_APART
-            if faint and other_kind and other_kind not in (*same, *present):
-                same.append(other_kind)
+            alike = [
+                name
+                for name, cls in found.final.bench.catalogue.items()
+                if faint and cls.groups & effect.groups and name not in (*same, *present)
+            ]
+            same += alike
         break
     return same
 

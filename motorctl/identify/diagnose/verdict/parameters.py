@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from motorctl.identify.diagnose.search.forms import measure
 from motorctl.identify.diagnose.search.held_out_blocks import Problem, Solution, solve
-from motorctl.identify.diagnose.search.hypothesis import RESONANT, Hypothesis, acceleration_form
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, acceleration_form
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, Spans
 
@@ -48,13 +48,16 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
         start += len(effect.parameters)
     corrected: dict[str, Effect] = {}
     for effect in hypothesis.of_kind("measurement"):
-        corrected[effect.name] = _with_amplitudes(effect, float(b[start]), float(b[start + 1]))
-        start += 2
+        size = len(effect.amplitudes)
+        corrected[effect.name] = _with_amplitudes(effect, b[start : start + size])
+        start += size
     rigid = hypothesis.bench.side == "acceleration"
     for effect in hypothesis.of_kind("state"):
-        if effect.name in RESONANT and effect in hypothesis.added and rigid:
-            column = columns[effect.name][0]
-            corrected[effect.name], b = _as_mode(effect, b, column)
+        if "resonance" in effect.groups and effect in hypothesis.added and rigid:
+            own = columns[effect.name]
+            corrected[effect.name], theta_ = effect.on_own_acceleration([-b[i] for i in own])
+            b = b.copy()
+            b[own] = [-value for value in theta_]
     added = tuple(corrected.get(effect.name, effect) for effect in hypothesis.added)
     if extra is not None:
         columns[extra[0].name] = list(range(start, start + extra[2]))
@@ -63,7 +66,7 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
     theta: list[float] = []
     error: list[float] = []
     for effect in model.effects:
-        if effect.name == "inertia":
+        if effect.proportional_to == "acceleration":
             theta.append(1.0 / b[0])
             error.append(math.sqrt(covariance[0, 0]) / b[0] ** 2)
             continue
@@ -148,28 +151,8 @@ def column_index(hypothesis: Hypothesis, effects: Sequence[str]) -> list[int]:
     return [i for i, name in enumerate(hypothesis.names) if name in effects]
 
 
-def _as_mode(effect: Effect, b: Array, column: int) -> tuple[Effect, Array]:
-    """Turn a mode that was fitted on the rigid machine's acceleration r into the mode itself.
-
-    a = r/(1 - f G) = r + f/(1 - f) G' r, where G' has its frequency and damping 1/sqrt(1 - f)
-    times those of G = s^2/(s^2 + 2 zeta omega s + omega^2).
-    """
-    share = -float(b[column])
-    f = share / (1.0 + share) if share > -0.9 else 0.0
-    f = min(max(f, -0.9), 0.9)
-    options = effect.options.model_dump()
-    narrower = math.sqrt(1.0 - f)
-    mode = effect.with_options(
-        frequency_hz=options["frequency_hz"] * narrower,
-        damping_ratio=options["damping_ratio"] * narrower,
-    )
-    turned = b.copy()
-    turned[column] = -f
-    return mode, turned
-
-
-def _with_amplitudes(effect: Effect, sine: float, cosine: float) -> Effect:
+def _with_amplitudes(effect: Effect, values: Array) -> Effect:
     try:
-        return effect.with_options(sin_m=sine, cos_m=cosine)
+        return effect.with_options(**dict(zip(effect.amplitudes, map(float, values), strict=True)))
     except ValidationError:
         return effect

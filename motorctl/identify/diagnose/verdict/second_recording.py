@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from motorctl.identify.columns.frame import Frame, make_frame, slope_of
+from motorctl.identify.columns.frame import Frame, make_frame
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained
+from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
 
 TRIALS = 48
 """Zeros that are tried over a pitch."""
-PLACES = ("cogging", "force_ripple")
 
 
 def error_on(
@@ -37,7 +37,7 @@ def error_on(
     others are the other axes of the same recording.
     """
     declared = found.final.bench.declared
-    frame = make_frame(test, dict(others), None, slope_of(declared)).plain(REPORT_HZ)
+    frame = make_frame(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
     before, command = _rms(found.base, frame)
     after, _ = _rms(found.final, frame)
     notes = [f"errors are those on {test.source}, to which nothing was fitted"]
@@ -79,9 +79,7 @@ def _rms(hypothesis: Hypothesis, frame: Frame) -> tuple[float, float]:
 
 def _shift(hypothesis: Hypothesis, frame: Frame) -> float:
     """Find the zero that explains the rows best, within half a pitch."""
-    pitches = [
-        float(e.options.model_dump()["pitch_m"]) for e in hypothesis.added if e.name in PLACES
-    ]
+    pitches = [e.repeats_every for e in hypothesis.added if "wave_over_position" in e.groups]
     if not pitches:
         return 0.0
     pitch = max(pitches)

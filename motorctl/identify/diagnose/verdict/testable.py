@@ -6,28 +6,21 @@ import numpy as np
 
 from motorctl.identify.columns.frame import Frame
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.diagnose.search.forms import with_slope
 from motorctl.identify.diagnose.search.held_out_blocks import solve
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import Catalogue, Hypothesis
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.model import Effect, Spans, known_effects
+from motorctl.model import Effect
+from motorctl.model.sign_function import with_slope
 
 UNEXPLAINED = 0.03
 """Least part of a column's length that the declared model leaves, for it to be testable."""
-JUDGED = (
-    "quadratic_drag",
-    "asymmetric_friction",
-    "position_force",
-    "position_dependent_friction",
-    "cogging",
-    "force_ripple",
-    "stribeck",
-)
-"""Effects without which a model is not called complete; the others need special occasions."""
 TIED = 0.25
 """Part of the other axis' measured motion that may be its own noise and following error."""
-TYPICAL = {"cogging": 12.0, "force_ripple": 12.0}
-"""Pitches in the travel of a typical form."""
+
+
+def ordinary(catalogue: Catalogue) -> tuple[type[Effect], ...]:
+    """Return the effects without which no model is called complete; others need occasions."""
+    return tuple(cls for cls in catalogue.values() if cls.ordinary)
 
 
 def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
@@ -35,16 +28,16 @@ def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
     hypothesis = found.base
     present = {e.name for e in (*hypothesis.bench.declared.effects, *found.final.added)}
     hidden = {}
-    for name in JUDGED:
-        if name in present:
+    for cls in ordinary(hypothesis.bench.catalogue):
+        if cls.name in present:
             continue
-        form = _typical(known_effects()[name], found.spans)
+        form = cls.typical(found.spans)
         if form is None:
-            hidden[name] = 0.0
+            hidden[cls.name] = 0.0
             continue
         part = unexplained(hypothesis, with_slope(form, slope_s_m))
         if part < UNEXPLAINED:
-            hidden[name] = part
+            hidden[cls.name] = part
     return hidden
 
 
@@ -65,20 +58,27 @@ def unexplained(hypothesis: Hypothesis, effect: Effect) -> float:
     return max(parts, default=0.0)
 
 
-def coupled_motion(data: Measured, frame: Frame) -> set[str]:
-    """Give the effects that the reference's own motion ties to the declared ones.
+def tested_apart(catalogue: Catalogue, data: Measured, frame: Frame) -> Catalogue:
+    """Return the effects that may be tried: none of coupling where all axes move in step."""
+    if not _in_step(data, frame):
+        return catalogue
+    return {name: cls for name, cls in catalogue.items() if "coupling" not in cls.groups}
+
+
+def _in_step(data: Measured, frame: Frame) -> bool:
+    """Tell whether the reference's own motion is that of every other axis.
 
     Of axes that move in step one cannot tell the other's inertia from one's own. On measured
     data this does not show: what the feedback adds unties them only seemingly.
     """
     if data.reference is None or not np.all(np.isfinite(data.reference[data.usable])):
-        return set()
+        return False
     tied = True
     for stretch in frame.stretches:
         first = int(np.searchsorted(data.time_s, stretch.time_s[0] - 0.5 * frame.period_s))
         reference = data.reference[first : first + len(stretch.x)]
         if len(reference) < len(stretch.x):
-            return set()
+            return False
         v = np.gradient(reference, frame.period_s)
         own = np.stack([np.gradient(v, frame.period_s), v, np.sign(v), np.ones_like(v)])
         own = own[:, :: frame.decimation]
@@ -89,12 +89,4 @@ def coupled_motion(data: Measured, frame: Frame) -> set[str]:
                 left = float(np.linalg.norm(smooth - b @ own))
                 left /= max(float(np.linalg.norm(smooth)), 1e-300)
                 tied = tied and left < TIED
-    return {"cross_axis"} if tied else set()
-
-
-def _typical(cls: type[Effect], spans: Spans) -> Effect | None:
-    if cls.name in TYPICAL:
-        pitch = spans.travel_m / TYPICAL[cls.name]
-        return cls(cls.Options.model_validate({"pitch_m": pitch}))
-    forms = list(cls.trials(spans))
-    return forms[len(forms) // 2] if forms else None
+    return tied

@@ -31,6 +31,7 @@ from motorctl.identify.diagnose.report.pictures.time import (
 )
 from motorctl.identify.diagnose.report.pictures.unknown import plot_unknown
 from motorctl.identify.diagnose.result import FoundEffect, RecordingDiagnosis
+from motorctl.model.knowledge import PictureKind
 
 Drawer = Callable[[Subject, FoundEffect, Path], Path]
 FEWEST_ROWS = 16
@@ -47,55 +48,23 @@ class Picture:
     caption: str
 
 
-DRAWERS: Mapping[str, tuple[Drawer, str]] = {
-    "cogging": (
-        plot_cogging,
-        "Force on the carriage that everything else leaves, against position, folded over one "
-        "pitch, and the residual's spectrum along the way.",
-    ),
-    "force_ripple": (
-        plot_force_ripple,
-        "Thrust for a command, against position: what everything else leaves, over the command.",
-    ),
-    "position_force": (
-        plot_position_force,
-        "Command that works against a force of position alone; below, the residual.",
-    ),
-    "position_dependent_friction": (
-        plot_friction_by_place,
-        "Level of friction without its viscous part, against position.",
-    ),
-    "encoder_error": (
-        plot_encoder_error,
-        "Error of the measured position over one period of the scale, as the acceleration tells.",
-    ),
-    "stribeck": (plot_friction, "Friction against velocity: data and models."),
-    "asymmetric_friction": (plot_friction, "Friction against velocity: data and models."),
-    "quadratic_drag": (plot_friction, "Friction against velocity: data and models."),
-    "presliding": (
-        plot_presliding,
-        "Friction against the way after each reversal, in the direction of the new motion, and "
-        "against velocity.",
-    ),
-    "input_lag": (
-        plot_lag,
-        "Gain and phase from the command that was given to the one that the motion shows.",
-    ),
-    "input_delay": (
-        plot_lag,
-        "Gain and phase from the command that was given to the one that the motion shows.",
-    ),
-    "flexible_mode": (plot_flexible_mode, "Gain and phase from force to acceleration."),
-    "dead_zone": (plot_dead_zone, "Command that acts against command that is given, near zero."),
-    "gain_drift": (plot_gain_drift, "Thrust for a command, against time."),
-    "payload_change": (plot_payload, "Moving mass against time."),
-    "periodic_disturbance": (
-        plot_periodic,
-        "Disturbance that everything else leaves, over time and folded over its period.",
-    ),
-    "cross_axis": (plot_cross_axis, "Pull of the other axis against its acceleration."),
+DRAWERS: Mapping[PictureKind, Drawer] = {
+    "over_time": plot_contribution,
+    "folded_over_pitch": plot_cogging,
+    "thrust_over_position": plot_force_ripple,
+    "force_over_position": plot_position_force,
+    "friction_over_position": plot_friction_by_place,
+    "error_over_period": plot_encoder_error,
+    "friction_over_velocity": plot_friction,
+    "friction_after_reversal": plot_presliding,
+    "command_response": plot_lag,
+    "force_response": plot_flexible_mode,
+    "acting_command": plot_dead_zone,
+    "gain_over_time": plot_gain_drift,
+    "mass_over_time": plot_payload,
+    "folded_over_time": plot_periodic,
+    "other_axis": plot_cross_axis,
 }
-"""How each effect is drawn; an effect that is not here is drawn over time."""
 
 
 def plot_diagnosis(diagnosis: RecordingDiagnosis, folder: Path) -> list[Picture]:
@@ -125,11 +94,9 @@ def _axis_pictures(subject: Subject, folder: Path) -> list[Picture]:
 
     pictures = []
     for found in subject.axis.effects:
-        draw, caption = DRAWERS.get(
-            found.name, (plot_contribution, "What it adds to the command, over time.")
-        )
-        path = draw(subject, found, place(found.name))
-        pictures.append(Picture(path, subject.name, found.name, caption))
+        how = found.effect.picture
+        path = DRAWERS[how.kind](subject, found, place(found.name))
+        pictures.append(Picture(path, subject.name, found.name, how.caption))
     if (unknown := subject.axis.unknown) is not None:
         path = plot_unknown(subject, unknown, place("unknown"))
         caption = "Residual against what it may depend on."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from motorctl.identify.columns.measured import Array
 from motorctl.identify.diagnose.report.parameter_text import pretty
-from motorctl.identify.diagnose.result import FRICTION, AxisDiagnosis, FoundEffect, Traces
+from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, Traces
 from motorctl.model import Effect, EffectList
 from motorctl.model.columns import input_columns, state_columns
+from motorctl.model.knowledge import Signal
 
 MOST_NAMES = 2
 """More names than these do not fit into a legend."""
@@ -76,19 +77,13 @@ class Subject:
         """The part of the command that everything but this effect leaves."""
         return self.traces.residual_after + self.contribution(name)
 
-    def value(self, name: str) -> float:
-        """Give a parameter of the whole model by its full name; 0 where it has none such."""
-        names = self.axis.model.parameter_names
-        if name not in names or len(self.axis.theta) != len(names):
-            return 0.0
-        return float(self.axis.theta[names.index(name)])
+    def coefficient(self, signal: Signal) -> float:
+        """Return what multiplies a signal in the whole model; 0 where nothing does."""
+        return _coefficient(self.axis.model, self.axis.theta, signal)
 
-    def declared_value(self, name: str) -> float:
-        """Give a parameter of the declared model that is fitted alone; 0 where it has none such."""
-        names = self.axis.declared.parameter_names
-        if name not in names or len(self.axis.declared_theta) != len(names):
-            return 0.0
-        return float(self.axis.declared_theta[names.index(name)])
+    def declared_coefficient(self, signal: Signal) -> float:
+        """Return the same of the declared model where it is fitted alone."""
+        return _coefficient(self.axis.declared, self.axis.declared_theta, signal)
 
     @property
     def reference_acceleration(self) -> Array | None:
@@ -105,30 +100,39 @@ class Subject:
     @cached_property
     def declared_friction(self) -> Array:
         """Friction as the declared model has it where it is fitted alone."""
-        return self._friction(self.axis.declared, self.declared_value)
+        return self._friction(self.axis.declared, self.axis.declared, self.axis.declared_theta)
 
     @cached_property
     def friction_model(self) -> Array:
         """Friction as the whole model has it."""
         found = {effect.name for effect in self.axis.effects}
         declared = EffectList([e for e in self.axis.declared.effects if e.name not in found])
-        total = self._friction(declared, self.value)
+        total = self._friction(declared, self.axis.model, self.axis.theta)
         for name, contribution in self.traces.contributions.items():
-            if name in FRICTION:
+            if name in self._friction_names:
                 total = total + contribution
         return total
 
     @property
     def constant(self) -> float:
         """The constant part of what the whole model adds to the command beside friction."""
-        others = [c for name, c in self.traces.contributions.items() if name not in FRICTION]
-        return sum((float(np.mean(c)) for c in others), -self.value("offset"))
+        others = [
+            c for name, c in self.traces.contributions.items() if name not in self._friction_names
+        ]
+        return sum((float(np.mean(c)) for c in others), -self.coefficient("one"))
 
-    def _friction(self, model: EffectList, value: Callable[[str], float]) -> Array:
+    @cached_property
+    def _friction_names(self) -> frozenset[str]:
+        return frozenset(e.name for e in self.axis.model.effects if "friction" in e.groups)
+
+    def _friction(self, effects: EffectList, model: EffectList, theta_hat: Array) -> Array:
+        """Return the friction of some effects with the parameters that a model has for them."""
         traces, total = self.traces, np.zeros(len(self.traces.time_s))
-        for effect in model.effects:
-            if effect.name in FRICTION:
-                theta = np.array([value(effect.full_name(p)) for p in effect.parameters])
+        known = dict(zip(model.parameter_names, theta_hat, strict=False))
+        for effect in effects.effects:
+            if "friction" in effect.groups:
+                names = [effect.full_name(p) for p in effect.parameters]
+                theta = np.array([known.get(name, 0.0) for name in names])
                 v = traces.velocity
                 total += column_sum(
                     effect, theta, position=traces.position, velocity=v, time=traces.time_s
@@ -153,6 +157,11 @@ class Subject:
             time=time,
             command=command,
         )
+
+
+def _coefficient(model: EffectList, theta: Array, signal: Signal) -> float:
+    place = model.index_of(signal)
+    return 0.0 if place is None or place >= len(theta) else float(theta[place])
 
 
 def column_sum(

@@ -59,12 +59,11 @@ def plot_flexible_mode(subject: Subject, found: FoundEffect, path: Path) -> Path
     (M - m G(s)) a, so the gain is M / (M - m G(s)).
     """
     traces = subject.traces
-    inertia = subject.value("inertia")
+    inertia = subject.coefficient("acceleration")
     force = inertia * traces.acceleration + subject.partial(found.name)
     seen = _response(subject, force, inertia * traces.acceleration, bins=60)
     f = _frequencies(seen, traces.band_hz)
-    options = found.effect.options.model_dump()
-    resonance, damping = float(options["frequency_hz"]), float(options["damping_ratio"])
+    resonance, damping = found.effect.picture.scale, found.effect.picture.damping_ratio
     ratio = (f / resonance).astype(np.complex128)
     spring = -(ratio**2) / (1.0 - ratio**2 + 2j * damping * ratio)
     model = inertia / (inertia - float(np.sum(found.theta)) * spring)
@@ -75,7 +74,7 @@ def plot_flexible_mode(subject: Subject, found: FoundEffect, path: Path) -> Path
 def plot_dead_zone(subject: Subject, found: FoundEffect, path: Path) -> Path:
     """Draw the command that acts against the command that is given, near zero."""
     traces, unit = subject.traces, subject.command_unit
-    width = float(found.effect.options.model_dump()["half_width_v"])
+    width = found.effect.picture.scale
     inside = np.abs(traces.command) <= WIDTHS * width
     acting = (traces.command - subject.partial(found.name))[inside]
     edges = np.linspace(-WIDTHS * width, WIDTHS * width, 61)

@@ -39,8 +39,7 @@ def plot_friction(subject: Subject, found: FoundEffect, path: Path) -> Path:
     """Draw friction against velocity, of both signs: all speeds, and slow ones close by."""
     traces = subject.traces
     fastest = float(np.max(np.abs(traces.velocity), initial=0.0))
-    options = found.effect.options.model_dump()
-    slow = min(VELOCITIES * float(options.get("velocity_m_s", 0.0)) or SLOW_PART * fastest, fastest)
+    slow = min(VELOCITIES * found.effect.picture.scale or SLOW_PART * fastest, fastest)
     with figure_in_file(path, ["a", "b"], 2.9) as panels:
         _velocity_panel(panels["a"], subject, fastest)
         _velocity_panel(panels["b"], subject, slow)
@@ -87,12 +86,12 @@ def _reversal_panel(panel: Axes, subject: Subject, found: FoundEffect) -> None:
     """Draw the friction in the direction of the new motion: it starts where the old one left."""
     traces = subject.traces
     scale, unit = subject.small_place
-    own = float(found.effect.options.model_dump()["displacement_m"])
+    own = found.effect.picture.scale
     least = max(REVERSAL_PART * own, REVERSAL_COUNTS * (subject.axis.data.resolution or 0.0))
     way, direction = since_reversal(traces.position, least)
     rows = (direction != 0.0) & (way > 0.0)
     edges = np.geomspace(0.1 * own, max(1e3 * own, 10.0 * least), 41)
-    viscous = subject.value("viscous_friction") * traces.velocity
+    viscous = subject.coefficient("velocity") * traces.velocity
     data = direction * (subject.friction_model + traces.residual_after - viscous)
     draw_bins(panel, binned(way[rows], data[rows], edges), scale)
     for friction, _, colour, style, label in _models(subject):
@@ -120,7 +119,7 @@ def _models(subject: Subject) -> list[tuple[Array, float, str, str, str]]:
     return [
         (
             subject.declared_friction,
-            -subject.declared_value("offset"),
+            -subject.declared_coefficient("one"),
             BEFORE,
             "--",
             "declared model alone",

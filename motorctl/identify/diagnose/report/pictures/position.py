@@ -26,6 +26,7 @@ from motorctl.identify.diagnose.report.pictures.residual import (
 )
 from motorctl.identify.diagnose.report.pictures.statistics import binned, even_edges, ratio_in_bins
 from motorctl.identify.diagnose.result import FoundEffect
+from motorctl.model.columns import error_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,7 +137,7 @@ def plot_friction_by_place(subject: Subject, found: FoundEffect, path: Path) -> 
     edges = even_edges(traces.position, 60, 60)
 
     # the same viscous part from all, or the levels could not be compared
-    viscous = subject.value("viscous_friction") * traces.velocity
+    viscous = subject.coefficient("velocity") * traces.velocity
 
     def level(friction: Array) -> tuple[Array, Array]:
         place, size = ratio_in_bins(traces.position, friction - viscous, direction, edges)
@@ -166,11 +167,10 @@ def plot_encoder_error(subject: Subject, found: FoundEffect, path: Path) -> Path
     -(2 pi v / period)^2 e, so every row tells of e with a weight that grows with v^2.
     """
     traces = subject.traces
-    options = found.effect.options.model_dump()
-    period = float(options["period_m"])
+    period = found.effect.picture.scale
     scale, unit = subject.small_place
     within = np.abs(traces.velocity) < FAST * traces.band_hz * period
-    weight = subject.value("inertia") * (2.0 * np.pi * traces.velocity / period) ** 2
+    weight = subject.coefficient("acceleration") * (2.0 * np.pi * traces.velocity / period) ** 2
     folded = np.mod(traces.position, period)[within]
     edges = np.linspace(0.0, period, POINTS_A_PERIOD + 1)
     with figure_in_file(path, ["a"], 3.4) as panels:
@@ -179,8 +179,8 @@ def plot_encoder_error(subject: Subject, found: FoundEffect, path: Path) -> Path
         place, error = ratio_in_bins(folded, partial, weight[within], edges)
         panel.plot(place * scale, error * scale, ".", color="#5c5c5c", ms=6, label="data")
         x = np.linspace(0.0, period, 400)
-        angle = 2.0 * np.pi * x / period
-        curve = options["sin_m"] * np.sin(angle) + options["cos_m"] * np.cos(angle)
+        amplitudes = [float(getattr(found.effect.options, a)) for a in found.effect.amplitudes]
+        curve = np.array(amplitudes) @ error_columns(found.effect, x)
         panel.plot(x * scale, curve * scale, color=AFTER, lw=1.4, label="model")
         zero_line(panel)
         span(panel, 0.0, period * scale)
@@ -245,8 +245,8 @@ def _window(position: Array, pitch: float, orders: tuple[int, ...]) -> tuple[flo
 
 
 def _pitch(found: FoundEffect) -> float:
-    return float(found.effect.options.model_dump()["pitch_m"])
+    return found.effect.picture.scale
 
 
 def _orders(found: FoundEffect) -> tuple[int, ...]:
-    return tuple(found.effect.options.model_dump()["orders"])
+    return tuple(round(line * found.effect.repeats_every) for line in found.effect.lines)

@@ -157,9 +157,9 @@ def _over_time(panel: Axes, subject: Subject) -> None:
     panel.set_ylabel(f"residual [{unit}/√Hz]")
     panel.grid(visible=True, which="minor", alpha=0.12)
     for found in subject.axis.effects:
-        frequency = getattr(found.effect.options, "frequency_hz", None)
-        if frequency is not None:
-            mark_frequency(panel, float(frequency), f"{frequency:.4g} Hz")
+        if "line_over_time" in found.effect.groups:
+            for frequency in found.effect.lines:
+                mark_frequency(panel, frequency, f"{frequency:.4g} Hz")
     force_scale(panel, subject, "/√Hz")
     legend_above(panel)
 

@@ -51,7 +51,7 @@ def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
     """Draw how the moving mass changes with time."""
     traces = subject.traces
     edges = even_edges(traces.time_s, 50, 100)
-    base = subject.value("inertia")
+    base = subject.coefficient("acceleration")
     gain, unit = 1.0, pretty(own_unit(subject.axis.data, "V*s^2/m"))
     if subject.force_per_command:
         gain = subject.force_per_command
@@ -64,7 +64,7 @@ def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
         )
         panel.plot(time, gain * (base + added), ".", color="#5c5c5c", ms=6, label="data")
         t = np.linspace(edges[0], edges[-1], CURVE_POINTS)
-        begin = float(found.effect.options.model_dump()["time_s"])
+        begin = found.effect.picture.scale
         step = np.where(t >= begin, float(np.sum(found.theta)), 0.0)
         panel.plot(t, gain * (base + step), color=AFTER, lw=1.4, label="model")
         name = "moving mass" if subject.axis.data.position_unit == "m" else "moment of inertia"
@@ -75,7 +75,7 @@ def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
 def plot_periodic(subject: Subject, found: FoundEffect, path: Path) -> Path:
     """Draw a disturbance over time, and folded over its period."""
     traces = subject.traces
-    period_s = 1.0 / float(found.effect.options.model_dump()["frequency_hz"])
+    period_s = found.effect.picture.scale
     partial = subject.partial(found.name)
     with figure_in_file(path, ["a", "b"], 2.7) as panels:
         middle = float(np.median(traces.time_s))
