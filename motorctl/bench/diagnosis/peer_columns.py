@@ -18,7 +18,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.command_path import CommandPath, held_parts
+from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.frame import Stretch, make_frame, spans_of
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.search.forms import candidates

@@ -18,7 +18,7 @@ from scipy import fft
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_path import CommandPath, held_parts, later
+from motorctl.identify.columns.command_timing import CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import position_noise_density

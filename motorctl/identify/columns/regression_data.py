@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.align import Taps, hold_taps, sample_taps
+from motorctl.identify.columns.command_timing import Taps, hold_taps, sample_taps
 from motorctl.identify.columns.filters import (
     acceleration_of,
     decimation_filter,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import IN_FORCE
-from motorctl.identify.columns.period import find_period, repeats
+from motorctl.identify.columns.repetition import find_period, repeats
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import AxisState
 

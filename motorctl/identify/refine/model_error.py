@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.command_path import CommandPath
+from motorctl.identify.columns.command_timing import CommandPath
 from motorctl.identify.columns.frame import Frame, make_frame
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import choose_band_hz

@@ -50,7 +50,7 @@ class EncoderError(Effect):
     identified = "linear in sine and cosine of the raw position; the period p by a scan"
     visible_in = (
         "slow constant speeds, at which a signal period takes many samples, at two different "
-        "speeds: its apparent force grows with the square of the speed, that of cogging does not"
+        "speeds: its apparent force grows with the square of the speed, a real one does not"
     )
     amplitudes = ("sin_m", "cos_m")
     revealed_by = ("two_speeds",)

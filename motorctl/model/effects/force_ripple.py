@@ -32,7 +32,7 @@ class ForceRipple(Effect):
     identified = "linear in command times sine and cosine; the pitch P by a scan of 1/P"
     visible_in = (
         "travel over at least one pitch, better several, at two different accelerations: "
-        "a force that stays when the command does not is cogging instead"
+        "a force that stays when the command does not is one of position alone"
     )
     groups = frozenset({"wave_over_position"})
     ordinary = True

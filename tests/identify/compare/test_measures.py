@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from recorded_rows import back_and_forth
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.period import find_period, repeats
+from motorctl.identify.columns.repetition import find_period, repeats
 from motorctl.identify.compare.measures import (
     Measures,
     measure_axis,

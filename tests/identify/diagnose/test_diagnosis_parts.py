@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from motorctl.identify.columns.command_path import CommandPath, held_parts
+from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.frame import (
     low_pass_response,
     make_frame,

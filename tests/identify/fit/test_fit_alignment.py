@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motorctl.identify.columns.align import hold_taps, sample_taps
+from motorctl.identify.columns.command_timing import hold_taps, sample_taps
 
 DELAYS = st.floats(-4.0, 12.0)
 HALF_WIDTHS = st.sampled_from([1, 2])

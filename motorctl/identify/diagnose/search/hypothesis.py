@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.command_path import CommandPath, held_parts
+from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.frame import Frame, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     Blocks,
