@@ -8,8 +8,8 @@ import numpy as np
 
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import low_pass_response, make_frame
 from motorctl.identify.columns.measured import Measured, measured
+from motorctl.identify.columns.signals import low_pass_response, make_signals
 from motorctl.log import Recording
 
 SAME_RESOLUTION = 0.01
@@ -112,13 +112,15 @@ def _rough_inertia(data: Measured) -> float | None:
     if not np.all(np.isfinite(data.position) & np.isfinite(data.command)):
         return None
     try:
-        frame = make_frame(data, band_hz=min(ROUGH_BAND_HZ, 0.2 * data.sample_rate_hz))
+        signals = make_signals(data, band_hz=min(ROUGH_BAND_HZ, 0.2 * data.sample_rate_hz))
     except DataError:
         return None
-    frame = frame.with_response(low_pass_response(frame.band_hz))
-    columns = [np.stack([s.command, s.v, np.sign(s.v), np.ones_like(s.v)]) for s in frame.stretches]
-    X = frame.filtered(columns)
-    b = np.linalg.lstsq(X.T, frame.acceleration(), rcond=None)[0]
-    left = frame.acceleration() - b @ X
-    explained = 1.0 - float(left @ left) / max(float(np.sum(frame.acceleration() ** 2)), 1e-300)
+    signals = signals.with_response(low_pass_response(signals.band_hz))
+    columns = [
+        np.stack([s.command, s.v, np.sign(s.v), np.ones_like(s.v)]) for s in signals.stretches
+    ]
+    X = signals.filtered(columns)
+    b = np.linalg.lstsq(X.T, signals.acceleration(), rcond=None)[0]
+    left = signals.acceleration() - b @ X
+    explained = 1.0 - float(left @ left) / max(float(np.sum(signals.acceleration() ** 2)), 1e-300)
     return 1.0 / float(b[0]) if b[0] > 0.0 and explained > 0.5 else None

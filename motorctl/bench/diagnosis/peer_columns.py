@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
-from motorctl.identify.columns.frame import Stretch, make_frame, spans_of
 from motorctl.identify.columns.measured import measured
+from motorctl.identify.columns.signals import Stretch, make_signals, spans_of
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import ranked, whitened
@@ -90,10 +90,10 @@ class PeerBench:
         others = {name: measured(recording, name) for name in recording.axes if name != axis}
         declared = declared_models(recording, None, axis)[axis]
         slope = slope_of(declared.effects)
-        frame = make_frame(data, others, slope_s_m=slope)
-        model, _ = carried(frame, declared)
-        bench, _ = whitened(frame, model, ())
-        return cls(Hypothesis(bench).refreshed(), spans_of(frame), slope)
+        signals = make_signals(data, others, slope_s_m=slope)
+        model, _ = carried(signals, declared)
+        regressors, _ = whitened(signals, model, ())
+        return cls(Hypothesis(regressors).refreshed(), spans_of(signals), slope)
 
     def physical(self) -> PeerProblem:
         """Give the columns of every known effect."""
@@ -109,15 +109,15 @@ class PeerBench:
 
     def generic(self) -> PeerProblem:
         """Give products of two signals, and sines."""
-        frame = self.hypothesis.bench.frame
+        signals = self.hypothesis.regressors.signals
         acceleration = self.hypothesis.predicted_acceleration()
         names, parts = [], []
-        for s, a in zip(frame.stretches, acceleration, strict=True):
-            terms = _generic_terms(s, a, frame.period_s, self.spans)
+        for s, a in zip(signals.stretches, acceleration, strict=True):
+            terms = _generic_terms(s, a, signals.period_s, self.spans)
             names = [name for name, _ in terms]
             parts.append(np.stack([term for _, term in terms]))
         meanings = [MEANINGS.get(frozenset(name.split()), ()) for name in names]
-        return self._problem(frame.filtered(parts), meanings)
+        return self._problem(signals.filtered(parts), meanings)
 
     def _rows_of(self, effect: Effect) -> Array:
         """Give an effect's columns as they enter our regression, (p, m)."""
@@ -131,7 +131,7 @@ class PeerBench:
 
     def _flat(self, columns: Array) -> Array:
         flat = columns.swapaxes(0, 1).reshape(columns.shape[1], -1)
-        return np.asarray(flat[:, : self.hypothesis.bench.frame.rows])
+        return np.asarray(flat[:, : self.hypothesis.regressors.signals.rows])
 
     def _problem(self, columns: Array, meanings: Sequence[Meaning]) -> PeerProblem:
         """Take what the declared effects explain out of columns and rows."""

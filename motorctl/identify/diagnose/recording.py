@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import make_frame, without
 from motorctl.identify.columns.measured import Measured, beside, check_usable, measured
+from motorctl.identify.columns.signals import make_signals, without
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
@@ -103,25 +103,25 @@ def diagnose_axis(
     moving = beside(data, others or {})
     slope = slope_of(declared.effects)
     parts = {str(part): span for part, span in (segments or {}).items()}
-    frame = make_frame(data, moving, slope_s_m=slope)
-    check_motion(data, frame)
-    model, dropped = carried(frame, declared)
-    plain = too_plain(frame)
-    check_explains(data, frame, model, bool(plain))
-    band_hz = motion_band_hz(frame, model)
-    wide = frame
-    if band_hz < frame.band_hz:
-        frame = make_frame(data, moving, band_hz, slope)
+    signals = make_signals(data, moving, slope_s_m=slope)
+    check_motion(data, signals)
+    model, dropped = carried(signals, declared)
+    plain = too_plain(signals)
+    check_explains(data, signals, model, bool(plain))
+    band_hz = motion_band_hz(signals, model)
+    wide = signals
+    if band_hz < signals.band_hz:
+        signals = make_signals(data, moving, band_hz, slope)
     if plain:
-        found = nothing_sought(frame, model)
+        found = nothing_sought(signals, model)
     else:
-        tried = tested_apart(known_effects() if catalogue is None else catalogue, data, frame)
+        tried = tested_apart(known_effects() if catalogue is None else catalogue, data, signals)
         tried = {name: cls for name, cls in tried.items() if name not in dropped}
-        rows = frame, wide
+        rows = signals, wide
         if "held_out" in parts:
-            rows = without(frame, *parts["held_out"]), without(wide, *parts["held_out"])
+            rows = without(signals, *parts["held_out"]), without(wide, *parts["held_out"])
         found = both_ways(rows[0], model, slope, tell, tried, rows[1])
-        whole = frame if found.final.bench.side == "acceleration" else wide
+        whole = signals if found.final.regressors.side == "acceleration" else wide
         found = over_all(found, whole, model, tried)
     tell("judging what was found")
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)

@@ -22,7 +22,7 @@ MATTERS = 0.01
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FitEstimate:
     """theta (n,) in units of the command, and the delay [s]."""
 
     theta: Array
@@ -42,11 +42,11 @@ class Estimate:
         """Standard error of the delay."""
         return float(np.sqrt(max(self.covariance[-1, -1], 0.0)))
 
-    def weaker_than(self, other: Estimate) -> Flags:
+    def weaker_than(self, other: FitEstimate) -> Flags:
         """Tell which parameters (n,) this estimate hardly determines beside the other."""
         return np.asarray(self.std_error > WEAK * other.std_error)
 
-    def disagrees_with(self, other: Estimate, psi: Array, command: Array) -> Flags:
+    def disagrees_with(self, other: FitEstimate, psi: Array, command: Array) -> Flags:
         """Tell which parameters (n,) differ significantly, and by something that matters.
 
         `psi` (m, n) and `command` (m,) weigh a difference by what it does to the command.

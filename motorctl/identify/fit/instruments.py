@@ -22,7 +22,7 @@ from motorctl.identify.columns.filters import acceleration_of, velocity_of
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.regression_data import RegressionData, delay_range_s, prepare
 from motorctl.identify.fit.delay import TOLERANCE_SAMPLES, delay_sensitivity, delay_trials
-from motorctl.identify.fit.estimate import Estimate
+from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.standard_errors import sandwich
 
 Array = NDArray[np.float64]
@@ -39,8 +39,8 @@ SHIFTS_PER_PERIOD = 8
 
 
 def by_instruments(
-    data: Measured, columns: RegressionData, start: Estimate, bandwidth_rows: int
-) -> Estimate | None:
+    data: Measured, columns: RegressionData, start: FitEstimate, bandwidth_rows: int
+) -> FitEstimate | None:
     """Identify with instruments; None where the reference is unknown or does not excite.
 
     `columns` are rows of `data`, `start` is what least squares found on them.
@@ -63,8 +63,8 @@ def by_instruments(
 
 
 def _two_stage(
-    columns: RegressionData, Q: Array, start: Estimate, bandwidth_rows: int
-) -> Estimate | None:
+    columns: RegressionData, Q: Array, start: FitEstimate, bandwidth_rows: int
+) -> FitEstimate | None:
     n = len(start.theta)
     estimated = columns.options.estimate_delay
     if Q.shape[1] < n + estimated:
@@ -106,7 +106,7 @@ def _two_stage(
     covariance = np.zeros((n + 1, n + 1))
     size = J.shape[1]
     covariance[:size, :size] = sandwich(bread, scores, bandwidth_rows)
-    return Estimate(theta, delay_s, covariance)
+    return FitEstimate(theta, delay_s, covariance)
 
 
 def _basis(ideal: RegressionData, delay_s: float) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.regression_data import RegressionData
 from motorctl.identify.fit.delay import delay_sensitivity, estimate_delay
-from motorctl.identify.fit.estimate import Bound, Estimate
+from motorctl.identify.fit.estimate import Bound, FitEstimate
 from motorctl.identify.fit.regression import Regression, Solution, regression, solve, solve_bounded
 from motorctl.identify.fit.standard_errors import sandwich
 from motorctl.model import EffectList
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class LeastSquares:
     """The estimate, and the regression without bounds that it came from."""
 
-    estimate: Estimate
+    estimate: FitEstimate
     problem: Regression
     solution: Solution
     delay_at_end: bool
@@ -53,7 +53,9 @@ def by_least_squares(data: Measured, columns: RegressionData, bandwidth_rows: in
             name = columns.model.parameter_names[i]
             at_bound[name] = "lower" if bounded.at_lower[i] else "upper"
     covariance = _covariance(columns, problem, theta, fixed, delay_s, bandwidth_rows)
-    return LeastSquares(Estimate(theta, delay_s, covariance, at_bound), problem, solution, at_end)
+    return LeastSquares(
+        FitEstimate(theta, delay_s, covariance, at_bound), problem, solution, at_end
+    )
 
 
 def physical_bounds(model: EffectList, data: Measured) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, check_usable, measured
 from motorctl.identify.columns.regression_data import RegressionData, prepare
-from motorctl.identify.fit.estimate import Estimate
+from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.instruments import by_instruments
 from motorctl.identify.fit.judgement import check_direction, check_exchanged, judge
 from motorctl.identify.fit.least_squares import by_least_squares, physical_bounds, within
@@ -164,7 +164,7 @@ def _correlated_rows(columns: RegressionData) -> int:
 
 
 def _preferred(
-    data: Measured, columns: RegressionData, ordinary: Estimate, instruments: Estimate | None
+    data: Measured, columns: RegressionData, ordinary: FitEstimate, instruments: FitEstimate | None
 ) -> Estimator:
     wanted = columns.options.estimator
     if wanted == "least_squares" or (wanted == "auto" and columns.options.left == "command"):
@@ -181,7 +181,9 @@ def _preferred(
     return "instruments" if within(instruments.theta, *bounds) else "least_squares"
 
 
-def _error(data: Measured, columns: RegressionData, estimate: Estimate) -> tuple[Array, FitError]:
+def _error(
+    data: Measured, columns: RegressionData, estimate: FitEstimate
+) -> tuple[Array, FitError]:
     psi, command = columns.at(estimate.delay_s)
     residual = command - psi @ estimate.theta
     size = float(np.linalg.norm(command))
@@ -195,7 +197,7 @@ def _error(data: Measured, columns: RegressionData, estimate: Estimate) -> tuple
     )
 
 
-def _evaluate(other: Measured, like: RegressionData, estimate: Estimate) -> FitError:
+def _evaluate(other: Measured, like: RegressionData, estimate: FitEstimate) -> FitError:
     check_usable(other)
     options = like.options.with_changes(fit_segments=None, held_out_segments=None)
     columns = _chosen(other, prepare(other, like.model, options), None)

@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from motorctl.identify.fit.estimate import Estimate
+from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.result import AxisFit, FitError, RecordingFit
 from motorctl.identify.fit.settings import Segment
 from motorctl.log.units import unit_for
@@ -48,7 +48,9 @@ def print_fit(console: Console, fit: RecordingFit) -> None:
         console.print(f"not identified: {reason}", markup=False, soft_wrap=True)
 
 
-def parameter_values(fit: AxisFit, estimate: Estimate | None = None) -> dict[str, dict[str, Any]]:
+def parameter_values(
+    fit: AxisFit, estimate: FitEstimate | None = None
+) -> dict[str, dict[str, Any]]:
     """Give value, standard error and unit of every parameter in units of the command."""
     taken = estimate or fit.estimate
     values = zip(fit.model.parameter_names, taken.theta, taken.std_error, _units(fit), strict=True)
@@ -107,11 +109,11 @@ def _axis_document(fit: AxisFit) -> dict[str, Any]:
     return document
 
 
-def _delay(estimate: Estimate) -> dict[str, float]:
+def _delay(estimate: FitEstimate) -> dict[str, float]:
     return {"value": estimate.delay_s, "std_error": estimate.delay_std_error_s}
 
 
-def _estimate_document(fit: AxisFit, estimate: Estimate) -> dict[str, Any]:
+def _estimate_document(fit: AxisFit, estimate: FitEstimate) -> dict[str, Any]:
     return {"parameters": parameter_values(fit, estimate), "input_delay_s": _delay(estimate)}
 
 
@@ -185,7 +187,7 @@ def _table(name: str, fit: AxisFit) -> Table:
     return table
 
 
-def _compared(fit: AxisFit, other: Estimate, i: int) -> str:
+def _compared(fit: AxisFit, other: FitEstimate, i: int) -> str:
     percent = _percent(float(other.theta[i]), float(fit.theta[i]))
     if percent is None or fit.weak()[i]:
         return "weak"

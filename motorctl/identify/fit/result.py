@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.regression_data import RegressionData
-from motorctl.identify.fit.estimate import Estimate, Flags
+from motorctl.identify.fit.estimate import FitEstimate, Flags
 from motorctl.identify.fit.settings import Estimator, FitOptions
 from motorctl.model import EffectList
 
@@ -43,8 +43,8 @@ class AxisFit:
     """The rows that were fitted; m rows."""
     estimator: Estimator
     """Which of the two estimates gives the values."""
-    least_squares: Estimate
-    instruments: Estimate | None
+    least_squares: FitEstimate
+    instruments: FitEstimate | None
     """None where the reference is unknown or does not excite."""
     error: FitError
     held_out: FitError | None
@@ -55,7 +55,7 @@ class AxisFit:
     notes: tuple[str, ...]
 
     @property
-    def estimate(self) -> Estimate:
+    def estimate(self) -> FitEstimate:
         """The estimate that gives the values."""
         if self.estimator == "instruments" and self.instruments is not None:
             return self.instruments

@@ -13,7 +13,7 @@ from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Axis, Estimate, Machine
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import make_frame, spans_of
+from motorctl.identify.columns.signals import make_signals, spans_of
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.admissible import admissible
 from motorctl.identify.refine.carry_over import CarriedModel, carry_over
@@ -84,8 +84,8 @@ def refine_axis(
     if found.verdict == "insufficient_data":
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
     crowded = _too_many(axis, found, without)
-    frame = make_frame(found.data, dict(found.others))
-    carried = carry_over(found, spans_of(frame), {*without, *crowded})
+    signals = make_signals(found.data, dict(found.others))
+    carried = carry_over(found, spans_of(signals), {*without, *crowded})
     # rounded before bounds are made: the range of a parameter may depend on an option
     model = EffectList(
         [
@@ -96,7 +96,7 @@ def refine_axis(
     new = [effect for effect in model.effects if effect.name not in axis.declared.names]
     if not new and not carried.left_behind and found.verdict != "complete":
         return unchanged(f"unchanged: {found.sentence}")
-    fitted = estimates_of(model, carried.theta, carried.std_error, sizes_of(model, frame))
+    fitted = estimates_of(model, carried.theta, carried.std_error, sizes_of(model, signals))
     wanted = _wanted(axis, current, found, model, fitted)
     programs = [p for p in machine.programs.values() if name in p.axes]
     whole = EffectList([part.effect for part in wanted])

@@ -9,28 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath
-from motorctl.identify.columns.frame import Frame, make_frame
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import choose_band_hz
+from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 
 
-def frame_for(data: Measured, others: Mapping[str, Measured] | None = None) -> Frame:
+def signals_for(data: Measured, others: Mapping[str, Measured] | None = None) -> Signals:
     """Filter a recording to the band in which noise leaves the acceleration alone.
 
     others are the other axes of the same recording. Raises DataError where it is too short.
     """
-    return make_frame(data, dict(others or {}), choose_band_hz(data))
+    return make_signals(data, dict(others or {}), choose_band_hz(data))
 
 
-def model_columns(frame: Frame, model: EffectList) -> tuple[Array, Array]:
+def model_columns(signals: Signals, model: EffectList) -> tuple[Array, Array]:
     """Give the command that acts, (m,), and the columns psi at the measured motion, (n, m)."""
     path = CommandPath(model.delay_s, model.lag_s)
     inputs = [effect for effect in model.effects if effect.kind == "input"]
-    command, *held = frame.inputs(inputs, path)
-    accelerations = [_second_difference(s.position, frame.period_s) for s in frame.stretches]
+    command, *held = signals.inputs(inputs, path)
+    accelerations = [_second_difference(s.position, signals.period_s) for s in signals.stretches]
     columns = []
     for effect in model.effects:
         if effect.kind == "input":
@@ -38,7 +38,7 @@ def model_columns(frame: Frame, model: EffectList) -> tuple[Array, Array]:
             held = held[len(effect.parameters) :]
         elif effect.kind == "state":
             # At the full rate: the raw second difference has noise far above the band.
-            columns.append(frame.state(effect, accelerations, 1))
+            columns.append(signals.state(effect, accelerations, 1))
     return command, np.concatenate(columns)
 
 
@@ -55,8 +55,8 @@ def force_error_rms(
     of the measurement that the recorded position is free of already. Raises DataError where the
     recording is too short.
     """
-    frame = frame_for(corrected(data, model, corrected_by), others)
-    command, columns = model_columns(frame, model)
+    signals = signals_for(corrected(data, model, corrected_by), others)
+    command, columns = model_columns(signals, model)
     return float(np.sqrt(np.mean((command - theta @ columns) ** 2)))
 
 

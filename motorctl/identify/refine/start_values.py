@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.machine import Estimate
-from motorctl.identify.columns.frame import Frame, Stretch
+from motorctl.identify.columns.signals import Signals, Stretch
 from motorctl.model import Effect, EffectList, Parameter
 from motorctl.model.columns import input_columns, state_columns
 
@@ -96,21 +96,21 @@ def amplitudes(model: EffectList, theta: Array) -> Array:
     return np.array(found)
 
 
-def sizes_of(model: EffectList, frame: Frame) -> Sizes:
+def sizes_of(model: EffectList, signals: Signals) -> Sizes:
     """Measure the columns of a model over a recording."""
-    top = max(float(np.max(np.abs(stretch.v))) for stretch in frame.stretches)
-    moving = [np.abs(stretch.v) > MOVING * top for stretch in frame.stretches]
+    top = max(float(np.max(np.abs(stretch.v))) for stretch in signals.stretches)
+    moving = [np.abs(stretch.v) > MOVING * top for stretch in signals.stretches]
     rms, peak = [], []
     for effect in model.effects:
         if effect.parameters:
             parts = [
-                _columns(effect, stretch, frame.period_s)[:, rows]
-                for stretch, rows in zip(frame.stretches, moving, strict=True)
+                _columns(effect, stretch, signals.period_s)[:, rows]
+                for stretch, rows in zip(signals.stretches, moving, strict=True)
             ]
             columns = np.concatenate(parts, axis=1)
             rms.append(_rms(columns))
             peak.append(np.quantile(np.abs(columns), PEAK_SHARE, axis=1))
-    command = [s.command[rows] for s, rows in zip(frame.stretches, moving, strict=True)]
+    command = [s.command[rows] for s, rows in zip(signals.stretches, moving, strict=True)]
     return Sizes(np.concatenate(rms), np.concatenate(peak), float(_rms(np.concatenate(command))))
 
 
@@ -161,8 +161,8 @@ def _option(value: object) -> object:
     return tuple(map(_option, value)) if isinstance(value, tuple) else value
 
 
-def _rms(signals: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(signals**2, axis=-1)))
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=-1)))
 
 
 def _order(name: str) -> str | None:

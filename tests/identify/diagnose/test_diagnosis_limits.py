@@ -9,9 +9,9 @@ from diagnosis_cases import diagnosed, moving, names, recorded
 from motorctl.bench.diagnosis.cases import clean_case, draw_case, on_other_motion
 from motorctl.bench.diagnosis.unknown_effects import UNKNOWN
 from motorctl.config import load
-from motorctl.identify.columns.frame import make_frame, shortened
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.columns.repetition import period_of
+from motorctl.identify.columns.signals import make_signals, shortened
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import read_recording
@@ -112,6 +112,6 @@ def test_a_long_recording_full_of_gaps_is_diagnosed(tmp_path):
     recording = recorded(draw_case(17, effects=("force_ripple",)), tmp_path, duration_s=24.0)
     data = measured(recording, next(iter(recording.axes)))
     usable = data.usable & (np.arange(len(data.usable)) % 12_500 > 100)
-    frame = make_frame(replace(data, usable=usable))
-    pieces = shortened(frame, 6.0)
-    assert 0.15 * frame.rows < pieces.rows < 0.5 * frame.rows
+    signals = make_signals(replace(data, usable=usable))
+    pieces = shortened(signals, 6.0)
+    assert 0.15 * signals.rows < pieces.rows < 0.5 * signals.rows

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
-from motorctl.identify.columns.frame import (
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import (
     low_pass_response,
-    make_frame,
+    make_signals,
     smoothed,
     spans_of,
 )
-from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.held_out_blocks import (
     FOLDS,
@@ -26,7 +26,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     residual,
     solve,
 )
-from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import LEAST_GAIN, whitened
 from motorctl.identify.diagnose.search.spectral_lines import position_spectrum, strongest
 from motorctl.identify.diagnose.search.whitening import spectrum
@@ -92,12 +92,12 @@ def clean():
 
 
 def hypothesis_of(run, *, whiten):
-    frame = make_frame(run.measured(), slope_s_m=900.0)
+    signals = make_signals(run.measured(), slope_s_m=900.0)
     if whiten:
-        bench, noise = whitened(frame, C1, ())
-        return Hypothesis(bench), noise
-    blocks = make_blocks(frame.rows, frame.row_period_s)
-    return Hypothesis(Bench(frame.with_response(low_pass_response(200.0)), C1, blocks)), None
+        regressors, noise = whitened(signals, C1, ())
+        return Hypothesis(regressors), noise
+    blocks = make_blocks(signals.rows, signals.row_period_s)
+    return Hypothesis(Regressors(signals.with_response(low_pass_response(200.0)), C1, blocks)), None
 
 
 def test_the_filtered_acceleration_is_that_of_the_motion():
@@ -106,16 +106,16 @@ def test_the_filtered_acceleration_is_that_of_the_motion():
     data = Measured(
         "run.csv", "x", 5000.0, t, 0.01 * np.sin(w * t), np.zeros_like(t), np.ones(len(t), bool)
     )
-    frame = make_frame(data)
-    expected = -0.01 * w**2 * np.sin(w * frame.time_s)
-    np.testing.assert_allclose(frame.acceleration(), expected, atol=2e-3 * 0.01 * w**2)
+    signals = make_signals(data)
+    expected = -0.01 * w**2 * np.sin(w * signals.time_s)
+    np.testing.assert_allclose(signals.acceleration(), expected, atol=2e-3 * 0.01 * w**2)
 
 
 def test_what_is_left_of_clean_data_is_white(clean):
     hypothesis, noise = hypothesis_of(clean, whiten=True)
-    frame = hypothesis.bench.frame
-    rows = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
-    frequency, density = spectrum(rows, frame.row_period_s)
+    signals = hypothesis.regressors.signals
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
+    frequency, density = spectrum(rows, signals.row_period_s)
     bands = [(5.0, 50.0), (50.0, 100.0), (100.0, 170.0)]
     levels = [np.mean(density[(frequency > a) & (frequency < b)]) for a, b in bands]
     assert max(levels) < 1.6 * min(levels)
@@ -175,9 +175,9 @@ def test_a_line_over_position_shows_at_its_pitch():
         seed=3, duration_s=8.0, delay_samples=0.0, cogging=0.2, theta=X_THETA[:4], peak_velocity=0.5
     )
     hypothesis, _ = hypothesis_of(run, whiten=False)
-    frame = hypothesis.bench.frame
-    rows = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
-    kappa, gain = position_spectrum(frame, rows, None)
+    signals = hypothesis.regressors.signals
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
+    kappa, gain = position_spectrum(signals, rows, None)
     best = strongest(kappa, gain, 1)[0]
     assert 1.0 / best == pytest.approx(COGGING_PITCH_M, rel=0.02)
     # the gain is about the squared residual that the line takes away
@@ -187,11 +187,11 @@ def test_a_line_over_position_shows_at_its_pitch():
 def test_what_chance_gains_on_a_clean_twin_grows_with_how_long_its_noise_lasts():
     run = simulate(seed=3, duration_s=8.0, delay_samples=0.0, force_noise=0.1, theta=X_THETA[:4])
     white, _ = hypothesis_of(run, whiten=True)
-    frame, spans = white.bench.frame, spans_of(white.bench.frame)
+    signals, spans = white.regressors.signals, spans_of(white.regressors.signals)
     assert largest_gain(white, spans, 900.0) < LEAST_GAIN
     # a force that wanders within a twentieth of a second is no effect of place, speed or command
-    keep = math.exp(-frame.row_period_s / 0.05)
-    wander = lfilter([1.0], [1.0, -keep], np.random.default_rng(4).standard_normal(frame.rows))
+    keep = math.exp(-signals.row_period_s / 0.05)
+    wander = lfilter([1.0], [1.0, -keep], np.random.default_rng(4).standard_normal(signals.rows))
     wander *= 3.0 * np.std(residual(white.problem, white.solution.b)) / np.std(wander)
-    lasting = Hypothesis(white.bench.with_offset(wander), (), white.acceleration)
+    lasting = Hypothesis(white.regressors.with_offset(wander), (), white.acceleration)
     assert largest_gain(lasting, spans, 900.0) > 2.0 * largest_gain(white, spans, 900.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from motorctl.identify.diagnose.search.forms import best_form, candidates
 from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.smooth_functions import Rivals
+from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import saturated_residual
 from motorctl.model import Spans
 
@@ -26,14 +26,14 @@ SEED = 20
 
 def largest_gain(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> float:
     """Give the largest gain in held-out log-likelihood that any effect has on clean twins."""
-    rows = hypothesis.bench.frame.rows
+    rows = hypothesis.regressors.signals.rows
     fitted_rest = residual(hypothesis.problem, hypothesis.solution.b)[:rows]
-    noise = saturated_residual(hypothesis, Rivals(hypothesis.bench.frame))
+    noise = saturated_residual(hypothesis, SmoothFunctions(hypothesis.regressors.signals))
     draw = np.random.default_rng(SEED)
     largest = 0.0
     for _ in range(TWINS):
-        bench = hypothesis.bench.with_offset(_phases_anew(noise, draw) - fitted_rest)
-        twin = Hypothesis(bench, hypothesis.added, hypothesis.acceleration)
+        regressors = hypothesis.regressors.with_offset(_phases_anew(noise, draw) - fitted_rest)
+        twin = Hypothesis(regressors, hypothesis.added, hypothesis.acceleration)
         forms = (best_form(twin, cls, spans, slope_s_m) for cls in candidates(twin, spans))
         left = min((f.held_out for f in forms if f is not None), default=twin.held_out)
         largest = max(largest, 0.5 * rows * float(np.log(twin.held_out / max(left, 1e-300))))

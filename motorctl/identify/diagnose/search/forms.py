@@ -72,11 +72,11 @@ def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
 
     With the command on the left, functions of the command would explain it by itself.
     """
-    present = {e.name for e in (*hypothesis.bench.declared.effects, *hypothesis.added)}
-    barred = "input" if hypothesis.bench.side == "command" else None
+    present = {e.name for e in (*hypothesis.regressors.declared.effects, *hypothesis.added)}
+    barred = "input" if hypothesis.regressors.side == "command" else None
     return [
         cls
-        for name, cls in hypothesis.bench.catalogue.items()
+        for name, cls in hypothesis.regressors.catalogue.items()
         if name not in present
         and cls.kind != barred
         and (cls.kind != "measurement" or cls.amplitudes)
@@ -256,7 +256,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 
 def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
-    return Hypothesis(hypothesis.bench, (*hypothesis.added, *sines), hypothesis.acceleration)
+    return Hypothesis(hypothesis.regressors, (*hypothesis.added, *sines), hypothesis.acceleration)
 
 
 def _lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> list[Effect]:
@@ -266,20 +266,20 @@ def _lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> list[Effe
 
 
 def _time_lines(hypothesis: Hypothesis) -> tuple[Array, Array]:
-    return time_spectrum(hypothesis.bench.frame, _left_over(hypothesis))
+    return time_spectrum(hypothesis.regressors.signals, _left_over(hypothesis))
 
 
 def _spectrum(hypothesis: Hypothesis, cls: type[Effect]) -> tuple[Array, Array]:
-    frame = hypothesis.bench.frame
+    signals = hypothesis.regressors.signals
     weight = None
     if cls.kind == "input":
-        weight = frame.picked(lambda s: s.command)
-    return position_spectrum(frame, _left_over(hypothesis), weight)
+        weight = signals.picked(lambda s: s.command)
+    return position_spectrum(signals, _left_over(hypothesis), weight)
 
 
 def _left_over(hypothesis: Hypothesis) -> Array:
     problem = hypothesis.problem
-    return residual(problem, hypothesis.solution.b)[: hypothesis.bench.frame.rows]
+    return residual(problem, hypothesis.solution.b)[: hypothesis.regressors.signals.rows]
 
 
 def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[int, ...]]]:

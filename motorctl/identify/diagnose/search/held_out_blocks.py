@@ -42,7 +42,7 @@ def make_blocks(rows: int, row_period_s: float, block_s: float = BLOCK_S) -> Blo
 
 
 @dataclass(frozen=True)
-class Problem:
+class BlockedRegression:
     """Products of the columns [X, y] in each block: all that least squares needs."""
 
     blocks: Blocks
@@ -61,14 +61,14 @@ class Problem:
 
 def make_problem(
     blocks: Blocks, X: Array, y: Array, soft: NDArray[np.bool_] | None = None
-) -> Problem:
+) -> BlockedRegression:
     """Form the products of X (p, m) and y (m,)."""
     columns = blocks.split(np.vstack([X, y[None]]))
     held = np.zeros(len(X), dtype=np.bool_) if soft is None else soft
-    return Problem(blocks, columns, columns @ columns.swapaxes(1, 2), held)
+    return BlockedRegression(blocks, columns, columns @ columns.swapaxes(1, 2), held)
 
 
-def with_columns(problem: Problem, added: Array, soft: bool = False) -> Problem:
+def with_columns(problem: BlockedRegression, added: Array, soft: bool = False) -> BlockedRegression:
     """Add columns (p2, m) to the right side, before the left one."""
     extra = problem.blocks.split(added)
     cross = problem.columns @ extra.swapaxes(1, 2)
@@ -83,11 +83,11 @@ def with_columns(problem: Problem, added: Array, soft: bool = False) -> Problem:
     gram[np.ix_(range(len(own)), new, new)] = own
     columns = np.concatenate([problem.columns[:, :n], extra, problem.columns[:, n:]], axis=1)
     held = np.append(problem.soft, np.full(p2, soft))
-    return Problem(problem.blocks, columns, gram, held)
+    return BlockedRegression(problem.blocks, columns, gram, held)
 
 
 @dataclass(frozen=True)
-class Solution:
+class BlockedFit:
     """Least squares over all rows."""
 
     b: Array
@@ -98,7 +98,7 @@ class Solution:
     """Sum of squared residuals."""
 
 
-def solve(problem: Problem, whole: Problem | None = None) -> Solution:
+def solve(problem: BlockedRegression, whole: BlockedRegression | None = None) -> BlockedFit:
     """Fit all rows.
 
     `whole` is the problem of which these rows are a part: what is near zero in them alone, as
@@ -109,10 +109,10 @@ def solve(problem: Problem, whole: Problem | None = None) -> Solution:
     inverse = np.linalg.inv(A + np.diag(np.where(problem.soft, SMOOTHING, RIDGE)))
     b = inverse @ g
     sse = float(total[-1, -1] - 2.0 * b @ g + b @ A @ b)
-    return Solution(b / scale, inverse / np.outer(scale, scale), max(sse, 0.0))
+    return BlockedFit(b / scale, inverse / np.outer(scale, scale), max(sse, 0.0))
 
 
-def held_out_sse(problem: Problem) -> Array:
+def held_out_sse(problem: BlockedRegression) -> Array:
     """Give each fold's squared residuals under the fit to all others, (folds,).
 
     A fold is every third block, so that what only one block shows is not taken for knowledge.
@@ -137,7 +137,7 @@ def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
     return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
 
 
-def residual(problem: Problem, b: Array) -> Array:
+def residual(problem: BlockedRegression, b: Array) -> Array:
     """Give y - X b at every row, (m',), zeros after the last."""
     left = problem.columns[:, -1]
     return np.asarray((left - np.einsum("bpq,p->bq", problem.columns[:, :-1], b)).ravel())

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
-from motorctl.identify.columns.frame import Frame, smoothed
+from motorctl.identify.columns.signals import Signals, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
+    BlockedFit,
+    BlockedRegression,
     Blocks,
-    Problem,
-    Solution,
     held_out_sse,
     make_problem,
     solve,
@@ -39,29 +39,29 @@ Catalogue = Mapping[str, type[Effect]]
 """Effects that may be tried, by name."""
 
 
-class Bench:
-    """Columns of effects over the rows of one frame; those of a hypothesis are formed once."""
+class Regressors:
+    """Columns of effects over the rows of one signals; those of a hypothesis are formed once."""
 
     def __init__(
         self,
-        frame: Frame,
+        signals: Signals,
         declared: EffectList,
         blocks: Blocks,
         left: Side = "acceleration",
         catalogue: Catalogue | None = None,
     ) -> None:
-        self.frame = frame
+        self.signals = signals
         self.side = left
         self.catalogue = known_effects() if catalogue is None else catalogue
         self.declared = declared
         self.blocks = blocks
-        self.left = frame.acceleration()
+        self.left = signals.acceleration()
         self.offset: Array | None = None
         """(m,) added to the left side: for twins of the recording."""
         self._columns: dict[object, Array] = {}
 
-    def with_offset(self, offset: Array) -> Bench:
-        """Give a bench with the same columns and another left side."""
+    def with_offset(self, offset: Array) -> Regressors:
+        """Give a regressors with the same columns and another left side."""
         other = copy.copy(self)
         other.offset = offset
         return other
@@ -84,23 +84,23 @@ class Bench:
         """Give the command and the columns of input effects, (1 + p, m)."""
         key = (path, tuple(map(form_key, effects)))
         if key not in self._columns:
-            self._columns[key] = self.frame.inputs(effects, path)
+            self._columns[key] = self.signals.inputs(effects, path)
         return self._columns[key]
 
     def state(self, effect: Effect, acceleration: Sequence[Array] | None) -> Array:
         """Give the columns of a state effect, (p, m); with the acceleration only where it acts."""
         if uses_acceleration(effect):
-            return self.frame.state(effect, acceleration)
+            return self.signals.state(effect, acceleration)
         key = form_key(effect)
         if key not in self._columns:
-            self._columns[key] = self.frame.state(effect)
+            self._columns[key] = self.signals.state(effect)
         return self._columns[key]
 
     def measurement(self, effect: Effect) -> Array:
         """Return the columns of an error of the measured position, (q, m)."""
         key = form_key(effect)
         if key not in self._columns:
-            self._columns[key] = self.frame.measurement(effect)
+            self._columns[key] = self.signals.measurement(effect)
         return self._columns[key]
 
 
@@ -108,7 +108,7 @@ class Bench:
 class Hypothesis:
     """The declared effects and `added` ones."""
 
-    bench: Bench
+    regressors: Regressors
     added: tuple[Effect, ...] = ()
     acceleration: tuple[Array, ...] | None = field(default=None, repr=False)
     """What an earlier hypothesis predicts, (N,) for each stretch: for effects that act on it."""
@@ -116,7 +116,7 @@ class Hypothesis:
     @property
     def path(self) -> CommandPath:
         """What the hypothesis says happens to the command."""
-        every = (*self.bench.declared.effects, *self.added)
+        every = (*self.regressors.declared.effects, *self.added)
         return CommandPath(sum(e.delay_s for e in every), sum(e.lag_s for e in every))
 
     def of_kind(self, kind: str) -> list[Effect]:
@@ -124,7 +124,7 @@ class Hypothesis:
 
         Declared errors of the measurement have been corrected before the position was recorded.
         """
-        declared = () if kind == "measurement" else self.bench.declared.effects
+        declared = () if kind == "measurement" else self.regressors.declared.effects
         every = [*declared, *self.added]
         return [e for e in every if e.kind == kind and e.proportional_to != "acceleration"]
 
@@ -147,37 +147,37 @@ class Hypothesis:
         return (inertia, *(effect.name for effect, _ in self.places))
 
     @cached_property
-    def problem(self) -> Problem:
+    def problem(self) -> BlockedRegression:
         """The regression of the acceleration on all columns."""
-        columns = [self.bench.inputs(self.of_kind("input"), self.path)]
-        columns += [self.bench.state(e, self.acceleration) for e in self.of_kind("state")]
-        columns += [self.bench.measurement(e) for e in self.of_kind("measurement")]
-        X, y = np.vstack(columns), self.bench.left
-        if self.bench.side == "command":
+        columns = [self.regressors.inputs(self.of_kind("input"), self.path)]
+        columns += [self.regressors.state(e, self.acceleration) for e in self.of_kind("state")]
+        columns += [self.regressors.measurement(e) for e in self.of_kind("measurement")]
+        X, y = np.vstack(columns), self.regressors.left
+        if self.regressors.side == "command":
             y, X = X[0].copy(), np.vstack([y[None], X[1:]])
-        if self.bench.offset is not None:
-            y = y + self.bench.offset
-        return make_problem(self.bench.blocks, X, y, self._soft())
+        if self.regressors.offset is not None:
+            y = y + self.regressors.offset
+        return make_problem(self.regressors.blocks, X, y, self._soft())
 
     def _soft(self) -> NDArray[np.bool_]:
         return np.array([False, *(is_loose(effect) for effect, _ in self.places)])
 
     @cached_property
-    def solution(self) -> Solution:
+    def solution(self) -> BlockedFit:
         """The fit to all rows."""
         return solve(self.problem)
 
     @cached_property
     def b(self) -> Array:
         """Coefficients with the acceleration on the left, whichever side was fitted."""
-        return acceleration_form(self.solution.b, self.bench.side)
+        return acceleration_form(self.solution.b, self.regressors.side)
 
     def noise_sse(self, force_noise: float) -> float:
         """Give the squared residual that noise alone would leave."""
-        frame = self.bench.frame
-        if self.bench.side == "acceleration":
-            return frame.row_variance(force_noise) * frame.rows
-        return frame.noise_variance(force_noise) * frame.rows / float(self.b[0]) ** 2
+        signals = self.regressors.signals
+        if self.regressors.side == "acceleration":
+            return signals.row_variance(force_noise) * signals.rows
+        return signals.noise_variance(force_noise) * signals.rows / float(self.b[0]) ** 2
 
     @cached_property
     def held_out(self) -> float:
@@ -186,19 +186,19 @@ class Hypothesis:
 
     def plus(self, effect: Effect) -> Hypothesis:
         """Add an effect."""
-        return Hypothesis(self.bench, (*self.added, effect), self.acceleration)
+        return Hypothesis(self.regressors, (*self.added, effect), self.acceleration)
 
     def without(self, name: str) -> Hypothesis:
         """Take an added effect away."""
         kept = tuple(effect for effect in self.added if effect.name != name)
-        return Hypothesis(self.bench, kept, self.acceleration)
+        return Hypothesis(self.regressors, kept, self.acceleration)
 
     def exchanged(self, effect: Effect) -> Hypothesis:
         """Put another form of an added effect in its place."""
         forms = tuple(effect if old.name == effect.name else old for old in self.added)
-        return Hypothesis(self.bench, forms, self.acceleration)
+        return Hypothesis(self.regressors, forms, self.acceleration)
 
-    def extended(self, effect: Effect, coarse: bool = False) -> Problem:
+    def extended(self, effect: Effect, coarse: bool = False) -> BlockedRegression:
         """Give the regression with an effect added, formed from that without it where possible.
 
         coarse forms the columns of state effects at the rate of the rows.
@@ -206,11 +206,13 @@ class Hypothesis:
         if effect.kind == "command":
             return self.plus(effect).problem
         if effect.kind == "measurement":
-            return with_columns(self.problem, self.bench.frame.measurement(effect))
+            return with_columns(self.problem, self.regressors.signals.measurement(effect))
         if effect.kind == "input":
-            return with_columns(self.problem, self.bench.frame.inputs([effect], self.path)[1:])
-        frame = self.bench.frame
-        columns = frame.state(effect, self.acceleration, frame.decimation if coarse else None)
+            return with_columns(
+                self.problem, self.regressors.signals.inputs([effect], self.path)[1:]
+            )
+        signals = self.regressors.signals
+        columns = signals.state(effect, self.acceleration, signals.decimation if coarse else None)
         return with_columns(self.problem, columns, is_loose(effect))
 
     def refreshed(self) -> Hypothesis:
@@ -219,11 +221,11 @@ class Hypothesis:
         With the command on the left it is the measured one, as for inertia itself: what is
         predicted from the command would explain the command by itself.
         """
-        if self.bench.side == "command":
-            acceleration = self.bench.frame.smoothed_acceleration(PREDICTED_BAND)
+        if self.regressors.side == "command":
+            acceleration = self.regressors.signals.smoothed_acceleration(PREDICTED_BAND)
         else:
             acceleration = self.predicted_acceleration()
-        return Hypothesis(self.bench, self.added, tuple(acceleration))
+        return Hypothesis(self.regressors, self.added, tuple(acceleration))
 
     def predicted_acceleration(self) -> list[Array]:
         """Give the acceleration that the model gives the recorded command.
@@ -232,13 +234,13 @@ class Hypothesis:
         rigid, since on the machine's own acceleration a sharp mode would be found by a fixed
         point that diverges. `parameters` turns what is found into the mode itself.
         """
-        frame, b = self.bench.frame, self.b
+        signals, b = self.regressors.signals, self.b
         predictions = []
         inputs, states = self.of_kind("input"), self.of_kind("state")
-        for k, s in enumerate(frame.stretches):
+        for k, s in enumerate(signals.stretches):
             n = 1 + sum(len(e.parameters) for e in inputs)
             total = np.zeros_like(s.x)
-            for weight, u in held_parts(s.command, self.path, frame.period_s):
+            for weight, u in held_parts(s.command, self.path, signals.period_s):
                 held = [u[None], *(input_columns(e, u, s.x, s.time_s) for e in inputs)]
                 total += weight * (b[:n] @ np.concatenate(held))
             i = n
@@ -253,7 +255,7 @@ class Hypothesis:
                     total = total + b[i : i + len(columns)] @ columns
                 i += len(columns)
             # what is beyond the band would be folded into it where columns are formed more coarsely
-            predictions.append(smoothed(total, PREDICTED_BAND * frame.band_hz, frame.period_s))
+            predictions.append(smoothed(total, PREDICTED_BAND * signals.band_hz, signals.period_s))
         return predictions
 
 

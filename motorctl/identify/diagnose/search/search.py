@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.frame import Frame, shortened, spans_of
+from motorctl.identify.columns.signals import Signals, shortened, spans_of
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
     Form,
@@ -27,12 +27,12 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     with_columns,
 )
 from motorctl.identify.diagnose.search.hypothesis import (
-    Bench,
     Catalogue,
     Hypothesis,
+    Regressors,
     uses_acceleration,
 )
-from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Rivals
+from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
     saturated_residual,
@@ -139,30 +139,30 @@ class Found:
 
 
 def whitened(
-    frame: Frame,
+    signals: Signals,
     declared: EffectList,
     added: tuple[Effect, ...],
     side: Side = "acceleration",
     catalogue: Catalogue | None = None,
-) -> tuple[Bench, float]:
-    """Give a bench whose rows have nearly white noise, and the noise's density.
+) -> tuple[Regressors, float]:
+    """Give a regressors whose rows have nearly white noise, and the noise's density.
 
     With the command on the left nothing is whitened: it is for machines whose unexplained forces
     drown any noise of the measurement.
     """
-    blocks = make_blocks(frame.rows, frame.row_period_s, BLOCK_S[side])
-    plain = Hypothesis(Bench(frame, declared, blocks), added)
+    blocks = make_blocks(signals.rows, signals.row_period_s, BLOCK_S[side])
+    plain = Hypothesis(Regressors(signals, declared, blocks), added)
     if any(effect.kind == "state" for effect in added):
         plain = plain.refreshed()
-    noise = force_noise_density(frame, saturated_residual(plain, Rivals(frame)))
+    noise = force_noise_density(signals, saturated_residual(plain, SmoothFunctions(signals)))
     if side == "command":
-        return Bench(frame.plain(COMMAND_BAND_HZ), declared, blocks, side, catalogue), noise
-    white = frame.with_response(whitening_response(frame, noise))
-    return Bench(white, declared, blocks, side, catalogue), noise
+        return Regressors(signals.plain(COMMAND_BAND_HZ), declared, blocks, side, catalogue), noise
+    white = signals.with_response(whitening_response(signals, noise))
+    return Regressors(white, declared, blocks, side, catalogue), noise
 
 
 def search(
-    frame: Frame,
+    signals: Signals,
     declared: EffectList,
     slope_s_m: float | None,
     progress: Progress | None = None,
@@ -170,12 +170,12 @@ def search(
     catalogue: Catalogue | None = None,
 ) -> Found:
     """Find the effects that the declared model lacks."""
-    spans = spans_of(frame)
+    spans = spans_of(signals)
     tell = progress or (lambda _: None)
     added: tuple[Effect, ...] = ()
     steps: list[Step] = []
-    bench, noise = whitened(frame, declared, added, side, catalogue)
-    hypothesis = Hypothesis(bench).refreshed()
+    regressors, noise = whitened(signals, declared, added, side, catalogue)
+    hypothesis = Hypothesis(regressors).refreshed()
     rivals: dict[str, list[type[Effect]]] = {}
     for _ in range(MOST_ROUNDS):
         if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):
@@ -198,57 +198,57 @@ def search(
         near = [f for f in forms if gain(hypothesis, f.held_out) > RIVAL_SHARE * best]
         rivals[taken.effect.name] = [type(f.effect) for f in near if f is not taken] * TRIES
         if side == "acceleration":
-            bench, noise = whitened(frame, declared, added, side, catalogue)
-        hypothesis = settled(Hypothesis(bench, added).refreshed(), spans)
+            regressors, noise = whitened(signals, declared, added, side, catalogue)
+        hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, slope_s_m)
         hypothesis = backward(hypothesis, noise, spans)
         added = hypothesis.added
-    base = Hypothesis(hypothesis.bench).refreshed()
+    base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
 
 
-def nothing_sought(frame: Frame, declared: EffectList) -> Found:
+def nothing_sought(signals: Signals, declared: EffectList) -> Found:
     """Fit the declared model alone, for a motion that tells no effects apart."""
-    bench, noise = whitened(frame, declared, ())
-    base = Hypothesis(bench).refreshed()
-    return Found(base, base, (), spans_of(frame), noise, {})
+    regressors, noise = whitened(signals, declared, ())
+    base = Hypothesis(regressors).refreshed()
+    return Found(base, base, (), spans_of(signals), noise, {})
 
 
 def both_ways(
-    frame: Frame,
+    signals: Signals,
     declared: EffectList,
     slope_s_m: float | None,
     progress: Progress | None = None,
     catalogue: Catalogue | None = None,
-    whole_band: Frame | None = None,
+    whole_band: Signals | None = None,
 ) -> Found:
     """Search with the acceleration on the left, and again with the command where that fits better.
 
-    whole_band has the same rows where `frame` was narrowed to the band of the motion, which is of
+    whole_band has the same rows where `signals` was narrowed to the band of the motion, which is of
     no use where forces, and not the measurement's noise, are what is left.
 
     The acceleration carries the measurement's noise, so it belongs on the left as long as that
     noise is what is left over. Where unexplained forces are, which the feedback answers to, the
     command carries them, and would be scaled down as a regressor.
     """
-    short = shortened(frame, LONGEST_SEARCH_S)
+    short = shortened(signals, LONGEST_SEARCH_S)
     found = search(short, declared, slope_s_m, progress, catalogue=catalogue)
-    left = found.final.bench
-    command = found.final.problem.columns[:, 0].ravel()[: left.frame.rows]
+    left = found.final.regressors
+    command = found.final.problem.columns[:, 0].ravel()[: left.signals.rows]
     relative = math.sqrt(found.final.solution.sse / float(command @ command))
     relative /= abs(float(found.final.b[0]))
     noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
     if relative < UNEXPLAINED or noisy:
-        return over_all(found, frame, declared, catalogue)
+        return over_all(found, signals, declared, catalogue)
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
-    wide = whole_band or frame
+    wide = whole_band or signals
     short = shortened(wide, LONGEST_SEARCH_S)
     other = search(short, declared, slope_s_m, progress, "command", catalogue)
     if explained_share(other) < explained_share(found) - LOSES:
         # effects of the input cannot be sought there
-        return over_all(found, frame, declared, catalogue)
+        return over_all(found, signals, declared, catalogue)
     return over_all(other, wide, declared, catalogue)
 
 
@@ -260,15 +260,15 @@ def explained_share(found: Found) -> float:
 
 
 def over_all(
-    found: Found, frame: Frame, declared: EffectList, catalogue: Catalogue | None
+    found: Found, signals: Signals, declared: EffectList, catalogue: Catalogue | None
 ) -> Found:
     """Fit what was found in the pieces of a long recording to the whole of it."""
-    if frame.rows == found.final.bench.frame.rows:
+    if signals.rows == found.final.regressors.signals.rows:
         return found
     added = found.final.added
-    bench, noise = whitened(frame, declared, added, found.final.bench.side, catalogue)
-    final = Hypothesis(bench, added).refreshed()
-    base = Hypothesis(bench).refreshed()
+    regressors, noise = whitened(signals, declared, added, found.final.regressors.side, catalogue)
+    final = Hypothesis(regressors, added).refreshed()
+    base = Hypothesis(regressors).refreshed()
     return replace(found, base=base, final=final, force_noise=noise, rival_gains=rival_gains(final))
 
 
@@ -293,7 +293,7 @@ def ranked(
 
 def gain(before: Hypothesis, held_out: float) -> float:
     """Give the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
-    rows = before.bench.frame.rows
+    rows = before.regressors.signals.rows
     return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
 
 
@@ -306,37 +306,38 @@ def acceptable(
     taken = before.held_out - form.held_out
     over_time = "line_over_time" in form.effect.groups
     frequency = form.effect.lines[0] if over_time else 0.0
-    least = LEAST_SHARE[before.bench.side]
+    least = LEAST_SHARE[before.regressors.side]
     if "resonance" in form.effect.groups:
         # the feedback of the encoder's own noise looks like a resonance where little else moves
-        faint = frequency > BAND_END * before.bench.frame.band_hz
+        faint = frequency > BAND_END * before.regressors.signals.band_hz
         if faint or not _moves_at(before, frequency):
             least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
     elif (
-        "wave_over_time" in form.effect.groups and frequency > BAND_END * before.bench.frame.band_hz
+        "wave_over_time" in form.effect.groups
+        and frequency > BAND_END * before.regressors.signals.band_hz
     ):
         least = AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
-    if taken < SMALL_PART * before.bench.declared_held_out:
+    if taken < SMALL_PART * before.regressors.declared_held_out:
         least = max(least, SMALL_SHARE)
-    if before.added and before.bench.frame.repeats_s:
+    if before.added and before.regressors.signals.repeats_s:
         if _repeats_with(before, form.effect):
             least = SAME_SHARE
-        elif before.bench.side == "acceleration":
+        elif before.regressors.side == "acceleration":
             least = REPEATED_SHARE
     return bool(
         gain(before, form.held_out) > least_gain
-        and (form.effect.kind == "measurement" or taken > relevant_part(before.bench))
+        and (form.effect.kind == "measurement" or taken > relevant_part(before.regressors))
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
-        and taken > LEAST_EXCESS[before.bench.side] * excess
+        and taken > LEAST_EXCESS[before.regressors.side] * excess
     )
 
 
-def relevant_part(bench: Bench) -> float:
+def relevant_part(regressors: Regressors) -> float:
     """Give the squared residual below which nothing matters."""
-    return RELEVANT**2 * bench.command_energy
+    return RELEVANT**2 * regressors.command_energy
 
 
 def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
@@ -358,11 +359,11 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
 def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
     """Tell whether an effect repeats with the one move as what is there already does."""
     over_place = len(forces_of_position((effect, *before.added))) > 1
-    if over_place and before.bench.side == "acceleration":
+    if over_place and before.regressors.side == "acceleration":
         return True
     if "wave_over_time" not in effect.groups:
         return False
-    cycles = effect.lines[0] * before.bench.frame.repeats_s
+    cycles = effect.lines[0] * before.regressors.signals.repeats_s
     return abs(cycles - round(cycles)) < IN_STEP
 
 
@@ -373,13 +374,13 @@ def forces_of_position(effects: Iterable[Effect]) -> list[Effect]:
 
 def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
     """Tell whether the motion at a frequency stands well above the noise of the measurement."""
-    frame = hypothesis.bench.frame
-    left = hypothesis.problem.columns[:, -1].ravel()[: frame.rows]
-    rest = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
-    frequency, density = spectrum(left - rest, frame.row_period_s)
+    signals = hypothesis.regressors.signals
+    left = hypothesis.problem.columns[:, -1].ravel()[: signals.rows]
+    rest = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
+    frequency, density = spectrum(left - rest, signals.row_period_s)
     place = int(np.argmin(np.abs(frequency - frequency_hz)))
-    noise = (2.0 * np.pi * frequency_hz) ** 4 * frame.position_noise
-    noise *= float(frame.response(np.array([frequency_hz]))[0]) ** 2
+    noise = (2.0 * np.pi * frequency_hz) ** 4 * signals.position_noise
+    noise *= float(signals.response(np.array([frequency_hz]))[0]) ** 2
     near = density[max(place - 3, 0) : place + 4]
     return bool(np.median(near) > CLEARLY * noise)
 
@@ -392,7 +393,7 @@ def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
             form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
             better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)
             hypothesis = Hypothesis(
-                hypothesis.bench,
+                hypothesis.regressors,
                 tuple(better.effect if e.name == effect.name else e for e in hypothesis.added),
                 hypothesis.acceleration,
             )
@@ -410,7 +411,7 @@ def sideways(
 ) -> Hypothesis:
     """Exchange an added effect for one that came near where that now explains more.
 
-    Not the newest, which has just won. Rivals that lose twice are tried no more.
+    Not the newest, which has just won. SmoothFunctions that lose twice are tried no more.
     """
     for effect in hypothesis.added:
         present = {e.name for e in hypothesis.added}
@@ -444,7 +445,7 @@ def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hyp
         rest = rest.without(effect.name)
     forms = ranked(rest, [type(waves[0])], spans, slope_s_m)
     enough = hypothesis.held_out * AS_WELL
-    if hypothesis.bench.frame.repeats_s:
+    if hypothesis.regressors.signals.repeats_s:
         enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
     if not forms or forms[0].held_out > enough:
         return hypothesis
@@ -465,10 +466,10 @@ def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:
 
 def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
     """Give what each smooth function takes away of the held-out squared residual."""
-    rivals = Rivals(hypothesis.bench.frame)
+    rivals = SmoothFunctions(hypothesis.regressors.signals)
     gains = {}
     for name, variables in VARIABLES.items():
-        if hypothesis.bench.side == "command" and {"command", "history"} & set(variables):
+        if hypothesis.regressors.side == "command" and {"command", "history"} & set(variables):
             continue
         problem = with_columns(hypothesis.problem, rivals.columns(name), soft=True)
         gains[name] = hypothesis.held_out - float(held_out_sse(problem).sum())

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.frame import Frame, Stretch
+from motorctl.identify.columns.signals import Signals, Stretch
 
 Array = NDArray[np.float64]
 
@@ -40,31 +40,31 @@ def hats(x: Array, knots: Array) -> Array:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place - np.arange(len(knots))[:, None])))
 
 
-class Rivals:
-    """The rivals' columns over one frame."""
+class SmoothFunctions:
+    """The rivals' columns over one signals."""
 
-    def __init__(self, frame: Frame) -> None:
-        self.frame = frame
-        d = frame.decimation
-        self._x = np.concatenate([s.x[::d] for s in frame.stretches])
-        self._v = np.concatenate([s.v[::d] for s in frame.stretches])
+    def __init__(self, signals: Signals) -> None:
+        self.signals = signals
+        d = signals.decimation
+        self._x = np.concatenate([s.x[::d] for s in signals.stretches])
+        self._v = np.concatenate([s.v[::d] for s in signals.stretches])
         top = float(np.percentile(np.abs(self._v), 99.9))
         side = np.geomspace(top / SPEED_RANGE, top, VELOCITY_KNOTS)
         self._speeds = np.concatenate([-side[::-1], [0.0], side])
-        self._top_command = max(float(np.abs(s.command).max()) for s in frame.stretches)
+        self._top_command = max(float(np.abs(s.command).max()) for s in signals.stretches)
 
     def columns(self, name: str) -> Array:
         """Give the filtered columns of a rival, (p, m)."""
-        d = self.frame.decimation
+        d = self.signals.decimation
         if name == "history":
-            return self.frame.history(self._shifts())
-        return self.frame.filtered([self._of(name, s, d) for s in self.frame.stretches], d)
+            return self.signals.history(self._shifts())
+        return self.signals.filtered([self._of(name, s, d) for s in self.signals.stretches], d)
 
     def _shifts(self) -> list[int]:
         """Give delays [samples] from one sample to about a twentieth of a second."""
-        last = HISTORY_S / self.frame.period_s
+        last = HISTORY_S / self.signals.period_s
         first = np.arange(1, min(6, int(last) + 2))
-        later = np.arange(6.0, last, max(1.0, 0.35 / self.frame.band_hz / self.frame.period_s))
+        later = np.arange(6.0, last, max(1.0, 0.35 / self.signals.band_hz / self.signals.period_s))
         return [int(k) for k in np.unique(np.concatenate([first, later]).astype(int))]
 
     def _of(self, name: str, s: Stretch, d: int) -> Array:
@@ -77,7 +77,7 @@ class Rivals:
         if name == "velocity":
             return hats(v, self._speeds)
         if name == "time":
-            first, last = self.frame.stretches[0].time_s[0], self.frame.stretches[-1].time_s[-1]
+            first, last = self.signals.stretches[0].time_s[0], self.signals.stretches[-1].time_s[-1]
             count = max(4, round((last - first) / TIME_KNOT_S))
             return hats(t, np.linspace(first, last, count))
         if name == "command":

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from motorctl.identify.columns.frame import Frame
+from motorctl.identify.columns.signals import Signals
 
 Array = NDArray[np.float64]
 
@@ -23,15 +23,17 @@ LEAST_COVERED = 0.1
 """Part of the places, over the travel, at which a wave must be slow enough to be seen."""
 
 
-def position_spectrum(frame: Frame, left_over: Array, weight: Array | None) -> tuple[Array, Array]:
+def position_spectrum(
+    signals: Signals, left_over: Array, weight: Array | None
+) -> tuple[Array, Array]:
     """Give wave numbers [cycles/unit] and the gain in squared residual of a line at each.
 
     left_over (m,) are whitened rows; weight (m,) multiplies the line (the command, for ripple).
     """
-    x, v = frame.picked(lambda s: s.x), frame.picked(lambda s: s.v)
+    x, v = signals.picked(lambda s: s.x), signals.picked(lambda s: s.v)
     low, travel = float(x.min()), float(np.ptp(x))
-    finest = min(CYCLES_PER_TRAVEL / travel, 0.45 * frame.band_hz / _slow(v))
-    r = adjoint(frame, left_over)
+    finest = min(CYCLES_PER_TRAVEL / travel, 0.45 * signals.band_hz / _slow(v))
+    r = adjoint(signals, left_over)
     w = np.ones_like(r) if weight is None else weight
     cell = 1.0 / (4.0 * finest)
     bins = int(travel / cell) + 2
@@ -50,23 +52,23 @@ def position_spectrum(frame: Frame, left_over: Array, weight: Array | None) -> t
         return kappa, np.zeros(0)
     # linear sharing between cells damps short waves
     line = line / np.sinc(kappa * cell) ** 2
-    gain = np.abs(line) ** 2 / np.maximum(_energy(frame, v, w, kappa), 1e-300)
-    return kappa, np.where(_covered(frame, place / bins, v, kappa) > LEAST_COVERED, gain, 0.0)
+    gain = np.abs(line) ** 2 / np.maximum(_energy(signals, v, w, kappa), 1e-300)
+    return kappa, np.where(_covered(signals, place / bins, v, kappa) > LEAST_COVERED, gain, 0.0)
 
 
-def time_spectrum(frame: Frame, left_over: Array) -> tuple[Array, Array]:
+def time_spectrum(signals: Signals, left_over: Array) -> tuple[Array, Array]:
     """Give frequencies [Hz] and the gain in squared residual of a line at each."""
-    t = frame.time_s
-    r = adjoint(frame, left_over)
-    first, period = float(t[0]), frame.row_period_s
+    t = signals.time_s
+    r = adjoint(signals, left_over)
+    first, period = float(t[0]), signals.row_period_s
     index = np.round((t - first) / period).astype(int)
     rows = np.bincount(index, r)
     size = fft.next_fast_len(4 * len(rows), real=True)
     line = fft.rfft(rows, size)
     frequency = np.arange(len(line)) / (size * period)
     duration = float(t[-1] - first)
-    used = (frequency >= 2.0 / duration) & (frequency <= frame.band_hz)
-    energy = 0.5 * len(r) * frame.response(frequency[used]) ** 2
+    used = (frequency >= 2.0 / duration) & (frequency <= signals.band_hz)
+    energy = 0.5 * len(r) * signals.response(frequency[used]) ** 2
     return frequency[used], np.abs(line[used]) ** 2 / np.maximum(energy, 1e-6 * len(r))
 
 
@@ -77,30 +79,30 @@ def strongest(place: Array, gain: Array, count: int) -> list[float]:
     return [float(place[i]) for i in order]
 
 
-def adjoint(frame: Frame, rows: Array) -> Array:
-    """Pass rows through the frame's filter once more: what correlates with unfiltered columns."""
+def adjoint(signals: Signals, rows: Array) -> Array:
+    """Pass rows through the signals' filter once more: what correlates with unfiltered columns."""
     parts, start = [], 0
-    for kept in frame.kept:
+    for kept in signals.kept:
         count = int(kept.sum())
         spread = np.zeros(len(kept))
         spread[kept] = rows[start : start + count]
         start += count
         parts.append(spread[None])
-    return np.asarray(frame.filtered(parts, frame.decimation)[0])
+    return np.asarray(signals.filtered(parts, signals.decimation)[0])
 
 
-def _energy(frame: Frame, v: Array, weight: Array, kappa: Array) -> Array:
+def _energy(signals: Signals, v: Array, weight: Array, kappa: Array) -> Array:
     """Give the energy that the filter leaves of half a line, from the speeds at the rows."""
     speed = np.abs(v)
     edges = np.linspace(0.0, float(speed.max()) * 1.0001 + 1e-12, SPEED_BINS + 1)
     index = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, SPEED_BINS - 1)
     mass = np.bincount(index, weight**2, SPEED_BINS)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    passed = frame.response(np.outer(kappa, middle).ravel()).reshape(len(kappa), -1) ** 2
+    passed = signals.response(np.outer(kappa, middle).ravel()).reshape(len(kappa), -1) ** 2
     return np.asarray(0.5 * passed @ mass)
 
 
-def _covered(frame: Frame, place: Array, v: Array, kappa: Array) -> Array:
+def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
     """Give the part of the travel over which waves pass the filter, in effect; place is 0 to 1.
 
     Short waves pass only where the axis is slow: if that is at the ends of its moves alone, they
@@ -110,7 +112,7 @@ def _covered(frame: Frame, place: Array, v: Array, kappa: Array) -> Array:
     some = np.geomspace(float(kappa[0]), float(kappa[-1]), 24)
     covered = np.empty(len(some))
     for k, wave in enumerate(some):
-        energy = np.bincount(index, frame.response(wave * np.abs(v)) ** 2, PLACES)
+        energy = np.bincount(index, signals.response(wave * np.abs(v)) ** 2, PLACES)
         covered[k] = energy.sum() ** 2 / max(float(energy @ energy), 1e-300) / PLACES
     return np.asarray(np.interp(kappa, some, covered))
 

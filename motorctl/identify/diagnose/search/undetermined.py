@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from motorctl.identify.columns.frame import Frame
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import EffectList
@@ -13,13 +13,13 @@ UNSURE = 0.02
 """Standard error of the input map at the largest command, in parts of the command."""
 
 
-def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
     """Give the declared list without what the recording cannot carry, and why that was dropped.
 
     The electromagnetic effects bend the input map: where the commands are too small to determine
     the bend, its parameters take whatever noise and missing effects make of them.
     """
-    moved = {axis for s in frame.stretches for axis in s.others}
+    moved = {axis for s in signals.stretches for axis in s.others}
     alone = {
         effect.name: f"axis {', '.join(a for a in effect.other_axes if a not in moved)} did not "
         "move, or is not in this recording"
@@ -28,24 +28,24 @@ def carried(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, s
     }
     if alone:
         declared = EffectList([e for e in declared.effects if e.name not in alone])
-    declared, dropped = _with_bend(frame, declared)
+    declared, dropped = _with_bend(signals, declared)
     return declared, alone | dropped
 
 
-def _with_bend(frame: Frame, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
     """Drop the electromagnetic effects where the recording does not determine them."""
     curved = [effect.name for effect in declared.effects if effect.electromagnetic]
     starts = dict(zip(declared.names, _starts(declared), strict=True))
     if not curved:
         return declared, {}
-    largest = max(float(np.abs(s.command).max()) for s in frame.stretches)
-    if frame.data.command_unit != "V":
-        why = f"the command is in {frame.data.command_unit}, not the voltage that saturates"
+    largest = max(float(np.abs(s.command).max()) for s in signals.stretches)
+    if signals.data.command_unit != "V":
+        why = f"the command is in {signals.data.command_unit}, not the voltage that saturates"
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
-    bench, noise = whitened(frame, declared, ())
-    hypothesis = Hypothesis(bench)
+    regressors, noise = whitened(signals, declared, ())
+    hypothesis = Hypothesis(regressors)
     # what noise alone would make uncertain: missing effects are yet to be found
-    variance = hypothesis.solution.covariance * bench.frame.row_variance(noise)
+    variance = hypothesis.solution.covariance * regressors.signals.row_variance(noise)
     bend = np.zeros(len(hypothesis.names))
     for i, (effect, j) in enumerate(hypothesis.places, 1):
         if effect.electromagnetic:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from motorctl.identify.columns.frame import Frame, Response, low_pass_response
+from motorctl.identify.columns.signals import Response, Signals, low_pass_response
 from motorctl.identify.diagnose.search.held_out_blocks import residual, solve, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.smooth_functions import Rivals
+from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 
 Array = NDArray[np.float64]
 
@@ -24,17 +24,17 @@ LEAST_SHARE = 0.1
 SATURATING = ("position", "velocity", "time", "position_and_command", "history")
 
 
-def saturated_residual(hypothesis: Hypothesis, rivals: Rivals) -> Array:
+def saturated_residual(hypothesis: Hypothesis, rivals: SmoothFunctions) -> Array:
     """Give what the model and smooth functions of position, velocity, time leave, (m,).
 
     With the command on the left no functions of the command, which would leave nothing of it.
     """
     problem = hypothesis.problem
-    mine = SATURATING if hypothesis.bench.side == "acceleration" else SATURATING[:3]
+    mine = SATURATING if hypothesis.regressors.side == "acceleration" else SATURATING[:3]
     columns = [rivals.columns(name) for name in mine]
     problem = with_columns(problem, np.vstack(columns), soft=True)
     found = solve(problem)
-    return residual(problem, found.b)[: hypothesis.bench.frame.rows]
+    return residual(problem, found.b)[: hypothesis.regressors.signals.rows]
 
 
 def spectrum(rows: Array, row_period_s: float) -> tuple[Array, Array]:
@@ -46,28 +46,28 @@ def spectrum(rows: Array, row_period_s: float) -> tuple[Array, Array]:
     return np.asarray(frequency), np.asarray(density)
 
 
-def force_noise_density(frame: Frame, left_over: Array) -> float:
+def force_noise_density(signals: Signals, left_over: Array) -> float:
     """Estimate the flat part of the acceleration's noise density [unit^2/s^4/Hz].
 
-    left_over (m,) comes from rows behind the plain low pass of `frame`.
+    left_over (m,) comes from rows behind the plain low pass of `signals`.
     """
-    frequency, density = spectrum(left_over, frame.row_period_s)
-    quantisation = (2.0 * np.pi * frequency) ** 4 * frame.position_noise
-    inside = (frequency > 2.0) & (frequency < 0.9 * frame.band_hz)
+    frequency, density = spectrum(left_over, signals.row_period_s)
+    quantisation = (2.0 * np.pi * frequency) ** 4 * signals.position_noise
+    inside = (frequency > 2.0) & (frequency < 0.9 * signals.band_hz)
     excess = density[inside] - quantisation[inside]
     quiet = quantisation[inside] < density[inside]
-    least = (2.0 * np.pi * LEAST_SHARE * frame.band_hz) ** 4 * frame.position_noise
+    least = (2.0 * np.pi * LEAST_SHARE * signals.band_hz) ** 4 * signals.position_noise
     if quiet.sum() < 5:
         return float(max(least, 1e-300))
     return float(max(np.percentile(excess[quiet], QUIET_PERCENT), least, 1e-300))
 
 
-def whitening_response(frame: Frame, force_noise: float) -> Response:
+def whitening_response(signals: Signals, force_noise: float) -> Response:
     """Give the low pass with a gain that falls where quantisation exceeds the force noise."""
-    low_pass = low_pass_response(frame.band_hz)
+    low_pass = low_pass_response(signals.band_hz)
 
     def response(frequency: Array) -> Array:
-        ratio = (2.0 * np.pi * frequency) ** 4 * frame.position_noise / force_noise
+        ratio = (2.0 * np.pi * frequency) ** 4 * signals.position_noise / force_noise
         return np.asarray(low_pass(frequency) / np.sqrt(1.0 + ratio))
 
     return response

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.frame import low_pass_response
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import low_pass_response
 from motorctl.identify.diagnose.report.motion_advice import advise
 from motorctl.identify.diagnose.result import (
     AxisDiagnosis,
@@ -20,7 +20,7 @@ from motorctl.identify.diagnose.result import (
     Traces,
     UnknownStructure,
 )
-from motorctl.identify.diagnose.search.held_out_blocks import Problem, solve
+from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.search import LEAST_GAIN, Found, forces_of_position, gain
 from motorctl.identify.diagnose.search.whitening import spectrum
@@ -40,7 +40,7 @@ from motorctl.identify.diagnose.verdict.errors import (
     split_rows,
 )
 from motorctl.identify.diagnose.verdict.parameters import (
-    Values,
+    FittedModel,
     column_index,
     option_errors,
     theta_of,
@@ -100,7 +100,7 @@ def assemble(
         error, tested = error_on(*test, found, error)
     effects = _effects(found, values, split, error)
     slope = slope_of(declared.effects)
-    catalogue = found.final.bench.catalogue
+    catalogue = found.final.regressors.catalogue
     hidden = untestable(found, slope)
     missing = _missing(data, found, effects, hidden)
     if too_plain:
@@ -144,15 +144,15 @@ def assemble(
     return replace(diagnosis, seconds=time.monotonic() - began)
 
 
-def _compensation(found: Found, judged: Judged) -> tuple[Effect, Problem, int] | None:
+def _compensation(found: Found, judged: Judged) -> tuple[Effect, BlockedRegression, int] | None:
     """Offer a spline in the variables that unknown structure depends on, where one can be used."""
     if judged.verdict != "unknown_structure" or judged.rival is None:
         return None
     variables = depends_on(judged.rival)
-    every = found.final.bench.catalogue.values()
+    every = found.final.regressors.catalogue.values()
     forms = (cls.smooth_function(variables, found.spans) for cls in every)
     effect = next((form for form in forms if form is not None), None)
-    present = {e.name for e in (*found.final.bench.declared.effects, *found.final.added)}
+    present = {e.name for e in (*found.final.regressors.declared.effects, *found.final.added)}
     if effect is None or effect.name in present:
         return None
     problem = found.final.extended(effect)
@@ -160,7 +160,7 @@ def _compensation(found: Found, judged: Judged) -> tuple[Effect, Problem, int] |
 
 
 def _effects(
-    found: Found, values: Values, split: Split, error: ModelError
+    found: Found, values: FittedModel, split: Split, error: ModelError
 ) -> tuple[FoundEffect, ...]:
     shares = own_shares(found, [e.name for e in found.final.added])
     fit = ~split.held_out
@@ -212,7 +212,7 @@ def _evidence(
         f"{error.held_out_after_rms:.3g} {unit}; the noise is {error.noise_floor_rms:.3g} {unit}",
         f"held-out log-likelihood rises by {score:.0f}; at least {LEAST_GAIN:.0f} is asked",
     ]
-    blocks = found.final.bench.blocks.count
+    blocks = found.final.regressors.blocks.count
     lines.append(f"fitted and tested on {blocks} blocks in turn; {effect.identified}")
     return lines
 
@@ -225,7 +225,7 @@ def _missing(
 ) -> tuple[MissingMotion, ...]:
     missing = []
     if hidden:
-        catalogue = found.final.bench.catalogue
+        catalogue = found.final.regressors.catalogue
         why = (
             f"this motion ties {', '.join(hidden)} to the declared effects: less than "
             f"{100.0 * UNEXPLAINED:.0f} % of what they would add is their own"
@@ -235,7 +235,7 @@ def _missing(
         if effect.indistinguishable_from:
             alike = effect.indistinguishable_from
             why = f"{effect.name} and {', '.join(alike)} explain this recording equally"
-            classes = [found.final.bench.catalogue[name] for name in alike]
+            classes = [found.final.regressors.catalogue[name] for name in alike]
             missing.append(_missing_motion([type(effect.effect), *classes], why, data, found))
     return tuple(missing)
 
@@ -253,7 +253,10 @@ def _missing_motion(
 
 
 def _unknown(
-    found: Found, judged: Judged, extra: tuple[Effect, Problem, int] | None, values: Values
+    found: Found,
+    judged: Judged,
+    extra: tuple[Effect, BlockedRegression, int] | None,
+    values: FittedModel,
 ) -> UnknownStructure:
     variables = depends_on(judged.rival)
     share = min(judged.rival_share, 1.0)
@@ -342,16 +345,16 @@ def _notes(
 
 def _traces(
     found: Found,
-    values: Values,
-    extra: tuple[Effect, Problem, int] | None,
+    values: FittedModel,
+    extra: tuple[Effect, BlockedRegression, int] | None,
     split: Split,
     error: ModelError,
 ) -> Traces:
-    frame = found.final.bench.frame.plain(REPORT_HZ)
-    rows = frame.rows
+    signals = found.final.regressors.signals.plain(REPORT_HZ)
+    rows = signals.rows
     base_b = found.base.b
     fit = solve(found.final.problem if extra is None else extra[1]).b
-    b = acceleration_form(fit, found.final.bench.side)
+    b = acceleration_form(fit, found.final.regressors.side)
     problem = in_plain_band(found.final, None if extra is None else extra[0])
     columns = problem.columns[:, :-1].swapaxes(0, 1).reshape(problem.size, -1)[:, :rows]
     left = problem.columns[:, -1].ravel()[:rows]
@@ -378,16 +381,16 @@ def _traces(
     for effect in found.final.added:
         if effect.kind == "command":  # the command as it was given, not as it acts
             acted = acted + contributions[effect.name]
-    declared = found.final.bench.declared.effects
+    declared = found.final.regressors.declared.effects
     friction = column_index(found.final, [e.name for e in declared if "friction" in e.groups])
-    frequency, spectrum_before = spectrum(-r_before / base_b[0], frame.row_period_s)
-    _, spectrum_after = spectrum(-r_after / b[0], frame.row_period_s)
-    density = found.force_noise + (2.0 * np.pi * frequency) ** 4 * frame.position_noise
-    noise = density * low_pass_response(frame.band_hz)(frequency) ** 2 / b[0] ** 2
+    frequency, spectrum_before = spectrum(-r_before / base_b[0], signals.row_period_s)
+    _, spectrum_after = spectrum(-r_after / b[0], signals.row_period_s)
+    density = found.force_noise + (2.0 * np.pi * frequency) ** 4 * signals.position_noise
+    noise = density * low_pass_response(signals.band_hz)(frequency) ** 2 / b[0] ** 2
     return Traces(
-        time_s=frame.time_s,
-        position=frame.picked(lambda s: s.x),
-        velocity=frame.picked(lambda s: s.v),
+        time_s=signals.time_s,
+        position=signals.picked(lambda s: s.x),
+        velocity=signals.picked(lambda s: s.v),
         acceleration=left,
         command=columns[0] + acted,
         residual_before=-r_before / base_b[0],
@@ -395,7 +398,7 @@ def _traces(
         contributions=contributions,
         friction=-(b[friction] @ columns[friction]) / b[0] if friction else np.zeros(rows),
         held_out=split.held_out,
-        band_hz=frame.band_hz,
+        band_hz=signals.band_hz,
         noise_floor_rms=error.noise_floor_rms,
         frequency_hz=frequency,
         spectrum_before=spectrum_before,

@@ -9,11 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.frame import Frame
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.result import Alternative, ModelError
 from motorctl.identify.diagnose.search.forms import by_simplex, measure
-from motorctl.identify.diagnose.search.held_out_blocks import Problem, Solution, residual, solve
-from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis, acceleration_form
+from motorctl.identify.diagnose.search.held_out_blocks import (
+    BlockedFit,
+    BlockedRegression,
+    residual,
+    solve,
+)
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors, acceleration_form
 from motorctl.identify.diagnose.search.search import Found, gain
 from motorctl.model import Effect
 
@@ -48,65 +53,67 @@ class Split:
 
 def split_rows(hypothesis: Hypothesis, segments: dict[str, tuple[float, float]]) -> Split:
     """Choose the held-out rows: those of the recording's segment, or every third block."""
-    time = hypothesis.bench.frame.time_s
+    time = hypothesis.regressors.signals.time_s
     if "held_out" in segments:
         begin, end = segments["held_out"]
         inside = (time >= begin) & (time < end)
         if 0.02 < inside.mean() < 0.9:
             return Split(inside, True)
-    block = np.arange(len(time)) // hypothesis.bench.blocks.length
+    block = np.arange(len(time)) // hypothesis.regressors.blocks.length
     return Split(block % HELD_OUT_EVERY == HELD_OUT_EVERY - 1, False)
 
 
-def fit_rows(problem: Problem, chosen: Rows) -> Solution:
+def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
     """Fit some of the rows only."""
     weights = problem.blocks.split(chosen[None].astype(np.float64))
     columns = problem.columns * weights
     gram = columns @ columns.swapaxes(1, 2)
-    return solve(Problem(problem.blocks, columns, gram, problem.soft), problem)
+    return solve(BlockedRegression(problem.blocks, columns, gram, problem.soft), problem)
 
 
-def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> Problem:
+def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
     """Give the columns of a hypothesis, with the acceleration on the left, to compare errors in."""
-    bench = hypothesis.bench
-    if bench.side == "acceleration":
+    regressors = hypothesis.regressors
+    if regressors.side == "acceleration":
         return hypothesis.problem if extra is None else hypothesis.extended(extra)
-    return in_band(hypothesis, bench.frame, extra)
+    return in_band(hypothesis, regressors.signals, extra)
 
 
-def in_plain_band(hypothesis: Hypothesis, extra: Effect | None = None) -> Problem:
+def in_plain_band(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
     """Give the same behind a plain low pass, for pictures."""
-    return in_band(hypothesis, hypothesis.bench.frame.plain(REPORT_HZ), extra)
+    return in_band(hypothesis, hypothesis.regressors.signals.plain(REPORT_HZ), extra)
 
 
-def in_band(hypothesis: Hypothesis, frame: Frame, extra: Effect | None = None) -> Problem:
+def in_band(
+    hypothesis: Hypothesis, signals: Signals, extra: Effect | None = None
+) -> BlockedRegression:
     """Give the same behind another filter."""
-    bench = Bench(frame, hypothesis.bench.declared, hypothesis.bench.blocks)
-    other = Hypothesis(bench, hypothesis.added, hypothesis.acceleration)
+    regressors = Regressors(signals, hypothesis.regressors.declared, hypothesis.regressors.blocks)
+    other = Hypothesis(regressors, hypothesis.added, hypothesis.acceleration)
     return other.problem if extra is None else other.extended(extra)
 
 
 def floor_of(hypothesis: Hypothesis, force_noise: float, b: Array) -> float:
     """Give the rms that noise alone would leave there, in units of the command."""
-    frame = hypothesis.bench.frame
-    if hypothesis.bench.side == "acceleration":
-        return math.sqrt(frame.row_variance(force_noise)) / abs(float(b[0]))
-    return math.sqrt(frame.noise_variance(force_noise)) / abs(float(b[0]))
+    signals = hypothesis.regressors.signals
+    if hypothesis.regressors.side == "acceleration":
+        return math.sqrt(signals.row_variance(force_noise)) / abs(float(b[0]))
+    return math.sqrt(signals.noise_variance(force_noise)) / abs(float(b[0]))
 
 
-def fitted(hypothesis: Hypothesis, problem: Problem, chosen: Rows) -> Array:
+def fitted(hypothesis: Hypothesis, problem: BlockedRegression, chosen: Rows) -> Array:
     """Fit some rows; gives coefficients with the acceleration on the left."""
-    return acceleration_form(fit_rows(problem, chosen).b, hypothesis.bench.side)
+    return acceleration_form(fit_rows(problem, chosen).b, hypothesis.regressors.side)
 
 
-def rms_of(problem: Problem, b: Array, chosen: Rows) -> float:
+def rms_of(problem: BlockedRegression, b: Array, chosen: Rows) -> float:
     """Give the rms that parameters leave over some rows, in units of the command."""
     r = residual(problem, b)[: len(chosen)]
     return float(np.sqrt(np.mean(r[chosen] ** 2)) / abs(b[0]))
 
 
 def model_error(
-    found: Found, split: Split, final: Problem, unit: str, extra: Effect | None = None
+    found: Found, split: Split, final: BlockedRegression, unit: str, extra: Effect | None = None
 ) -> ModelError:
     """Compare the declared model with the whole one on rows that neither was fitted to."""
     fit, held = ~split.held_out, split.held_out
@@ -115,10 +122,10 @@ def model_error(
     before = rms_of(compared(found.base), base, held)
     columns = compared(found.final, extra)
     after = rms_of(columns, whole, held)
-    frame = found.final.bench.frame
+    signals = found.final.regressors.signals
     floor = floor_of(found.final, found.force_noise, whole)
     floor = min(floor, after, before)
-    command = columns.columns[:, 0].ravel()[: frame.rows][held]
+    command = columns.columns[:, 0].ravel()[: signals.rows][held]
     positions = _windowed(found, held)
     return ModelError(
         unit=unit,
@@ -166,11 +173,11 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             faint = rest.held_out < FAINT * noise
             # and below this a lag takes too little off the gain to be told from a delay
             time_s = effect.lag_s + effect.delay_s
-            top = 2.0 * math.pi * found.final.bench.frame.band_hz
+            top = 2.0 * math.pi * found.final.regressors.signals.band_hz
             faint = faint or (top * time_s) ** 2 < TOLD_APART
             alike = [
                 name
-                for name, cls in found.final.bench.catalogue.items()
+                for name, cls in found.final.regressors.catalogue.items()
                 if faint and cls.groups & effect.groups and name not in (*same, *present)
             ]
             same += alike
@@ -222,20 +229,20 @@ def _windowed(found: Found, held: Rows) -> tuple[float | None, float | None]:
     rms = []
     for hypothesis in (found.base, found.final):
         predicted = hypothesis.predicted_acceleration()
-        frame = hypothesis.bench.frame
-        length = max(4, round(WINDOW_S / frame.period_s))
+        signals = hypothesis.regressors.signals
+        length = max(4, round(WINDOW_S / signals.period_s))
         squares, count = 0.0, 0
         start = 0
-        for s, a, kept in zip(frame.stretches, predicted, frame.kept, strict=True):
+        for s, a, kept in zip(signals.stretches, predicted, signals.kept, strict=True):
             used = np.zeros(len(kept), dtype=np.bool_)
             used[kept] = held[start : start + int(kept.sum())]
             start += int(kept.sum())
-            chosen = np.repeat(used, frame.decimation)[: len(s.x)]
+            chosen = np.repeat(used, signals.decimation)[: len(s.x)]
             for begin in range(length, len(s.x) - length, length):
                 if not chosen[begin : begin + length].all():
                     continue
                 part = slice(begin, begin + length)
-                dt = frame.period_s
+                dt = signals.period_s
                 v = s.v[begin] + dt * (np.cumsum(a[part]) - 0.5 * (a[begin] + a[part]))
                 x = s.x[begin] + dt * (np.cumsum(v) - 0.5 * (v[0] + v))
                 squares += float(np.sum((x - s.x[part]) ** 2))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from motorctl.identify.diagnose.search.forms import measure
-from motorctl.identify.diagnose.search.held_out_blocks import Problem, Solution, solve
+from motorctl.identify.diagnose.search.held_out_blocks import BlockedFit, BlockedRegression, solve
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, acceleration_form
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, Spans
@@ -23,7 +23,7 @@ CURVATURE_STEP = 0.05
 
 
 @dataclass(frozen=True)
-class Values:
+class FittedModel:
     """Parameters of a list, in units of the command."""
 
     model: EffectList
@@ -32,7 +32,9 @@ class Values:
     std_error: Array
 
 
-def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None = None) -> Values:
+def values_of(
+    hypothesis: Hypothesis, extra: tuple[Effect, BlockedRegression, int] | None = None
+) -> FittedModel:
     """Give the parameters of a hypothesis; measurement errors get their amplitudes as options.
 
     extra is one more state effect, the problem with its columns last, and how many they are.
@@ -40,7 +42,7 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
     problem = hypothesis.problem if extra is None else extra[1]
     found = hypothesis.solution if extra is None else solve(problem)
     covariance = robust_covariance(problem, found)
-    b, covariance = _turned(found.b, covariance, hypothesis.bench.side)
+    b, covariance = _turned(found.b, covariance, hypothesis.regressors.side)
     order = [*hypothesis.of_kind("input"), *hypothesis.of_kind("state")]
     start, columns = 1, {}
     for effect in order:
@@ -51,7 +53,7 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
         size = len(effect.amplitudes)
         corrected[effect.name] = _with_amplitudes(effect, b[start : start + size])
         start += size
-    rigid = hypothesis.bench.side == "acceleration"
+    rigid = hypothesis.regressors.side == "acceleration"
     for effect in hypothesis.of_kind("state"):
         if "resonance" in effect.groups and effect in hypothesis.added and rigid:
             own = columns[effect.name]
@@ -62,7 +64,7 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
     if extra is not None:
         columns[extra[0].name] = list(range(start, start + extra[2]))
         added = (*added, extra[0])
-    model = EffectList([*hypothesis.bench.declared.effects, *added])
+    model = EffectList([*hypothesis.regressors.declared.effects, *added])
     theta: list[float] = []
     error: list[float] = []
     for effect in model.effects:
@@ -76,7 +78,7 @@ def values_of(hypothesis: Hypothesis, extra: tuple[Effect, Problem, int] | None 
             slope[column], slope[0] = -1.0 / b[0], b[column] / b[0] ** 2
             theta.append(value)
             error.append(math.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-    return Values(model, np.array(theta), np.array(error))
+    return FittedModel(model, np.array(theta), np.array(error))
 
 
 def _turned(b: Array, covariance: Array, side: Side) -> tuple[Array, Array]:
@@ -90,7 +92,7 @@ def _turned(b: Array, covariance: Array, side: Side) -> tuple[Array, Array]:
     return acceleration_form(b, side), np.asarray(jacobian @ covariance @ jacobian.T)
 
 
-def robust_covariance(problem: Problem, found: Solution) -> Array:
+def robust_covariance(problem: BlockedRegression, found: BlockedFit) -> Array:
     """Give the covariance of b, at least as large as the blocks' scores say.
 
     Rows close in time are correlated where something is left unexplained: the sums of scores
@@ -116,7 +118,7 @@ def option_errors(hypothesis: Hypothesis, effect: Effect, spans: Spans) -> dict[
     best = measure(rest, effect)
     if best is None:
         return {}
-    variance = best.sse / max(hypothesis.bench.frame.rows - hypothesis.problem.size, 1)
+    variance = best.sse / max(hypothesis.regressors.signals.rows - hypothesis.problem.size, 1)
     errors = {}
     for name, step in effect.steps(spans).items():
         h = CURVATURE_STEP * step
@@ -135,7 +137,7 @@ def option_errors(hypothesis: Hypothesis, effect: Effect, spans: Spans) -> dict[
     return errors
 
 
-def theta_of(values: Values, effect: Effect) -> tuple[Array, Array]:
+def theta_of(values: FittedModel, effect: Effect) -> tuple[Array, Array]:
     """Give the linear parameters of one effect of a model, and their errors."""
     start = 0
     for each in values.model.effects:

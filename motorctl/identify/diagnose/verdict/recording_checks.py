@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.frame import Frame, low_pass_response
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import Signals, low_pass_response
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, solve, with_columns
-from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
-from motorctl.identify.diagnose.search.smooth_functions import Rivals
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.fit.judgement import NothingExplainedError
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.model import EffectList
@@ -49,15 +49,15 @@ def check_magnitude(data: Measured) -> None:
             )
 
 
-def check_motion(data: Measured, frame: Frame) -> None:
+def check_motion(data: Measured, signals: Signals) -> None:
     """Raise DataError where travel, speed or acceleration is that of no machine."""
     unit = data.position_unit
-    x = np.concatenate([s.x for s in frame.stretches])
-    v = np.concatenate([s.v for s in frame.stretches])
+    x = np.concatenate([s.x for s in signals.stretches])
+    v = np.concatenate([s.v for s in signals.stretches])
     speed = float(np.percentile(np.abs(v), 99.0))
-    change = np.gradient(v, frame.period_s)
+    change = np.gradient(v, signals.period_s)
     acceleration = float(np.percentile(np.abs(change), 99.0))
-    duration = sum(len(s.x) for s in frame.stretches) * frame.period_s
+    duration = sum(len(s.x) for s in signals.stretches) * signals.period_s
     if duration < SHORTEST_S:
         raise DataError(
             f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
@@ -76,9 +76,9 @@ def check_motion(data: Measured, frame: Frame) -> None:
         )
 
 
-def too_plain(frame: Frame) -> str | None:
+def too_plain(signals: Signals) -> str | None:
     """Say why a motion cannot tell inertia, friction and what the model lacks from each other."""
-    changes = _changes_of_speed([s.v[:: frame.decimation] for s in frame.stretches])
+    changes = _changes_of_speed([s.v[:: signals.decimation] for s in signals.stretches])
     if changes >= FEWEST_CHANGES:
         return None
     return (
@@ -104,15 +104,17 @@ def _changes_of_speed(velocities: list[Array]) -> int:
     return changes
 
 
-def check_explains(data: Measured, frame: Frame, model: EffectList, lenient: bool = False) -> None:
+def check_explains(
+    data: Measured, signals: Signals, model: EffectList, lenient: bool = False
+) -> None:
     """Raise DataError where the command does not drive the position, or not in this direction.
 
     Of a motion too plain to tell no more is asked than that nothing speaks of a usual mistake.
     """
-    plain = frame.with_response(low_pass_response(frame.band_hz))
+    plain = signals.with_response(low_pass_response(signals.band_hz))
     blocks = make_blocks(plain.rows, plain.row_period_s)
-    hypothesis = Hypothesis(Bench(plain, model, blocks))
-    total = float(hypothesis.bench.left @ hypothesis.bench.left)
+    hypothesis = Hypothesis(Regressors(plain, model, blocks))
+    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
     noise = plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
     if total < 3.0 * noise:
         raise DataError(
@@ -123,7 +125,7 @@ def check_explains(data: Measured, frame: Frame, model: EffectList, lenient: boo
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
         return
     # a force of the place that outweighs inertia is in the command, not in the acceleration
-    columns = Rivals(plain).columns("position")
+    columns = SmoothFunctions(plain).columns("position")
     beside = solve(with_columns(hypothesis.problem, columns, soft=True))
     taken = float(beside.b[0] ** 2 / beside.covariance[0, 0])
     if beside.b[0] > 0.0 and taken > EXPLAINS_ENOUGH * (beside.sse - noise + taken):

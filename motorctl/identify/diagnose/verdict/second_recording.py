@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from motorctl.identify.columns.frame import Frame, make_frame
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
-from motorctl.identify.diagnose.search.hypothesis import Bench, Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained
 from motorctl.model.sign_function import slope_of
@@ -36,14 +36,14 @@ def error_on(
 
     others are the other axes of the same recording.
     """
-    declared = found.final.bench.declared
-    frame = make_frame(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
-    before, command = _rms(found.base, frame)
-    after, _ = _rms(found.final, frame)
+    declared = found.final.regressors.declared
+    signals = make_signals(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
+    before, command = _rms(found.base, signals)
+    after, _ = _rms(found.final, signals)
     notes = [f"errors are those on {test.source}, to which nothing was fitted"]
-    shift = _shift(found.final, frame)
+    shift = _shift(found.final, signals)
     if shift:
-        shifted, _ = _rms(found.final, _shifted(frame, shift))
+        shifted, _ = _rms(found.final, _shifted(signals, shift))
         linear = test.position_unit == "m"
         told = f"{1e3 * shift:.3f} mm" if linear else f"{shift:.3g} {test.position_unit}"
         if shifted < after:
@@ -53,7 +53,7 @@ def error_on(
             )
             after = shifted
     gain = abs(float(found.final.b[0]))
-    floor = min(float(np.sqrt(frame.noise_variance(found.force_noise))) / gain, before, after)
+    floor = min(float(np.sqrt(signals.noise_variance(found.force_noise))) / gain, before, after)
     changed = replace(
         error,
         held_out_before_rms=before,
@@ -65,19 +65,19 @@ def error_on(
     return changed, notes
 
 
-def _rms(hypothesis: Hypothesis, frame: Frame) -> tuple[float, float]:
+def _rms(hypothesis: Hypothesis, signals: Signals) -> tuple[float, float]:
     """Give what the parameters leave on other rows, and those rows' command."""
-    blocks = make_blocks(frame.rows, frame.row_period_s)
-    bench = Bench(frame, hypothesis.bench.declared, blocks)
-    columns = Hypothesis(bench, hypothesis.added).refreshed().problem.columns
+    blocks = make_blocks(signals.rows, signals.row_period_s)
+    regressors = Regressors(signals, hypothesis.regressors.declared, blocks)
+    columns = Hypothesis(regressors, hypothesis.added).refreshed().problem.columns
     b = hypothesis.b
     r = columns[:, -1] - np.einsum("bpq,p->bq", columns[:, :-1], b)
-    rows = frame.rows
+    rows = signals.rows
     rms = float(np.sqrt(np.mean(r.ravel()[:rows] ** 2)) / abs(b[0]))
     return rms, float(np.sqrt(np.mean(columns[:, 0].ravel()[:rows] ** 2)))
 
 
-def _shift(hypothesis: Hypothesis, frame: Frame) -> float:
+def _shift(hypothesis: Hypothesis, signals: Signals) -> float:
     """Find the zero that explains the rows best, within half a pitch."""
     pitches = [e.repeats_every for e in hypothesis.added if "wave_over_position" in e.groups]
     if not pitches:
@@ -85,7 +85,7 @@ def _shift(hypothesis: Hypothesis, frame: Frame) -> float:
     pitch = max(pitches)
 
     def left(shift: float) -> float:
-        return _rms(hypothesis, _shifted(frame, shift))[0]
+        return _rms(hypothesis, _shifted(signals, shift))[0]
 
     trials = pitch * (np.arange(TRIALS) / TRIALS - 0.5)
     best = float(min(trials, key=left))
@@ -94,6 +94,6 @@ def _shift(hypothesis: Hypothesis, frame: Frame) -> float:
     return float(fine.x)
 
 
-def _shifted(frame: Frame, shift: float) -> Frame:
-    stretches = tuple(replace(s, x=s.x + shift) for s in frame.stretches)
-    return replace(frame, stretches=stretches, _gains={})
+def _shifted(signals: Signals, shift: float) -> Signals:
+    stretches = tuple(replace(s, x=s.x + shift) for s in signals.stretches)
+    return replace(signals, stretches=stretches, _gains={})

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from motorctl.identify.columns.frame import Frame
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.held_out_blocks import solve
 from motorctl.identify.diagnose.search.hypothesis import Catalogue, Hypothesis
 from motorctl.identify.diagnose.search.search import Found
@@ -26,9 +26,9 @@ def ordinary(catalogue: Catalogue) -> tuple[type[Effect], ...]:
 def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
     """Give the effects that this motion cannot show, with the part of them that is left."""
     hypothesis = found.base
-    present = {e.name for e in (*hypothesis.bench.declared.effects, *found.final.added)}
+    present = {e.name for e in (*hypothesis.regressors.declared.effects, *found.final.added)}
     hidden = {}
-    for cls in ordinary(hypothesis.bench.catalogue):
+    for cls in ordinary(hypothesis.regressors.catalogue):
         if cls.name in present:
             continue
         form = cls.typical(found.spans)
@@ -58,14 +58,14 @@ def unexplained(hypothesis: Hypothesis, effect: Effect) -> float:
     return max(parts, default=0.0)
 
 
-def tested_apart(catalogue: Catalogue, data: Measured, frame: Frame) -> Catalogue:
+def tested_apart(catalogue: Catalogue, data: Measured, signals: Signals) -> Catalogue:
     """Return the effects that may be tried: none of coupling where all axes move in step."""
-    if not _in_step(data, frame):
+    if not _in_step(data, signals):
         return catalogue
     return {name: cls for name, cls in catalogue.items() if "coupling" not in cls.groups}
 
 
-def _in_step(data: Measured, frame: Frame) -> bool:
+def _in_step(data: Measured, signals: Signals) -> bool:
     """Tell whether the reference's own motion is that of every other axis.
 
     Of axes that move in step one cannot tell the other's inertia from one's own. On measured
@@ -74,16 +74,16 @@ def _in_step(data: Measured, frame: Frame) -> bool:
     if data.reference is None or not np.all(np.isfinite(data.reference[data.usable])):
         return False
     tied = True
-    for stretch in frame.stretches:
-        first = int(np.searchsorted(data.time_s, stretch.time_s[0] - 0.5 * frame.period_s))
+    for stretch in signals.stretches:
+        first = int(np.searchsorted(data.time_s, stretch.time_s[0] - 0.5 * signals.period_s))
         reference = data.reference[first : first + len(stretch.x)]
         if len(reference) < len(stretch.x):
             return False
-        v = np.gradient(reference, frame.period_s)
-        own = np.stack([np.gradient(v, frame.period_s), v, np.sign(v), np.ones_like(v)])
-        own = own[:, :: frame.decimation]
+        v = np.gradient(reference, signals.period_s)
+        own = np.stack([np.gradient(v, signals.period_s), v, np.sign(v), np.ones_like(v)])
+        own = own[:, :: signals.decimation]
         for beside in stretch.others.values():
-            for column in (beside[:: frame.decimation, 2], beside[:: frame.decimation, 1]):
+            for column in (beside[:: signals.decimation, 2], beside[:: signals.decimation, 1]):
                 smooth = column - column.mean()
                 b = np.linalg.lstsq(own.T, smooth, rcond=None)[0]
                 left = float(np.linalg.norm(smooth - b @ own))

@@ -20,7 +20,7 @@ from motorctl.identify.diagnose.search.search import (
     relevant_part,
     rival_gains,
 )
-from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Rivals
+from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.fit.settings import Side
 
@@ -92,9 +92,9 @@ def judge(found: Found) -> Judged:
     names = tuple(effect.name for effect in found.final.added)
     named_share = explained_share(found) if names else 0.0
     rival_share = max(gain, 0.0) / explainable
-    side = found.final.bench.side
+    side = found.final.regressors.side
     noisy = final <= NOISE_LIKE * noise
-    relevant = final - noise > MATTERS * relevant_part(found.final.bench)
+    relevant = final - noise > MATTERS * relevant_part(found.final.regressors)
     structured = gain > STRUCTURE * final and not noisy and relevant
 
     def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
@@ -134,10 +134,10 @@ def judge(found: Found) -> Judged:
 def low_frequency_excess(found: Found) -> float:
     """Give the residual's power at low frequencies over what the noise model expects."""
     hypothesis = found.final
-    rows = residual(hypothesis.problem, hypothesis.solution.b)[: hypothesis.bench.frame.rows]
-    frequency, density = spectrum(rows, hypothesis.bench.frame.row_period_s)
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: hypothesis.regressors.signals.rows]
+    frequency, density = spectrum(rows, hypothesis.regressors.signals.row_period_s)
     low = (frequency > 0.0) & (frequency < LOW_HZ)
-    if hypothesis.bench.side == "command":
+    if hypothesis.regressors.side == "command":
         density = density * float(hypothesis.b[0]) ** 2
     return float(np.mean(density[low]) / found.force_noise)
 
@@ -149,18 +149,18 @@ def bursts(found: Found) -> float:
     their rounding may fall into the band, but with no more power than rounding has.
     """
     hypothesis = found.final
-    frame = hypothesis.bench.frame
-    rows = residual(hypothesis.problem, hypothesis.solution.b)[: frame.rows]
-    if hypothesis.bench.side == "command":
+    signals = hypothesis.regressors.signals
+    rows = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
+    if hypothesis.regressors.side == "command":
         rows = rows * float(hypothesis.b[0])
-    top = min(BURST_HZ, 0.5 * frame.band_hz)
+    top = min(BURST_HZ, 0.5 * signals.band_hz)
     slow = signal.sosfiltfilt(
-        signal.butter(4, top, fs=1.0 / frame.row_period_s, output="sos"), rows
+        signal.butter(4, top, fs=1.0 / signals.row_period_s, output="sos"), rows
     )
-    window = max(2, round(BURST_S / frame.row_period_s))
+    window = max(2, round(BURST_S / signals.row_period_s))
     count = len(slow) // window
     power = np.mean(slow[: count * window].reshape(count, window) ** 2, axis=1)
-    rounding = (2.0 * np.pi * top) ** 4 * 0.5 * frame.position_noise * frame.data.sample_rate_hz
+    rounding = (2.0 * np.pi * top) ** 4 * 0.5 * signals.position_noise * signals.data.sample_rate_hz
     over = np.maximum(power - rounding - USUAL_POWER * float(np.median(power)), 0.0)
     return float(over.sum() / max(float(power.sum()), 1e-300))
 
@@ -185,7 +185,7 @@ def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[
     """Keep the names that still explain what they explained once the smooth function is there."""
     if rival is None:
         return names
-    columns = Rivals(found.final.bench.frame).columns(rival)
+    columns = SmoothFunctions(found.final.regressors.signals).columns(rival)
 
     def left(hypothesis: Hypothesis, beside: bool) -> float:
         if not beside:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motorctl.errors import UsageError
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.command import (
     plot_dead_zone,
     plot_flexible_mode,
@@ -33,7 +33,7 @@ from motorctl.identify.diagnose.report.pictures.unknown import plot_unknown
 from motorctl.identify.diagnose.result import FoundEffect, RecordingDiagnosis
 from motorctl.model.knowledge import PictureKind
 
-Drawer = Callable[[Subject, FoundEffect, Path], Path]
+Drawer = Callable[[AxisSignals, FoundEffect, Path], Path]
 FEWEST_ROWS = 16
 
 
@@ -82,13 +82,13 @@ def plot_diagnosis(diagnosis: RecordingDiagnosis, folder: Path) -> list[Picture]
                 if other != name and found.traces is not None
             }
             if axis.traces is not None and len(axis.traces.time_s) >= FEWEST_ROWS:
-                pictures += _axis_pictures(Subject(name, axis, axis.traces, others), folder)
+                pictures += _axis_pictures(AxisSignals(name, axis, axis.traces, others), folder)
     except OSError as error:
         raise UsageError(f"{folder}: pictures cannot be written: {error.strerror}") from error
     return pictures
 
 
-def _axis_pictures(subject: Subject, folder: Path) -> list[Picture]:
+def _axis_pictures(subject: AxisSignals, folder: Path) -> list[Picture]:
     def place(what: str) -> Path:
         return folder / f"{subject.name}_{what}.png"
 

@@ -20,7 +20,7 @@ MOST_NAMES = 2
 
 
 @dataclass(frozen=True)
-class Subject:
+class AxisSignals:
     """One axis with its signals; arrays of shape (m,) as in `Traces`."""
 
     name: str

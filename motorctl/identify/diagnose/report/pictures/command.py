@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.frequency_response import (
     Response,
     bridge_rests,
@@ -39,7 +39,7 @@ WIDTHS = 4.0
 """Half widths of a dead zone that are drawn to each side."""
 
 
-def plot_lag(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_lag(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw gain and phase from the command to the part of it that acts, against frequency."""
     traces = subject.traces
     acting = traces.command - subject.partial(found.name)
@@ -52,7 +52,7 @@ def plot_lag(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_flexible_mode(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_flexible_mode(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw gain and phase from force to acceleration, a rigid mass being 1, against frequency.
 
     With part m of the inertia M on a spring, G(s) = s^2/(s^2 + 2 zeta w s + w^2), the force is
@@ -71,7 +71,7 @@ def plot_flexible_mode(subject: Subject, found: FoundEffect, path: Path) -> Path
     return path
 
 
-def plot_dead_zone(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_dead_zone(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw the command that acts against the command that is given, near zero."""
     traces, unit = subject.traces, subject.command_unit
     width = found.effect.picture.scale
@@ -96,7 +96,7 @@ def plot_dead_zone(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def _response(subject: Subject, source: Array, answer: Array, bins: int = 24) -> Response:
+def _response(subject: AxisSignals, source: Array, answer: Array, bins: int = 24) -> Response:
     traces = subject.traces
     instrument = subject.reference_acceleration
     driving = source if instrument is None else instrument
@@ -105,7 +105,7 @@ def _response(subject: Subject, source: Array, answer: Array, bins: int = 24) ->
 
 
 def _bode(
-    subject: Subject,
+    subject: AxisSignals,
     path: Path,
     seen: Response,
     f: Array,
@@ -158,5 +158,5 @@ def _frequencies(seen: Response, band_hz: float) -> Array:
     return np.geomspace(min(lowest, 0.5 * band_hz), band_hz, CURVE_POINTS)
 
 
-def _name(subject: Subject) -> str:
+def _name(subject: AxisSignals) -> str:
     return f"with {subject.effect_names}"

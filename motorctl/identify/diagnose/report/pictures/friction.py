@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     BEFORE,
@@ -35,7 +35,7 @@ REVERSAL_COUNTS = 4.0
 REVERSAL_PART = 0.1
 
 
-def plot_friction(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_friction(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw friction against velocity, of both signs: all speeds, and slow ones close by."""
     traces = subject.traces
     fastest = float(np.max(np.abs(traces.velocity), initial=0.0))
@@ -48,7 +48,7 @@ def plot_friction(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_presliding(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_presliding(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw friction against the way after each reversal, and against velocity."""
     fastest = float(np.max(np.abs(subject.traces.velocity), initial=0.0))
     with figure_in_file(path, ["a", "b"], 2.9) as panels:
@@ -58,7 +58,7 @@ def plot_presliding(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def _velocity_panel(panel: Axes, subject: Subject, fastest: float) -> None:
+def _velocity_panel(panel: Axes, subject: AxisSignals, fastest: float) -> None:
     traces = subject.traces
     scale, unit = subject.place
     if fastest <= 0.0:
@@ -82,7 +82,7 @@ def _velocity_panel(panel: Axes, subject: Subject, fastest: float) -> None:
     force_scale(panel, subject)
 
 
-def _reversal_panel(panel: Axes, subject: Subject, found: FoundEffect) -> None:
+def _reversal_panel(panel: Axes, subject: AxisSignals, found: FoundEffect) -> None:
     """Draw the friction in the direction of the new motion: it starts where the old one left."""
     traces = subject.traces
     scale, unit = subject.small_place
@@ -114,7 +114,7 @@ def _reversal_panel(panel: Axes, subject: Subject, found: FoundEffect) -> None:
     force_scale(panel, subject)
 
 
-def _models(subject: Subject) -> list[tuple[Array, float, str, str, str]]:
+def _models(subject: AxisSignals) -> list[tuple[Array, float, str, str, str]]:
     """Give the models' friction and constant force, with colour, line and name."""
     return [
         (

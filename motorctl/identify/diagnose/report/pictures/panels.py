@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.statistics import Bins, unbroken
 from motorctl.identify.picture_style import COLOURS, STYLE, draw_curve
 
@@ -50,7 +50,7 @@ def figure_in_file(path: Path, layout: list[str], height: float) -> Iterator[dic
         figure.savefig(path, metadata={"Software": None})
 
 
-def force_scale(panel: Axes, subject: Subject, per: str = "") -> None:
+def force_scale(panel: Axes, subject: AxisSignals, per: str = "") -> None:
     """Add a second scale at the right in units of force, where the force constant is known."""
     gain = subject.force_per_command
     if not gain:

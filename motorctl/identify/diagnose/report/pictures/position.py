@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     BEFORE,
@@ -42,7 +42,7 @@ FAST = 0.7
 """Part of the band up to which an error of the encoder is looked for."""
 
 
-def plot_cogging(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_cogging(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw a force that repeats along the way: over the way, over one pitch, as a spectrum."""
     traces = subject.traces
     pitch, orders = _pitch(found), _orders(found)
@@ -81,7 +81,7 @@ def plot_cogging(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_force_ripple(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_force_ripple(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw how the motor's gain depends on the place: over the way, and over one pitch."""
     traces = subject.traces
     pitch, orders = _pitch(found), _orders(found)
@@ -106,7 +106,7 @@ def plot_force_ripple(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_position_force(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_position_force(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw a force that depends on the place alone, and the residual before and after."""
     traces = subject.traces
     scale, unit = subject.place
@@ -128,7 +128,7 @@ def plot_position_force(subject: Subject, found: FoundEffect, path: Path) -> Pat
     return path
 
 
-def plot_friction_by_place(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_friction_by_place(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw the level of friction against position: what of it keeps its size and turns its sign."""
     traces = subject.traces
     scale, unit = subject.place
@@ -160,7 +160,7 @@ def plot_friction_by_place(subject: Subject, found: FoundEffect, path: Path) -> 
     return path
 
 
-def plot_encoder_error(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_encoder_error(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw the error of the measured position over one period of the encoder's scale.
 
     An error e(x) is seen as the acceleration that it seems to make: at speed v that is
@@ -191,7 +191,7 @@ def plot_encoder_error(subject: Subject, found: FoundEffect, path: Path) -> Path
 
 
 def draw_residuals(
-    panel: Axes, subject: Subject, variable: Array, edges: Array, scale: float
+    panel: Axes, subject: AxisSignals, variable: Array, edges: Array, scale: float
 ) -> None:
     """Draw the residuals' medians in bins of a variable, before and after."""
     traces = subject.traces
@@ -208,7 +208,7 @@ def draw_residuals(
 
 def _gain_panel(
     panel: Axes,
-    subject: Subject,
+    subject: AxisSignals,
     found: FoundEffect,
     places: tuple[Array, Array, Array, Array],
     x: Array,
@@ -224,7 +224,9 @@ def _gain_panel(
     zero_line(panel)
 
 
-def _pitch_spectrum(panel: Axes, subject: Subject, pitch: float, orders: tuple[int, ...]) -> None:
+def _pitch_spectrum(
+    panel: Axes, subject: AxisSignals, pitch: float, orders: tuple[int, ...]
+) -> None:
     highest = (max(orders) + 1.6) / pitch
     wave, before, after = position_spectra(subject, highest)
     draw_position_spectrum(panel, subject, wave, before, after)

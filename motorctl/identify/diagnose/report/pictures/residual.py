@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     BEFORE,
@@ -43,7 +43,7 @@ FLOOR = 1e-3
 """Of the highest line; what lies below is not drawn."""
 
 
-def plot_residual(subject: Subject, path: Path) -> Path:
+def plot_residual(subject: AxisSignals, path: Path) -> Path:
     """Draw what the models leave of the command over time, and the motion below it."""
     traces = subject.traces
     both = bool(subject.effect_names)
@@ -73,7 +73,7 @@ def plot_residual(subject: Subject, path: Path) -> Path:
     return path
 
 
-def plot_spectra(subject: Subject, path: Path) -> Path:
+def plot_spectra(subject: AxisSignals, path: Path) -> Path:
     """Draw the residual's spectrum over time, with the noise model, and over position."""
     with figure_in_file(path, ["t", "x"], 2.9) as panels:
         _over_time(panels["t"], subject)
@@ -85,7 +85,9 @@ def plot_spectra(subject: Subject, path: Path) -> Path:
     return path
 
 
-def position_spectra(subject: Subject, highest: float | None = None) -> tuple[Array, Array, Array]:
+def position_spectra(
+    subject: AxisSignals, highest: float | None = None
+) -> tuple[Array, Array, Array]:
     """Give wave numbers, and the amplitudes of the residuals before and after."""
     traces = subject.traces
     highest = highest or _highest_wave(subject)
@@ -94,7 +96,7 @@ def position_spectra(subject: Subject, highest: float | None = None) -> tuple[Ar
 
 
 def draw_position_spectrum(
-    panel: Axes, subject: Subject, wave: Array, before: Array, after: Array
+    panel: Axes, subject: AxisSignals, wave: Array, before: Array, after: Array
 ) -> None:
     """Draw amplitudes over wave number, before and after."""
     unit = subject.axis.data.position_unit
@@ -129,7 +131,7 @@ def mark_frequency(panel: Axes, at: float, words: str, *, top: bool = True) -> N
     name.set_in_layout(False)  # a mark outside the limits must not squeeze the panels
 
 
-def _over_time(panel: Axes, subject: Subject) -> None:
+def _over_time(panel: Axes, subject: AxisSignals) -> None:
     traces, unit = subject.traces, subject.command_unit
     shown = traces.frequency_hz > 0.0
     f = traces.frequency_hz[shown]
@@ -164,7 +166,7 @@ def _over_time(panel: Axes, subject: Subject) -> None:
     legend_above(panel)
 
 
-def _noise_line(panel: Axes, subject: Subject) -> None:
+def _noise_line(panel: Axes, subject: AxisSignals) -> None:
     """Draw what noise alone does not exceed."""
     traces = subject.traces
     rate_hz = 1.0 / float(np.median(np.diff(traces.time_s)))
@@ -179,7 +181,7 @@ def _noise_line(panel: Axes, subject: Subject) -> None:
         legend_above(panel)
 
 
-def _highest_wave(subject: Subject) -> float:
+def _highest_wave(subject: AxisSignals) -> float:
     """Give the shortest waves that the rows can show at the usual speed, as a wave number."""
     traces = subject.traces
     travel = float(np.ptp(traces.position))
@@ -192,7 +194,7 @@ def _highest_wave(subject: Subject) -> float:
     return min(highest, 1.0 / least) if least > 0.0 else highest
 
 
-def _shown_wave(subject: Subject, wave: Array, amplitude: Array) -> float:
+def _shown_wave(subject: AxisSignals, wave: Array, amplitude: Array) -> float:
     travel = float(np.ptp(subject.traces.position))
     if travel <= 0.0:
         return 1.0
@@ -200,7 +202,7 @@ def _shown_wave(subject: Subject, wave: Array, amplitude: Array) -> float:
     return float(min(max(1.4 * wave[strong[-1]], FEWEST_WAVES / travel), wave[-1]))
 
 
-def _rms(words: str, residual: Array, subject: Subject) -> str:
+def _rms(words: str, residual: Array, subject: AxisSignals) -> str:
     known = residual[np.isfinite(residual)]
     rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
     told = f"{words}: rms {rms:.3g} {subject.command_unit}"
@@ -209,7 +211,7 @@ def _rms(words: str, residual: Array, subject: Subject) -> str:
     return told
 
 
-def _shade_held_out(panels: dict[str, Axes], subject: Subject) -> str:
+def _shade_held_out(panels: dict[str, Axes], subject: AxisSignals) -> str:
     """Shade the rows that were not fitted; gives what to say of it."""
     time_s, held = subject.traces.time_s, subject.traces.held_out
     if not held.any() or held.all():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorctl.identify.diagnose.report.parameter_text import own_unit, pretty
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     draw_bins,
@@ -30,7 +30,7 @@ CURVE_POINTS = 1000
 PERIODS_SHOWN = 12.0
 
 
-def plot_gain_drift(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_gain_drift(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw how the motor's gain changes with time."""
     traces = subject.traces
     edges = even_edges(traces.time_s, 50, 100)
@@ -47,7 +47,7 @@ def plot_gain_drift(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_payload(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw how the moving mass changes with time."""
     traces = subject.traces
     edges = even_edges(traces.time_s, 50, 100)
@@ -72,7 +72,7 @@ def plot_payload(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_periodic(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_periodic(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw a disturbance over time, and folded over its period."""
     traces = subject.traces
     period_s = found.effect.picture.scale
@@ -103,7 +103,7 @@ def plot_periodic(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_cross_axis(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_cross_axis(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw the pull of other axes against their accelerations, else over time."""
     known = [name for name in found.effect.other_axes if name in subject.others]
     if not known:
@@ -116,7 +116,7 @@ def plot_cross_axis(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def plot_contribution(subject: Subject, found: FoundEffect, path: Path) -> Path:
+def plot_contribution(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw over time what an effect adds to the command, and what the data ask of it."""
     traces = subject.traces
     with figure_in_file(path, ["a"], 3.4) as panels:
@@ -134,7 +134,7 @@ def plot_contribution(subject: Subject, found: FoundEffect, path: Path) -> Path:
     return path
 
 
-def _pull_panel(panel: Axes, subject: Subject, found: FoundEffect, other: str) -> None:
+def _pull_panel(panel: Axes, subject: AxisSignals, found: FoundEffect, other: str) -> None:
     traces = subject.traces
     theta = dict(zip((p.name for p in found.effect.parameters), found.theta, strict=True))
     motion: Traces = subject.others[other]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from motorctl.identify.columns.measured import Array
-from motorctl.identify.diagnose.report.pictures.axis_signals import Subject
+from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     BEFORE,
@@ -32,7 +32,7 @@ FEWEST_IN_CELL = 8
 NAMES = {"history": "the way since the last reversal"}
 
 
-def plot_unknown(subject: Subject, unknown: UnknownStructure, path: Path) -> Path:
+def plot_unknown(subject: AxisSignals, unknown: UnknownStructure, path: Path) -> Path:
     """Draw the residual against position, velocity, command, and what else it depends on."""
     chosen = _variables(subject, unknown)
     both = {"position", "velocity"} <= set(unknown.depends_on)
@@ -54,14 +54,14 @@ def plot_unknown(subject: Subject, unknown: UnknownStructure, path: Path) -> Pat
     return path
 
 
-def _variables(subject: Subject, unknown: UnknownStructure) -> list[str]:
+def _variables(subject: AxisSignals, unknown: UnknownStructure) -> list[str]:
     """Give four variables, those that the residual depends on first."""
     possible = ("position", "velocity", "command", "acceleration", "time", "history")
     first = [name for name in possible if name in unknown.depends_on]
     return [*first, *(name for name in possible if name not in first)][:4]
 
 
-def _panel(panel: Axes, subject: Subject, name: str) -> None:
+def _panel(panel: Axes, subject: AxisSignals, name: str) -> None:
     traces = subject.traces
     variable, scale, label = _variable(subject, name)
     known = np.isfinite(variable)
@@ -97,7 +97,7 @@ def _panel(panel: Axes, subject: Subject, name: str) -> None:
     force_scale(panel, subject)
 
 
-def _variable(subject: Subject, name: str) -> tuple[Array, float, str]:
+def _variable(subject: AxisSignals, name: str) -> tuple[Array, float, str]:
     """Give a variable's values, the factor in which it is drawn, and its label."""
     traces, (scale, unit) = subject.traces, subject.place
     match name:
@@ -118,7 +118,7 @@ def _variable(subject: Subject, name: str) -> tuple[Array, float, str]:
     return way, scale, f"way since the last reversal [{unit}]"
 
 
-def _map(panel: Axes, subject: Subject) -> None:
+def _map(panel: Axes, subject: AxisSignals) -> None:
     """Draw the residual's mean over position and velocity as colours."""
     traces, (scale, unit) = subject.traces, subject.place
     edges = [

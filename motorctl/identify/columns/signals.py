@@ -77,7 +77,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Frame:
+class Signals:
     """The stretches of one axis, and the filter that makes m rows of them."""
 
     data: Measured
@@ -104,7 +104,7 @@ class Frame:
         """Time between rows."""
         return self.period_s * self.decimation
 
-    def with_response(self, response: Response) -> Frame:
+    def with_response(self, response: Response) -> Signals:
         """Give the same signals behind another filter."""
         return replace(self, response=response, _gains={})
 
@@ -212,7 +212,7 @@ class Frame:
         density = force_noise + (2.0 * np.pi * frequency) ** 4 * self.position_noise
         return float(np.trapezoid(density * passed, frequency))
 
-    def plain(self, band_hz: float) -> Frame:
+    def plain(self, band_hz: float) -> Signals:
         """Give the same rows behind a plain low pass, for errors that people compare."""
         band = min(band_hz, self.band_hz)
         return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
@@ -252,12 +252,12 @@ def low_pass_response(band_hz: float) -> Response:
     return response
 
 
-def make_frame(
+def make_signals(
     data: Measured,
     others: dict[str, Measured] | None = None,
     band_hz: float | None = None,
     slope_s_m: float | None = None,
-) -> Frame:
+) -> Signals:
     """Cut a recording into stretches and smooth its position.
 
     slope_s_m is that of the declared friction at rest: the velocity that friction depends on is
@@ -296,7 +296,7 @@ def make_frame(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
             "a gap; longer motion is needed"
         )
-    return Frame(
+    return Signals(
         data=data,
         period_s=data.period_s,
         decimation=decimation,
@@ -309,27 +309,27 @@ def make_frame(
     )
 
 
-def without(frame: Frame, begin_s: float, end_s: float) -> Frame:
+def without(signals: Signals, begin_s: float, end_s: float) -> Signals:
     """Give the rows that lie not between two times."""
     kept = []
-    for s, used in zip(frame.stretches, frame.kept, strict=True):
-        time_s = s.time_s[:: frame.decimation]
+    for s, used in zip(signals.stretches, signals.kept, strict=True):
+        time_s = s.time_s[:: signals.decimation]
         kept.append(used & ~((time_s >= begin_s) & (time_s < end_s)))
-    return replace(frame, kept=tuple(kept), _gains={})
+    return replace(signals, kept=tuple(kept), _gains={})
 
 
-def shortened(frame: Frame, longest_s: float) -> Frame:
+def shortened(signals: Signals, longest_s: float) -> Signals:
     """Give pieces of a long recording, spread evenly over it, that last about `longest_s`."""
-    total_s = sum(len(s.x) for s in frame.stretches) * frame.period_s
+    total_s = sum(len(s.x) for s in signals.stretches) * signals.period_s
     every = int(total_s / longest_s)
     if every < 2:
-        return frame
-    length = round(PIECE_S / frame.row_period_s)
-    trim = math.ceil(TRIM_PERIODS / frame.band_hz / frame.row_period_s)
-    d = frame.decimation
+        return signals
+    length = round(PIECE_S / signals.row_period_s)
+    trim = math.ceil(TRIM_PERIODS / signals.band_hz / signals.row_period_s)
+    d = signals.decimation
     stretches, kept = [], []
     count = 0
-    for s, used in zip(frame.stretches, frame.kept, strict=True):
+    for s, used in zip(signals.stretches, signals.kept, strict=True):
         for first in range(0, max(len(used) - length, 0) + 1, length):
             count += 1
             if count % every:
@@ -350,25 +350,25 @@ def shortened(frame: Frame, longest_s: float) -> Frame:
             inner[:trim] = False
             inner[len(inner) - trim :] = False
             kept.append(inner[: -(-len(stretches[-1].x) // d)])
-    return replace(frame, stretches=tuple(stretches), kept=tuple(kept), _gains={})
+    return replace(signals, stretches=tuple(stretches), kept=tuple(kept), _gains={})
 
 
-def spans_of(frame: Frame) -> Spans:
-    """Tell what the rows of a frame span."""
-    x = np.concatenate([s.x for s in frame.stretches])
-    v = np.concatenate([s.v for s in frame.stretches])
-    u = np.concatenate([s.command for s in frame.stretches])
-    a = np.gradient(v, frame.period_s)
-    others = frame.stretches[0].others
-    resolution = frame.data.resolution
+def spans_of(signals: Signals) -> Spans:
+    """Tell what the rows of the signals span."""
+    x = np.concatenate([s.x for s in signals.stretches])
+    v = np.concatenate([s.v for s in signals.stretches])
+    u = np.concatenate([s.command for s in signals.stretches])
+    a = np.gradient(v, signals.period_s)
+    others = signals.stretches[0].others
+    resolution = signals.data.resolution
     return Spans(
         position_m=(float(x.min()), float(x.max())),
         speed_m_s=float(np.percentile(np.abs(v), 99.5)),
         acceleration_m_s2=float(np.percentile(np.abs(a), 99.5)),
         command_v=float(np.abs(u).max()),
-        time_s=(float(frame.stretches[0].time_s[0]), float(frame.stretches[-1].time_s[-1])),
-        period_s=frame.period_s,
-        band_hz=frame.band_hz,
+        time_s=(float(signals.stretches[0].time_s[0]), float(signals.stretches[-1].time_s[-1])),
+        period_s=signals.period_s,
+        band_hz=signals.band_hz,
         resolution_m=resolution or 0.0,
         other_axes=tuple(others),
     )
