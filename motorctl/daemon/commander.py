@@ -267,7 +267,7 @@ class Commander:
         return reply
 
     def _must_tick(self) -> None:
-        phase = Phase(int(self._memory.status["phase"][0]))
+        phase = self._memory.phase
         if phase in (Phase.STOPPED, Phase.FAILED):
             message = "the loop process has ended: the daemon is stopping"
             raise RefusedError(Code.STOPPING, message)

@@ -15,6 +15,7 @@ from motorctl.config.machine import Machine
 from motorctl.daemon.mistakes import in_words
 from motorctl.errors import RunError
 from motorctl.loop import LoopMemory, Phase, spawn
+from motorctl.loop.fences import require_known_processor
 from motorctl.loop.tick import make_drivers
 
 _log = logging.getLogger("motorctl")
@@ -29,6 +30,7 @@ class LoopProcess:
     """The process that ticks, and the memory shared with it."""
 
     def __init__(self, machine: Machine) -> None:
+        require_known_processor()
         self.machine = machine
         parameters = machine.most_parameters
         self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
@@ -39,7 +41,7 @@ class LoopProcess:
     @property
     def phase(self) -> Phase:
         """How far it is."""
-        return Phase(int(self.memory.status["phase"][0]))
+        return self.memory.phase
 
     @property
     def alive(self) -> bool:

@@ -62,7 +62,7 @@ class Report:
         status = self._memory.status[0]
         timing = self.recorder.timing.result() if self.recorder else {}
         return {
-            "phase": Phase(int(status["phase"])).name.lower(),
+            "phase": self._memory.phase.name.lower(),
             "pid": int(status["pid"]),
             "rate_hz": self._machine.rate_hz,
             "ticks": int(status["tick"]),

@@ -383,7 +383,8 @@ def axis_between(axis: Any, last: Any, n: int, sample: Any) -> None:
 
 @njit
 def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
-    """Copy what `status` shows of an axis."""
+    """Copy all that `status` shows of an axis; the row is announced when the tick is published."""
+    status.state = axis.state
     status.fault = axis.fault
     status.homed = axis.homed
     status.slot = axis.slot
@@ -404,4 +405,3 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.held_ticks = axis.held_ticks
     status.missed_ticks = axis.missed_ticks
     status.longest_missed_ticks = axis.longest_missed_ticks
-    status.state = axis.state  # last: whoever sees FAULT finds its cause

@@ -7,6 +7,7 @@ from typing import Any
 from numba import njit
 
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.fences import load_acquire
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import UNDECIDED, hold_where_it_is
 from motorctl.loop.safety import DEVICE_FAULTS, is_overdue, set_soft_limits, still_moves, trip
@@ -55,8 +56,11 @@ def take_commands(
     tick: int,
     t: float,
 ) -> None:
-    """Take the commands that came. Once the loop shuts down, none begins any motion."""
-    first, last = status[0].mail_tail, status[0].mail_head
+    """Take the commands that came. Once the loop shuts down, none begins any motion.
+
+    The replies are announced when the tick is published.
+    """
+    first, last = status[0].mail_taken, load_acquire(status[0], "mail_head")
     for number in range(first, last):
         command = mailbox[number % MAILBOX_SIZE]
         if command.verb == SHUTDOWN:
@@ -74,7 +78,7 @@ def take_commands(
             i = command.axis
             answer = _obey(command, settings[i], axes[i], segments[i], tick, t)
         replies[number % MAILBOX_SIZE] = answer
-        status[0].mail_tail = number + 1
+    status[0].mail_taken = last
 
 
 @njit

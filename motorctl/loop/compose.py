@@ -13,6 +13,7 @@ from typing import Any
 
 from motorctl.kernels import load_generated, source_digest
 from motorctl.log.sample import AxisState
+from motorctl.loop.handover import STATUS_ROWS
 from motorctl.model import EffectList
 
 OFF = int(AxisState.OFF)
@@ -64,6 +65,7 @@ MOTION = """    fill_motion(
 """
 
 COUNT = """    moving = 0
+    told = row % {rows}
 """
 
 STEP = """    volts[{c}] = axis_step(
@@ -79,7 +81,7 @@ BETWEEN = """    last = samples[row - 1, {i}]
 
 REPORT = """    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
     moving += enable[{c}]
-    report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[{i}])
+    report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[told, {i}])
 """
 
 TAIL = """    return watch[0].shutdown != 0 and moving == 0
@@ -116,7 +118,7 @@ def compose_tick(
     for place, model in zip(places, models, strict=True):
         if model.lag_s or model.delay_s or model.other_axes:
             parts.append(_when_due(place, MOTION))
-    parts.append(COUNT)
+    parts.append(COUNT.format(rows=STATUS_ROWS))
     for place in places:
         parts += [_when_due(place, STEP, BETWEEN), REPORT.format(**place)]
     parts.append(TAIL)

@@ -75,10 +75,10 @@ def main() -> int:
     else:
         if orphaned:
             status["message"][0] = b"the supervisor fell silent: every axis was stopped"
-        status["phase"][0] = Phase.STOPPED
+        memory.phase = Phase.STOPPED
         return 0
     status["message"][0] = message.encode()[:512]
-    status["phase"][0] = Phase.FAILED
+    memory.phase = Phase.FAILED
     return 1
 
 
@@ -88,7 +88,7 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     The outputs are safe and the devices released when it is left, in whatever way.
     """
     status = memory.status
-    status["phase"][0] = Phase.COMPILING
+    memory.phase = Phase.COMPILING
     warm_up(orders.machine)
     tick = Tick(orders.machine, memory, learned=orders.learned)
     tick.prepare()
@@ -107,7 +107,7 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
     status = memory.status
     try:
         status["notes"][0] = "\n".join(_notes(tick.drivers)).encode(errors="replace")
-        status["phase"][0] = Phase.RUNNING
+        memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:
         tick.close()

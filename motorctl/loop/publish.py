@@ -2,6 +2,8 @@
 
 from numba import njit
 
+from motorctl.loop.fences import fence_release, store_release
+
 NS = 1e-9
 
 
@@ -23,4 +25,8 @@ def publish(  # type: ignore[no-untyped-def]
     record.write_s = 0.0 if virtual else times[3]
     status[0].tick = number
     status[0].time_s = number * period_s
-    status[0].ring_head = written
+    store_release(status[0], "ring_head", written)
+    # Answers come after the status in which they show.
+    store_release(status[0], "mail_tail", status[0].mail_taken)
+    # The next tick overwrites the oldest row: whoever sees any of that sees this head, too.
+    fence_release()

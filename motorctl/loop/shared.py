@@ -1,8 +1,8 @@
 """The memory between supervisor and loop process: mailbox, status, program slots, ring of samples.
 
-One memfd, mapped by both. Every field has one writer; indices are published after the data that
-they announce, so no lock is needed that one side could hold while the other waits. That order holds
-on x86-64, whose stores are seen in the order in which they were made.
+One memfd, mapped by both. Every field has one writer; a word is announced after the data that it
+stands for and looked at before them (`motorctl.loop.handover`), so no lock is needed that one side
+could hold while the other waits.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ from enum import IntEnum, IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
 from motorctl.motion import SEGMENT
+
+with kernels_cached():
+    from motorctl.loop.handover import STATUS_ROWS, Word, announce, look_at
 
 HEADER_BYTES = 4096
 NOTES_BYTES = 4096
@@ -94,7 +98,8 @@ LOOP_STATUS = np.dtype(
         ("degraded", "u8"),
         ("ring_head", "i8"),  # rows written so far
         ("mail_head", "i8"),  # written by the supervisor
-        ("mail_tail", "i8"),
+        ("mail_tail", "i8"),  # commands whose replies can be read
+        ("mail_taken", "i8"),  # commands that the loop has taken; its own
         ("message", "S512"),  # why the process failed or ended
         ("notes", f"S{NOTES_BYTES}"),  # of the drivers, when they were opened, a line each
     ],
@@ -143,7 +148,7 @@ class LoopMemory:
         self.ring_rows, segments = layout["ring_rows"], layout["segments"]
         parts: list[tuple[str, np.dtype[np.void] | str, tuple[int, ...]]] = [
             ("_status", LOOP_STATUS, (1,)),
-            ("axis_status", axis_status(parameters), (axes,)),
+            ("axis_status_rows", axis_status(parameters), (STATUS_ROWS, axes)),
             ("mailbox", COMMAND, (MAILBOX_SIZE,)),
             ("replies", "i8", (MAILBOX_SIZE,)),
             ("segments", SEGMENT, (axes, 2, segments)),
@@ -166,7 +171,8 @@ class LoopMemory:
         }
         self.status: NDArray[np.void] = views["_status"]
         """Shape (1,), of LOOP_STATUS."""
-        self.axis_status: NDArray[np.void] = views["axis_status"]
+        self.axis_status_rows: NDArray[np.void] = views["axis_status_rows"]
+        """Shape (STATUS_ROWS, axes): a row a tick, that of the ring's row modulo STATUS_ROWS."""
         self.mailbox: NDArray[np.void] = views["mailbox"]
         self.replies: NDArray[np.int64] = views["replies"]
         self.segments: NDArray[np.void] = views["segments"]
@@ -174,6 +180,10 @@ class LoopMemory:
         self.ticks: NDArray[np.void] = views["ticks"]
         self.samples: NDArray[np.void] = views["samples"]
         self._drained = 0
+        # Compiled here: a supervisor that compiles while the loop ticks misses its beats.
+        with kernels_cached():
+            self._look_at = specialise(look_at, self.status, 0)
+            self._announce = specialise(announce, self.status, 0, 0)
 
     @classmethod
     def create(cls, axes: Sequence[str], parameters: int, rate_hz: float) -> LoopMemory:
@@ -182,7 +192,7 @@ class LoopMemory:
         layout = {
             "axes": len(axes),
             "parameters": parameters,
-            "ring_rows": max(4096, int(RING_SECONDS * rate_hz)),
+            "ring_rows": -(-max(4096, int(RING_SECONDS * rate_hz)) // STATUS_ROWS) * STATUS_ROWS,
             "segments": PROGRAM_SEGMENTS,
         }
         os.ftruncate(fd, HEADER_BYTES)
@@ -201,6 +211,28 @@ class LoopMemory:
         text: bytes = self.status["notes"][0]
         return text.decode(errors="replace").splitlines()
 
+    @property
+    def phase(self) -> Phase:
+        """How far the loop process is."""
+        return Phase(self._look_at(self.status, Word.PHASE))
+
+    @phase.setter
+    def phase(self, phase: Phase) -> None:
+        self._announce(self.status, Word.PHASE, phase)
+
+    @property
+    def axis_status(self) -> NDArray[np.void]:
+        """The axes' status after the last tick, shape (axes,): a copy, every field of one tick.
+
+        A loop process that dies within a tick leaves the status of the tick before.
+        """
+        while True:
+            head = self._look_at(self.status, Word.RING_HEAD)
+            told = self.axis_status_rows[(head - 1) % self.ring_rows % STATUS_ROWS].copy()
+            # The row is written anew in the tick after these; then it may be torn.
+            if self._look_at(self.status, Word.RING_HEAD) < head + STATUS_ROWS - 1:
+                return told
+
     def beat(self) -> None:
         """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""
         self.status["beat"][0] += 1
@@ -210,16 +242,16 @@ class LoopMemory:
 
         Raises BufferError while the loop has not yet taken the last 64 commands.
         """
-        head = int(self.status["mail_head"][0])
-        if head - int(self.status["mail_tail"][0]) >= MAILBOX_SIZE:
+        head = self._look_at(self.status, Word.MAIL_HEAD)
+        if head - self._look_at(self.status, Word.MAIL_TAIL) >= MAILBOX_SIZE:
             raise BufferError("the loop does not take commands")
         self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick)
-        self.status["mail_head"][0] = head + 1
+        self._announce(self.status, Word.MAIL_HEAD, head + 1)
         return head
 
     def reply(self, number: int) -> Reply | None:
         """Give the answer to a command, or None while the loop has not taken it."""
-        if int(self.status["mail_tail"][0]) <= number:
+        if self._look_at(self.status, Word.MAIL_TAIL) <= number:
             return None
         return Reply(int(self.replies[number % MAILBOX_SIZE]))
 
@@ -239,12 +271,12 @@ class LoopMemory:
 
     def drain(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
         """Copy the rows that came since the last call: ticks (N,), samples (N, axes), rows lost."""
-        head = int(self.status["ring_head"][0])
+        head = self._look_at(self.status, Word.RING_HEAD)
         first = max(self._drained, head - self.ring_rows)
         index = np.arange(first, head) % self.ring_rows
         ticks, samples = self.ticks[index], self.samples[index]
         # Rows that the loop overwrote while they were copied are lost, not passed on torn.
-        torn = int(self.status["ring_head"][0]) + 1 - self.ring_rows - first
+        torn = self._look_at(self.status, Word.RING_HEAD) + 1 - self.ring_rows - first
         if torn > 0:
             ticks, samples, first = ticks[torn:], samples[torn:], first + torn
         lost = first - self._drained

@@ -9,6 +9,7 @@ from numba import njit
 
 from motorctl.log.sample import FaultCause
 from motorctl.loop.commands import stop
+from motorctl.loop.fences import load_acquire
 
 SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
 OVERRUN = int(FaultCause.OVERRUN)
@@ -35,8 +36,9 @@ def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t
     one out.
     """
     if watch.silent_limit:
-        if status.beat != watch.last_beat:
-            watch.last_beat, watch.silent_ticks = status.beat, 0
+        beat = load_acquire(status, "beat")
+        if beat != watch.last_beat:
+            watch.last_beat, watch.silent_ticks = beat, 0
         else:
             watch.silent_ticks += elapsed
         if watch.silent_ticks > watch.silent_limit and not watch.orphaned:

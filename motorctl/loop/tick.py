@@ -167,13 +167,13 @@ class Tick:
             *programs,
             memory.samples,
         )
-        kernel = specialise(module.tick, *before, 0, memory.axis_status)
+        kernel = specialise(module.tick, *before, 0, memory.axis_status_rows)
         rows_out = (memory.status, memory.ticks, self.measured_s)
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
         watch, status, mailbox, replies = commands
         settings, axis_records, law_records, laws, beside = records
         segments, segment_counts = programs
-        samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status
+        samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status_rows
         measured, rows = self.measured_s, memory.ring_rows
         period_s, now = self.machine.period_s, time.monotonic_ns
         period_ns = round(period_s * NS_PER_S)

@@ -31,7 +31,7 @@ class Loop:
         self.phase(Phase.RUNNING)
 
     def phase(self, phase: Phase) -> None:
-        self.memory.status["phase"][0] = phase
+        self.memory.phase = phase
 
     def ask(self, line: str, reply: Reply = Reply.OK) -> dict[str, Any]:
         """Have the daemon handle a request while the loop answers."""

@@ -53,7 +53,7 @@ class Process:
 
     @property
     def phase(self) -> Phase:
-        return Phase(int(self.memory.status["phase"][0]))
+        return self.memory.phase
 
     @property
     def message(self) -> str:

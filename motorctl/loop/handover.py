@@ -1,0 +1,62 @@
+"""What the two processes hand each other: a look at a word, and its announcement.
+
+Each of these words has one writer. What was written before a word was announced is seen by whoever
+has looked at the word; see `motorctl.loop.fences`.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+from numba import njit
+
+from motorctl.loop.fences import fence_acquire, load_acquire, store_release
+
+STATUS_ROWS = 8
+"""Ticks for which the loop keeps the axes' status, so that nobody reads one that is written."""
+
+
+class Word(IntEnum):
+    """Words of the loop's status that announce data."""
+
+    PHASE = 0
+    """Announces process id, notes, message and what real time is lacking."""
+    RING_HEAD = 1
+    """Announces a row of the ring, and a row of the axes' status."""
+    MAIL_HEAD = 2
+    """Announces a command, and the program that it names."""
+    MAIL_TAIL = 3
+    """Announces replies."""
+
+
+PHASE = int(Word.PHASE)
+RING_HEAD = int(Word.RING_HEAD)
+MAIL_HEAD = int(Word.MAIL_HEAD)
+MAIL_TAIL = int(Word.MAIL_TAIL)
+
+
+@njit(cache=True)
+def look_at(status: Any, word: int) -> int:
+    """Return the word's value: what was read before stays before, what is read next comes after."""
+    fence_acquire()
+    if word == PHASE:
+        return load_acquire(status[0], "phase")  # type: ignore[no-any-return]
+    if word == RING_HEAD:
+        return load_acquire(status[0], "ring_head")  # type: ignore[no-any-return]
+    if word == MAIL_HEAD:
+        return load_acquire(status[0], "mail_head")  # type: ignore[no-any-return]
+    return load_acquire(status[0], "mail_tail")  # type: ignore[no-any-return]
+
+
+@njit(cache=True)
+def announce(status: Any, word: int, value: int) -> None:
+    """Write a word after everything that it announces."""
+    if word == PHASE:
+        store_release(status[0], "phase", value)
+    elif word == RING_HEAD:
+        store_release(status[0], "ring_head", value)
+    elif word == MAIL_HEAD:
+        store_release(status[0], "mail_head", value)
+    else:
+        store_release(status[0], "mail_tail", value)
