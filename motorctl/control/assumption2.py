@@ -28,7 +28,7 @@ def monotonicity_half_planes(
     margin: float,
     travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Give normals (K, n) and offsets (K,) such that normal . theta >= offset keeps Assumption 2.
+    """Return normals (K, n) and offsets (K,) such that normal . theta >= offset keeps Assumption 2.
 
     dv/du = 1 + sum theta_i h_i'(u) >= margin for |u| <= u_max is one half-plane for each u
     (Chen, Yao, Wang 2013, Assumption 2). Those that follow from the box `lower`, `upper` [units
@@ -44,7 +44,7 @@ def monotonicity_half_planes(
     used = np.zeros(len(model), np.bool_)
     used[input_indices(model)] = True
     if not (np.isfinite(lower[used]).all() and np.isfinite(upper[used]).all()):
-        raise UsageError("the parameters of the input map need finite bounds")
+        raise UsageError("the parameters of the input map need finite lower and upper bounds")
     points = voltage_points(model, u_max)
     slopes = fixed_slopes(model, points)
     worst = worst_varying(model, points, lower, upper, travel_m)
@@ -73,7 +73,7 @@ def monotonicity_half_planes(
 
 
 def voltage_points(model: EffectList, u_max: float) -> list[float]:
-    """Give the voltages at which the slope of the model's input map is looked at."""
+    """Return the voltages at which the slope of the model's input map is looked at."""
     sides = [u_max * k / GRID for k in range(GRID, 0, -1)]
     sides += [u_max / GRID / 2.0**k for k in range(1, HALVINGS + 1)]
     if not all(effect.odd for effect in model.effects if effect.kind == "input"):

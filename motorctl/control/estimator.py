@@ -55,7 +55,7 @@ def _align_inputs(settings: Any, state: Any) -> None:
 
 @njit
 def _low_pass(pole: float, stage1: Any, stage2: Any, i: int, value: float) -> float:
-    """Pass a value through two equal poles; gives the filtered one."""
+    """Pass a value through two equal poles and return the filtered one."""
     stage1[i] += (1.0 - pole) * (value - stage1[i])
     stage2[i] += (1.0 - pole) * (stage1[i] - stage2[i])
     return stage2[i]  # type: ignore[no-any-return]
@@ -68,7 +68,7 @@ def adapt(
     state: Any,
     y: float,
 ) -> int:
-    """Take the data of one tick into the estimate; gives what was done as LawFlag bits.
+    """Take the data of one tick into the estimate and return what was done as LawFlag bits.
 
     Chen, Yao, Wang 2013, eqs 25-28, exactly discretised: with kappa = Ts / (1 + nu psi^T Gamma
     psi) and lambda = exp(-alpha Ts), K = kappa Gamma psi / (lambda + kappa psi^T Gamma psi).

@@ -21,7 +21,10 @@ TIMES_S = (0.0, 1.0, 30.0, 1e3, 1e9)
 
 
 def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int]:
-    """Give the places in theta of the input map's parameters; all, or those that do (not) vary."""
+    """Return the indices in theta of the input map's parameters.
+
+    `varying`: only of the effects that vary with place or time, or only of the others.
+    """
     effects = [effect for effect in model.effects for _ in effect.parameters]
     return [
         i
@@ -31,7 +34,7 @@ def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int
 
 
 def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
-    """Give h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
+    """Return h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
     slopes = np.zeros((len(u), len(model)))
     indices = input_indices(model, varying=False)
     slopes[:, indices] = _slopes(model, indices, u, 0.0, 0.0)
@@ -41,7 +44,7 @@ def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
 def worst_varying(
     model: EffectList, u: Sequence[float], lower: Array, upper: Array, travel_m: tuple[float, float]
 ) -> Array:
-    """Give the lowest that the varying effects can add to dv/du, shape (len(u),).
+    """Return the lowest that the varying effects can add to dv/du, shape (len(u),).
 
     Over all of the travel and of time, for any theta (n,) between lower and upper (n,).
     """
@@ -58,7 +61,7 @@ def worst_varying(
 def _varying_slopes(
     model: EffectList, u: tuple[float, ...], travel_m: tuple[float, float]
 ) -> Array:
-    """Give h_i'(u; x, t) of the varying effects, shape (places, len(u), their parameters).
+    """Return h_i'(u; x, t) of the varying effects, shape (places, len(u), their parameters).
 
     The places follow the golden ratio, so that no pitch falls in step with them; every time comes
     together with places from all over the travel.
@@ -75,7 +78,7 @@ def _varying_slopes(
 
 
 def _slopes(model: EffectList, indices: list[int], u: Sequence[float], x: float, t: float) -> Array:
-    """Give h_i'(u; x, t), shape (len(u), len(indices))."""
+    """Return h_i'(u; x, t), shape (len(u), len(indices))."""
     slope, unit = model.kernels.input_slope, np.eye(len(model))
     found = np.zeros((len(u), len(indices)))
     for column, i in enumerate(indices):

@@ -23,11 +23,26 @@ def invert(
 ) -> float:
     """Solve v = input_map(u; x, t) for u on the monotonic branch [-u_max, u_max].
 
-    x [m] and t [s] are the desired position and the time, for maps that vary with them.
-
     Newton from u0 = v, kept inside a bracket by bisection (Cardano's formula loses digits as
-    theta6 goes to zero). Beyond the branch the nearer end is given; nan where v or theta is.
-    Chen, Yao, Wang 2013, eq. 9; Assumption 2 makes the root unique.
+    theta6 goes to zero). Chen, Yao, Wang 2013, eq. 9; Assumption 2 makes the root unique.
+
+    Parameters
+    ----------
+    input_map, input_slope
+        Kernels of the axis' list of effects.
+    v
+        Virtual command [V].
+    x, t
+        Desired position [m] and time [s], for maps that vary with them.
+    theta
+        Parameters, shape (n,).
+    u_max
+        End of the branch [V].
+
+    Returns
+    -------
+    float
+        The command u [V]; the nearer end where v is beyond the branch, nan where v or theta is.
     """
     low, high = -u_max, u_max
     v_low, v_high = input_map(low, x, t, theta), input_map(high, x, t, theta)

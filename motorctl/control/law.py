@@ -59,7 +59,7 @@ def _settle_contexts(advance_context: Callable[..., None], state: Any, y: float)
 def _at_rest(
     feedforward: Callable[..., float], settings: Any, state: Any, t: float, y: float
 ) -> float:
-    """Give what the model compensates at rest at y."""
+    """Return what the model compensates at rest at y."""
     acts = t + settings.preview_s - 0.5 * settings.period_s if settings.previews else t
     return feedforward(y, 0.0, 0.0, 0.0, acts, state.context, state.theta)
 
@@ -127,16 +127,28 @@ def law_step(
     vd: float,
     ad: float,
 ) -> float:
-    """Give the command u [V] for this tick and learn from the last ones.
+    """Return the command u [V] for this tick and learn from the last ones.
 
-    y is the measured position [m]; xd, vd, ad the desired motion at time t. eqs 9-19:
-    v = va1 + va2 + vs with va1 the model at the desired motion, va2 = -d0_hat the fast
+    eqs 9-19: v = va1 + va2 + vs with va1 the model at the desired motion, va2 = -d0_hat the fast
     adaptation and vs = -ks p, p = de/dt + k1 e; then u = the root of v(u) = v.
 
     `state.others` is filled before; where the list declares a lag or a delay, so are
     `state.near` and `state.far`, the desired motion while the command acts. Then va1 is the mean of
     the model over that time, led by the lag, and de/dt the difference of two errors: the desired
     velocity at time t is half a period ahead of the measured one.
+
+    Parameters
+    ----------
+    state_columns, input_columns, feedforward, input_map, input_slope, advance_context
+        Kernels of the axis' list of effects.
+    settings, state
+        Records of `law_settings` and `law_state`.
+    t
+        Time [s].
+    y
+        Measured position [m].
+    xd, vd, ad
+        Desired position, velocity and acceleration at time t [m, m/s, m/s^2].
     """
     ts, theta = settings.period_s, state.theta
     if settings.previews:

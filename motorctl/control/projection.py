@@ -44,7 +44,7 @@ def violates(settings: Any, theta: Any) -> bool:
 
 @njit
 def _load_constraint(settings: Any, index: int, normal: Any) -> float:
-    """Fill `normal` and give the bound of constraint `index`, read as normal . theta <= bound."""
+    """Fill `normal` and return the bound of constraint `index`, read as normal . theta <= bound."""
     n = settings.n
     for i in range(n):
         normal[i] = 0.0
@@ -78,7 +78,7 @@ def _solve(matrix: Any, m: int, out: Any) -> None:
 
 @njit(error_model="numpy")
 def _most_violated(settings: Any, state: Any, m: int) -> int:
-    """Give the constraint that state.z violates by most standard deviations, or -1."""
+    """Return the constraint that state.z violates by most standard deviations, or -1."""
     n, gamma, z = settings.n, state.gamma, state.z
     worst, chosen = TOLERANCE, -1
     for index in range(2 * n + settings.planes):
@@ -107,7 +107,8 @@ def _most_violated(settings: Any, state: Any, m: int) -> int:
 def _take_in(settings: Any, state: Any, m: int, chosen: int) -> int:
     """Make constraint `chosen` tight, dropping active ones that push the wrong way.
 
-    m constraints are active; gives how many are afterwards, or -1 where nothing more can be done.
+    m constraints are active before. Returns how many are afterwards, or -1 where nothing more can
+    be done.
     """
     n = settings.n
     normal, lever, multiplier = state.normal, state.lever, state.multiplier

@@ -20,7 +20,7 @@ class LawFlag(IntFlag):
 
 
 def law_settings(parameters: int) -> np.dtype[np.void]:
-    """Give the settings record for a theta of at most `parameters` entries."""
+    """Return the settings record for a theta of at most `parameters` entries."""
     p = parameters
     return np.dtype(
         [
@@ -59,7 +59,7 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
 
 
 def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np.dtype[np.void]:
-    """Give the state record for a theta of at most `parameters` entries.
+    """Return the state record for a theta of at most `parameters` entries.
 
     The effects of the list remember at most `context_size` numbers, and depend on the motion of at
     most `other_axes` axes.

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def max_input_delay_s(period_s: float) -> float:
-    """Give the longest input delay that the estimator's history holds."""
+    """Return the longest input delay that the estimator's history holds."""
     return (HISTORY - 4) * period_s
 
 
@@ -46,20 +46,37 @@ def fill_settings(
     monotonicity_margin: float = 0.05,
     travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Write one axis' settings into `record` (a `law_settings` record).
+    """Write one axis' settings into a record.
 
-    travel_m matters to input maps that vary with place. Raises UsageError where the delays of
-    adaptation and list together are longer than the history of commands, where a covariance is
-    not positive, or where Assumption 2 cannot be kept.
+    Parameters
+    ----------
+    record
+        Of `law_settings`.
+    model
+        The axis' list of effects, of n parameters.
+    period_s
+        Period of the axis [s].
+    lower, upper, covariance
+        Bounds and initial covariance of theta, each (n,).
+    travel_m
+        Both ends of the travel [m]; matters to input maps that vary with place.
+
+    The other parameters are the keys of the configuration, with their units in their names.
+
+    Raises
+    ------
+    UsageError
+        Where the delays of adaptation and list together are longer than the history of commands,
+        a covariance is not positive, or Assumption 2 cannot be kept.
     """
     n = len(model)
     delay_s = input_delay_s + model.delay_s
     if not (input_delay_s >= 0.0 and delay_s <= max_input_delay_s(period_s)):
         raise UsageError(
-            f"input delay {delay_s} s; must lie in 0 to {max_input_delay_s(period_s)} s"
+            f"input delay {delay_s:g} s: must be from 0 to {max_input_delay_s(period_s):g} s"
         )
     if not all(0.0 < value < math.inf for value in covariance):
-        raise UsageError(f"initial covariances {list(covariance)}; each must lie above 0")
+        raise UsageError(f"initial covariances {[*map(float, covariance)]}: each must be above 0")
     record["n"], record["period_s"] = n, period_s
     record["k1"], record["ks"] = k1_1_s, ks_v_s_m
     record["gamma_d"], record["d_max"], record["u_max"] = gamma_d, d_hat_max_v, max_voltage_v
@@ -90,7 +107,15 @@ def fill_settings(
 
 
 def fill_state(record: np.void, theta: Sequence[float], covariance: Sequence[float]) -> None:
-    """Write the initial estimate and covariance into `record` (a `law_state` record)."""
+    """Write the initial estimate into a record.
+
+    Parameters
+    ----------
+    record
+        Of `law_state`.
+    theta, covariance
+        The estimate and its covariance, each (n,).
+    """
     n = len(theta)
     record["theta"][:n] = theta
     record["U"][:] = np.eye(len(record["D"]))

@@ -77,5 +77,5 @@ def test_the_widest_bounds_of_the_electromagnetic_effects_can_be_kept():
 
 def test_parameters_of_the_input_map_need_finite_bounds():
     lower, upper = np.array([0.1, -np.inf, -0.1]), np.array([1.0, 0.0, 0.0])
-    with pytest.raises(UsageError, match="finite bounds"):
+    with pytest.raises(UsageError, match="finite lower and upper bounds"):
         monotonicity_half_planes(EM, lower, upper, U_MAX, 0.05)
