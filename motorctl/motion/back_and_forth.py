@@ -82,7 +82,9 @@ class BackAndForth(OneAxisProgram):
         move_s = float(move["duration_s"].sum())
         if period_s < 2 * move_s:
             enough = ceil(2e6 * move_s) / 1e6
-            raise ValueError(f"one way takes {move_s:.6f} s; at least {enough:.6f} is needed")
+            raise ValueError(
+                f"one way takes {move_s:.6f} s, so the period must be at least {enough:.6f} s"
+            )
         return period_s
 
     @field_validator("cycles")

@@ -58,11 +58,29 @@ def check_program(
     limits: Mapping[str, AxisLimits],
     required_voltage: Mapping[str, RequiredVoltage] | None = None,
 ) -> list[Violation]:
-    """List every limit that the program exceeds on any of its axes; nothing in it: it may run.
+    """List every limit that a program exceeds on any of its axes.
 
     Position, velocity, acceleration and jerk are compared by their exact extremes. The voltage is
-    sampled along the motion, every `VOLTAGE_STEP_S`, for the axes that `required_voltage` knows.
-    Raises UsageError where the program moves an axis without limits.
+    sampled along the motion, every `VOLTAGE_STEP_S`.
+
+    Parameters
+    ----------
+    program
+        What to check.
+    limits
+        The limits of each axis, by name.
+    required_voltage
+        Of the axes whose voltage is checked: the voltage that a motion needs [V].
+
+    Returns
+    -------
+    list
+        Empty where the program may run.
+
+    Raises
+    ------
+    UsageError
+        Where the program moves an axis without limits.
     """
     if unknown := [axis for axis in program.axes if axis not in limits]:
         raise UsageError(

@@ -94,7 +94,7 @@ class Circle(ProgramModel):
         if len(states.duration_s) > MOST_SEGMENTS:
             raise UsageError(
                 f"program '{self.name}': {self.turns:g} turns on a radius of {self.radius_m:g} m "
-                f"need more than the {MOST_SEGMENTS} segments that a program may have"
+                f"need more than {MOST_SEGMENTS} segments, the limit of a program; use fewer turns"
             )
         direction = np.sign(self.turns)
         angle = self.start_angle_rad + direction * states.angle
@@ -126,7 +126,7 @@ class _AngleStates:
 
 
 def _steady(info: ValidationInfo, order: int) -> float | None:
-    """Give the acceleration (order 2) or jerk (3) of the steady circle, v^n / r^(n - 1)."""
+    """Return the acceleration (order 2) or jerk (3) of the steady circle, v^n / r^(n - 1)."""
     if "speed_m_s" not in info.data or "radius_m" not in info.data:
         return None  # told of already
     return float(info.data["speed_m_s"] ** order / info.data["radius_m"] ** (order - 1))
@@ -135,7 +135,7 @@ def _steady(info: ValidationInfo, order: int) -> float | None:
 def _tangential_limits(
     radius_m: float, speed_m_s: float, acceleration: float, jerk: float
 ) -> tuple[float, float]:
-    """Give what the limits leave for the path's own acceleration and jerk.
+    """Return what the limits leave for the path's own acceleration and jerk.
 
     With the path s(t) on radius r, acceleration has the parts s'' along and s'^2/r towards the
     centre; jerk has s''' - s'^3/r^2 along and 3 s' s''/r towards the centre. All are taken at their

@@ -9,7 +9,7 @@ from motorctl.motion.segments import Segments
 
 @njit()
 def evaluate(segments: Segments, count: int, index: int, s: float) -> tuple[float, float, float]:
-    """Give x [m], v [m/s], a [m/s^2] at the time s [s] within segment `index` of `count` >= 1.
+    """Return x [m], v [m/s], a [m/s^2] at the time s [s] within segment `index` of `count` >= 1.
 
     Outside the table, and outside the segment, the nearest state of it.
     """

@@ -48,17 +48,32 @@ def parse_program(
     line_of: Callable[[Location], int | None] = _no_line,
     prefix: str = "",
 ) -> Program:
-    """Make the program `name` from the keys that YAML gives for it.
+    """Make a program from the keys that YAML has for it.
 
-    `directory` is where a relative CSV file is looked for. Problems are told with `file`, with
-    the key preceded by `prefix` and with the line that `line_of` gives for the path to the key
-    within `keys`. Raises ConfigError with all of them.
+    Parameters
+    ----------
+    name
+        What the program is called.
+    keys
+        Its keys and values.
+    directory
+        Where a relative CSV file is looked for.
+    axis_names
+        The axes that it may move.
+    file, prefix, line_of
+        For messages: the file's name, what precedes a key, and the line of the path to a key within
+        `keys`.
+
+    Raises
+    ------
+    ConfigError
+        With all problems.
     """
     if not isinstance(keys, Mapping):
         message = f"must be a mapping with kind: {', '.join(KINDS)}"
         raise ConfigError([Problem(file, line_of(()), prefix.rstrip("."), message)])
     if "name" in keys:
-        message = "unknown key; a program is called by its key, or by its file's name"
+        message = "unknown key: the name of a program is its key, or the name of its file"
         raise ConfigError([Problem(file, line_of(("name",)), prefix + "name", message)])
     try:
         program = _ADAPTER.validate_python({**keys, "name": name}, context={"directory": directory})
@@ -82,7 +97,10 @@ def parse_program(
 def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
     """Load the one program of a YAML file, or the points of a CSV file; named after the file.
 
-    Raises ConfigError with file, line and key of every problem.
+    Raises
+    ------
+    ConfigError
+        With file, line and key of every problem.
     """
     if path.suffix.lower() == ".csv":
         return Points(name=path.stem, axes=axes_of_header(path, axis_names), file=path)
@@ -93,13 +111,15 @@ def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
     except OSError as error:
         raise ConfigError([Problem(file, None, "", str(error.strerror))]) from error
     except UnicodeDecodeError as error:
-        raise ConfigError([Problem(file, None, "", f"is no text: {error}")]) from error
+        raise ConfigError([Problem(file, None, "", f"is not text in UTF-8: {error}")]) from error
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = None if mark is None else mark.line + 1
-        raise ConfigError([Problem(file, line, "", f"is no YAML: {error.problem}")]) from error
+        raise ConfigError(
+            [Problem(file, line, "", f"is not valid YAML: {error.problem}")]
+        ) from error
     except yaml.YAMLError as error:
-        raise ConfigError([Problem(file, None, "", f"is no YAML: {error}")]) from error
+        raise ConfigError([Problem(file, None, "", f"is not valid YAML: {error}")]) from error
     _refuse_doubled_keys(node, file)
     return parse_program(
         path.stem,

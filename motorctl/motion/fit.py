@@ -23,10 +23,22 @@ _Ends = tuple[list[tuple[int, float]], list[tuple[int, float]]]
 
 
 def fit_points(table: PointTable, axis: str, ease_s: float | None = None) -> Trajectory:
-    """Fit one axis of a table from rest to rest, eased where `ease_s` [s] is given.
+    """Fit one axis of a table from rest to rest.
 
-    Raises ConfigError where the points move at an end and are not eased, where they are too few
-    for it, or where double precision cannot join them.
+    Parameters
+    ----------
+    table
+        The points.
+    axis
+        Name of the axis.
+    ease_s
+        Duration of a lead-in and a lead-out [s]; None: the points begin and end at rest.
+
+    Raises
+    ------
+    ConfigError
+        Where the points move at an end and are not eased, where they are too few for it, or where
+        double precision cannot join them.
     """
     if ease_s is None:
         _require_rest(table, axis)
@@ -45,7 +57,7 @@ def fit_points(table: PointTable, axis: str, ease_s: float | None = None) -> Tra
 
 
 def _join(table: PointTable, axis: str, ends: _Ends | None) -> Segments:
-    """Give the quintic spline through the points as a table."""
+    """Return the quintic spline through the points as a table."""
     t, x = table.time_s, table.position_m[axis]
     try:
         spline = make_interp_spline(t, x, k=5, bc_type=ends)  # type: ignore[arg-type]
@@ -65,7 +77,7 @@ def _trajectory(segments: Segments, table: PointTable, axis: str) -> Trajectory:
 
 
 def _eased_way(v: float, a: float, ease_s: float) -> float:
-    """Give the way from (v, a) to rest where velocity is a cubic of time."""
+    """Return the way from (v, a) to rest where velocity is a cubic of time."""
     return ease_s * (v / 2 + ease_s * a / 12)
 
 
@@ -96,7 +108,7 @@ def _require_rest(table: PointTable, axis: str) -> None:
 
 
 def _end_speed(t: Array, x: Array) -> float:
-    """Give the speed at the first of two or three points, so that motion from rest gives zero.
+    """Return the speed at the first of two or three points, so that motion from rest gives zero.
 
     The smaller of the difference of two points, which a dwell makes vanish, and the slope of the
     parabola through three, which constant acceleration from rest makes vanish.

@@ -24,9 +24,19 @@ def point_to_point(
     max_acceleration_m_s2: float,
     max_jerk_m_s3: float,
 ) -> Trajectory:
-    """Plan the time-optimal jerk-limited move from rest to rest [m, m/s, m/s^2, m/s^3].
+    """Plan the time-optimal jerk-limited move from rest to rest.
 
-    Raises UsageError where a limit is not positive or a number is not finite.
+    Parameters
+    ----------
+    start_m, target_m
+        Begin and end [m].
+    max_velocity_m_s, max_acceleration_m_s2, max_jerk_m_s3
+        Limits, all above 0.
+
+    Raises
+    ------
+    UsageError
+        Where a limit is not positive or a number is not finite.
     """
     if abs(target_m - start_m) < NEGLIGIBLE_M:
         return Trajectory.at_rest(target_m)
@@ -42,7 +52,7 @@ def move_segments(
     max_acceleration_m_s2: float,
     max_jerk_m_s3: float,
 ) -> Segments:
-    """Give the phases of constant jerk of the move of `point_to_point` between distinct points."""
+    """Return the phases of constant jerk of `point_to_point`'s move between distinct points."""
     distance = abs(target_m - start_m)
     limits = max_velocity_m_s, max_acceleration_m_s2, max_jerk_m_s3
     if not (isfinite(distance) and all(isfinite(limit) and limit > 0 for limit in limits)):

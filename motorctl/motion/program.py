@@ -52,7 +52,7 @@ def check_cycles(cycles: int, segments: int) -> None:
     if cycles * segments > MOST_SEGMENTS:
         raise ValueError(
             f"{cycles} cycles of {segments} segments are more than the {MOST_SEGMENTS} segments "
-            f"that a program may have"
+            "that a program may have; use fewer cycles"
         )
 
 

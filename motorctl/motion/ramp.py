@@ -43,7 +43,7 @@ def _phases(
 def velocity_ramp_distance(
     v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float
 ) -> float:
-    """Give the distance [m] of the whole way from (v, a) to `v_target`."""
+    """Return the distance [m] of the whole way from (v, a) to `v_target`."""
     t1, j1, t2, t3, j3 = _phases(v, a, v_target, max_acceleration, max_jerk)
     distance = 0.0
     for t, j in ((t1, j1), (t2, 0.0), (t3, j3)):

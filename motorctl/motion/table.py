@@ -84,8 +84,11 @@ def axes_of_header(path: Path, axis_names: Collection[str]) -> tuple[str, ...]:
 def read_points(path: Path, axes: Sequence[str]) -> PointTable:
     """Read ``time_s`` and the columns ``<axis>_m``; further columns may stand beside them.
 
-    Raises ConfigError with every problem: columns missing or doubled, cells missing, no number or
-    beyond all bounds, times that do not rise, fewer than two rows.
+    Raises
+    ------
+    ConfigError
+        With every problem: columns missing or doubled, cells missing, no number or beyond all
+        bounds, times that do not rise, fewer than two rows.
     """
     problems = _Problems(str(path))
     (header_line, header), *rows = _rows(path)
@@ -130,7 +133,7 @@ def _number(cell: str, line: int, column: str, problems: _Problems) -> float:
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Give (line, cells) of every row that is not blank, the header first."""
+    """Return (line, cells) of every row that is not blank, the header first."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, skipinitialspace=True)
@@ -138,7 +141,9 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     except OSError as error:
         raise ConfigError([Problem(str(path), None, "", f"{error.strerror}")]) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError([Problem(str(path), None, "", f"is no CSV text: {error}")]) from error
+        raise ConfigError(
+            [Problem(str(path), None, "", f"is not CSV text in UTF-8: {error}")]
+        ) from error
     if not rows:
         message = f"is empty; needs a header line with {TIME} and <axis>{SUFFIX}"
         raise ConfigError([Problem(str(path), None, "", message)])

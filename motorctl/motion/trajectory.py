@@ -69,7 +69,7 @@ class Trajectory:
         return self._end()[0]
 
     def sample(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
-        """Give x [m], v [m/s], a [m/s^2] at times of any shape, clamped to [0, duration]."""
+        """Return x [m], v [m/s], a [m/s^2] at times of any shape, clamped to [0, duration]."""
         asked = np.asarray(time_s, np.float64)
         t = np.clip(asked.ravel(), 0.0, self.duration_s)
         index = np.minimum(np.searchsorted(self._ends_s, t, side="right"), len(self.segments) - 1)
@@ -89,7 +89,7 @@ class Trajectory:
         return Peaks((low, high), (low_at, high_at), v, v_at, a, a_at, j, j_at)
 
     def distinct(self) -> tuple[Segments, Array]:
-        """Give each different segment once, and when it first starts [s]; cycles repeat theirs."""
+        """Return each different segment once, and when it first starts [s]."""
         rows = self.segments.view(np.dtype((np.void, SEGMENT.itemsize)))
         first = np.sort(np.unique(rows, return_index=True)[1])
         return self.segments[first], self._starts_s[first]

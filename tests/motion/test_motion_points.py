@@ -180,7 +180,7 @@ def test_all_bad_cells_are_told_at_once_but_not_thousands(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"\xff\xfe\x00", "is no CSV text"), (None, "No such file or directory")],
+    [(b"\xff\xfe\x00", "is not CSV text"), (None, "No such file or directory")],
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path, content, message):
     file = tmp_path / "p.csv"

@@ -104,7 +104,7 @@ def test_problems_of_points_name_the_csv_file(tmp_path):
             "jerk_time_s",
             "greater than 0.000000001 (given: -1",
         ),
-        (("period_s: 3.5", "period_s: 0.5"), 8, "period_s", "at least 0.838094 is needed"),
+        (("period_s: 3.5", "period_s: 0.5"), 8, "period_s", "at least 0.838094 s"),
         (("cycles: 12", "cycles: 0"), 9, "cycles", "greater than or equal to 1"),
         (("cycles: 12", "cycles: 5000"), 9, "cycles", "more than the 65000 segments"),
         (("cycles: 12", "cycle: 12"), 9, "cycle", "unknown key; known: axis, kind, start_m"),
@@ -117,9 +117,9 @@ def test_problems_of_points_name_the_csv_file(tmp_path):
         ),
         (("kind: back_and_forth\n", ""), 1, "kind", "this key is missing; it is one of: point"),
         (("axis: x", "axis: z"), 2, "axis", "unknown axis 'z'; known: x, y"),
-        (("cycles: 12", "name: me"), 9, "name", "unknown key; a program is called"),
+        (("cycles: 12", "name: me"), 9, "name", "unknown key: the name of a program"),
         (("cycles: 12", "axis: y"), 9, "axis", "this key is there already"),
-        (("cycles: 12", "- 12"), 9, "", "is no YAML"),
+        (("cycles: 12", "- 12"), 9, "", "is not valid YAML"),
     ],
 )
 def test_a_wrong_program_is_told_with_line_and_key(tmp_path, change, line, key, message):
@@ -148,7 +148,7 @@ def test_a_missing_or_binary_file_is_told(tmp_path):
     with pytest.raises(ConfigError, match="No such file"):
         load_program_file(tmp_path / "motion.yaml", AXES)
     (tmp_path / "motion.yaml").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match="is no text"):
+    with pytest.raises(ConfigError, match="is not text in UTF-8"):
         load_program_file(tmp_path / "motion.yaml", AXES)
 
 
