@@ -39,7 +39,7 @@ class Column:
 
 
 def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
-    """Give the columns of a log of `axes`, in the order in which they stand in the file."""
+    """Return the columns of a log of `axes`, in the order in which they stand in the file."""
     columns = [Column(name, TICK_SAMPLE[name], name, None) for name in TICK_SIGNALS]
     record = axis_sample(1)
     for j, axis in enumerate(axes):
@@ -55,7 +55,7 @@ def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
 
 
 def log_schema(axes: Sequence[LogAxis], metadata: bytes) -> pa.Schema:
-    """Give the Arrow schema of a log; `metadata` is the JSON document under the key `motorctl`."""
+    """Return the Arrow schema of a log; `metadata` is the JSON document under the key motorctl."""
     fields = [
         pa.field(column.name, pa.from_numpy_dtype(column.dtype), nullable=False)
         for column in log_columns(axes)

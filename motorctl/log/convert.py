@@ -31,7 +31,7 @@ class Converted:
 
 
 def load_metadata(schema: pa.Schema) -> dict[str, Any]:
-    """Give the JSON document that stands in a schema's metadata; empty where there is none."""
+    """Return the JSON document that stands in a schema's metadata; empty where there is none."""
     try:
         document = json.loads((schema.metadata or {}).get(METADATA_KEY, b"{}"))
     except ValueError:
@@ -40,11 +40,25 @@ def load_metadata(schema: pa.Schema) -> dict[str, Any]:
 
 
 def convert(partial: Path, target: Path, extra: Mapping[str, Any]) -> Converted:
-    """Write what is whole in a partial file as a log; `extra` joins the opening metadata.
+    """Write what is whole in a partial file as a log.
 
     The log appears under its name complete or not at all; the partial file is left alone.
-    Raises DataError where the partial file cannot be read, OSError where the log cannot be
-    written.
+
+    Parameters
+    ----------
+    partial
+        The partial file.
+    target
+        Name of the log.
+    extra
+        Joins the metadata with which the recording began.
+
+    Raises
+    ------
+    DataError
+        Where the partial file cannot be read.
+    OSError
+        Where the log cannot be written.
     """
     timing, given_up_bytes = _scan(partial)
     source = PartialFile(partial)

@@ -176,13 +176,13 @@ class Segments(_Part):
     def _are_apart(self) -> Segments:
         for begin, end in self.given.values():
             if not begin < end:
-                raise ValueError(f"[{begin:g}, {end:g}] ends before it begins")
+                raise ValueError(f"[{begin:g}, {end:g}] s: the end must come after the begin")
         if (
             self.fit
             and self.held_out
             and max(self.fit[0], self.held_out[0]) < min(self.fit[1], self.held_out[1])
         ):
-            raise ValueError("fit and held_out overlap: then nothing is held out")
+            raise ValueError("fit and held_out overlap; they must be separate")
         return self
 
     @property
@@ -217,7 +217,9 @@ def read_description(path: Path) -> Description:
     """Read a description. Raises DataError with all problems, each with file, line and key."""
     data, lines = _read_yaml(path)
     if not isinstance(data, dict):
-        raise DataError(f"{path}:1: should be a mapping with the keys file, axes and so on")
+        raise DataError(
+            f"{path}:1: must be a mapping with the keys file, axes and sample_rate_hz or time"
+        )
     try:
         return Description.model_validate(data)
     except ValidationError as error:
@@ -243,7 +245,7 @@ def _read_yaml(path: Path) -> tuple[Any, dict[KeyPath, int]]:
         with path.open("rb") as file:
             text = file.read(_MOST_BYTES + 1).decode("utf-8-sig")
         if len(text) > _MOST_BYTES:
-            raise DataError(f"{path}: more than {_MOST_BYTES} bytes: not a description")
+            raise DataError(f"{path}: longer than {_MOST_BYTES} bytes, the limit of a description")
         node = yaml.compose(text, Loader=yaml.SafeLoader)
         lines: dict[KeyPath, int] = {(): 1}
         return (None if node is None else _plain(path, node, (), lines)), lines
@@ -260,10 +262,10 @@ def _read_yaml(path: Path) -> tuple[Any, dict[KeyPath, int]]:
 
 
 def _plain(path: Path, node: yaml.Node, key: KeyPath, lines: dict[KeyPath, int]) -> Any:
-    """Give a node as mappings, lists and text: what the text means is the model's business."""
+    """Return a node as mappings, lists and text: what the text means is the model's business."""
     lines.setdefault(key, node.start_mark.line + 1)
     if len(lines) > _MOST_NODES:
-        raise DataError(f"{path}: more than {_MOST_NODES} values: not a description")
+        raise DataError(f"{path}: more than {_MOST_NODES} values, the limit of a description")
     if isinstance(node, yaml.MappingNode):
         found: dict[str, Any] = {}
         for name, value in node.value:

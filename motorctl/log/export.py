@@ -28,19 +28,43 @@ _BATCH_ROWS = 1 << 14
 
 
 def export(path: Path, to: Format, out: Path | None, progress: Progress) -> Path:
-    """Write a log as CSV, MAT (version 5) or plain Parquet and give the new file's path.
+    """Write a log as CSV, MAT (version 5) or plain Parquet.
 
     CSV and Parquet take constant memory. The Parquet is compressed with snappy and has plain
     encodings: what other programs read everywhere. In MAT an axis is a struct with the signals
-    as fields. `out` is by default the log's name with the format's suffix. Raises DataError
-    where the log cannot be read, UsageError where the new file cannot be written.
+    as fields.
+
+    Parameters
+    ----------
+    path
+        The log.
+    to
+        The format.
+    out
+        The new file; None: the log's name with the format's suffix.
+    progress
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Path
+        The new file.
+
+    Raises
+    ------
+    DataError
+        Where the log cannot be read.
+    UsageError
+        Where the new file cannot be written.
     """
     table = open_table(path)
     if not isinstance(table, ParquetTable):
         raise DataError(f"{path}: is a {table.kind} file; only logs (Parquet) are exported")
     target = out or _default(path, to)
     if target.exists() and target.samefile(path):
-        raise UsageError(f"{target}: the export would overwrite the log; give another --out")
+        raise UsageError(
+            f"{target}: the export would overwrite the log; name another file with --out"
+        )
     draft = target.with_name(target.name + ".tmp")
     try:
         with pq.ParquetFile(path) as log:

@@ -69,8 +69,9 @@ def describe(path: Path) -> LogInfo:
         source = PartialFile(path)
         try:
             scan = _scan(source.batches(), source.schema.names, _statuses(source.schema))
-            notes = ["not finished; to make it a log: motorctl log recover"]
-            notes += [f"{source.given_up_bytes} bytes of it are torn"] if source.torn else []
+            notes = ["not finished; `motorctl log recover` makes it a log"]
+            if source.torn:
+                notes.append(f"{source.given_up_bytes} bytes are damaged and were left out")
             return _of_log(path, source.schema, scan, finished=False, notes=notes)
         finally:
             source.close()
@@ -92,7 +93,7 @@ class _Scan:
 
 
 def _statuses(schema: pa.Schema) -> dict[int, str]:
-    """Give the names of the bits of `device_status`; none where a log has no such column."""
+    """Return the names of the bits of `device_status`; none where a log has no such column."""
     names = load_metadata(schema).get("device_statuses")
     if not (isinstance(names, dict) and any(n.endswith(_DEVICE) for n in schema.names)):
         return {}
@@ -153,14 +154,14 @@ class _Device:
         self._before = before  # in the ticks without a sample that the last batch ended with
 
     def told_until(self, row: int) -> int:
-        """Give all bits of a row, and of those without a sample right before it."""
+        """Return all bits of a row, and of those without a sample right before it."""
         sampled = np.flatnonzero(~self._held[:row])
         first = sampled[-1] + 1 if len(sampled) else 0
         word = int(np.bitwise_or.reduce(self._words[first : row + 1]))
         return word if len(sampled) else word | self._before
 
     def left_over(self) -> int:
-        """Give the bits of the rows without a sample at the end."""
+        """Return the bits of the rows without a sample at the end."""
         last = len(self._held) - 1
         return self.told_until(last) if self._held[last] else 0
 

@@ -90,7 +90,7 @@ def _has_its_parts(parts: _Parts, order: str, array_class: int, is_complex: bool
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Give type and content of each data element in `data`."""
+    """Return type and content of each data element in `data`."""
     at = 0
     while at < len(data):
         if len(data) - at < 8:

@@ -29,7 +29,7 @@ def open_table(path: Path) -> Table:
     head = _head(path)
     if _begins_unfinished(path, head):
         raise DataError(
-            f"{path}: a recording that was not finished; first: motorctl log recover {path}"
+            f"{path}: a recording that was not finished; run `motorctl log recover {path}` first"
         )
     if head.startswith(b"PAR1"):
         return ParquetTable(path)
@@ -67,7 +67,7 @@ def _head(path: Path) -> bytes:
     except FileNotFoundError as error:
         hint = ""
         if (beside := path.with_name(path.name + SUFFIX)).exists():
-            hint = f"; an unfinished recording is there: motorctl log recover {beside}"
+            hint = f"; there is an unfinished recording: `motorctl log recover {beside}`"
         raise DataError(f"{path}: no such file{hint}") from error
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be read: {error}") from error

@@ -24,7 +24,7 @@ _DAMAGE = (pa.ArrowException, OSError, ValueError, MemoryError)
 
 
 def checksum(columns: Iterable[NDArray[np.generic]]) -> int:
-    """Give the CRC-32 over the bytes of contiguous columns, one after the other."""
+    """Return the CRC-32 over the bytes of contiguous columns, one after the other."""
     crc = 0
     for column in columns:
         crc = zlib.crc32(column.view(np.uint8).data, crc)
@@ -32,12 +32,12 @@ def checksum(columns: Iterable[NDArray[np.generic]]) -> int:
 
 
 def encode_head(schema: pa.Schema) -> bytes:
-    """Give the bytes with which the stream begins."""
+    """Return the bytes with which the stream begins."""
     return schema.serialize().to_pybytes()
 
 
 def encode_batch(schema: pa.Schema, columns: list[NDArray[np.generic]]) -> memoryview:
-    """Give the bytes of one batch: equally long contiguous columns in the schema's order."""
+    """Return the bytes of one batch: equally long contiguous columns in the schema's order."""
     arrays = [pa.array(column) for column in columns]
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, schema) as writer:
@@ -61,7 +61,7 @@ class PartialFile:
         try:
             self._size = path.stat().st_size
             if self._size == 0:
-                raise DataError(f"{path}: is empty: recording had not begun")
+                raise DataError(f"{path}: the file is empty: nothing was recorded")
             self._source = pa.memory_map(str(path))
             self._reader = pa.ipc.open_stream(self._source)
             self.schema: pa.Schema = self._reader.schema
@@ -79,7 +79,7 @@ class PartialFile:
         return self.given_up_bytes > 0
 
     def batches(self) -> Iterator[pa.RecordBatch]:
-        """Give the whole batches, oldest first, as far as the stream can be followed."""
+        """Yield the whole batches, oldest first, as far as the stream can be followed."""
         end = self._source.tell()
         while True:
             try:

@@ -33,10 +33,20 @@ _CODES = ("state", "fault", "flags")
 def read_recording(path: str | os.PathLike[str], *, gaps: Gaps = "fill") -> Recording:
     """Read a log, a CSV, Parquet or MAT file with a log's columns, or a YAML description.
 
-    Periods that a log skipped are filled in linearly where at most 10 follow each other, and of
-    a log with longer gaps the longest stretch without one is taken: `notes` tells. With `gaps`
-    "keep" every row stays as it was recorded and times are not uniform across gaps. Raises
-    DataError, with file, place and value, for whatever cannot be used.
+    Parameters
+    ----------
+    path
+        The file.
+    gaps
+        "fill": periods that a log skipped are filled in linearly where at most 10 follow each
+        other, and of a log with longer gaps the longest stretch without one is taken; `notes`
+        tells.
+        "keep": every row stays as it was recorded, and times are not uniform across gaps.
+
+    Raises
+    ------
+    DataError
+        With file, place and value, for whatever cannot be used.
     """
     file = Path(path)
     if file.suffix.lower() in (".yaml", ".yml"):
@@ -49,8 +59,8 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
     if "time_s" not in table.names or not axes:
         missing = "time_s" if "time_s" not in table.names else f"<axis>{_POSITION}"
         raise DataError(
-            f"{table.path}: no column '{missing}'. There are: {table.listing()}. Of a foreign "
-            "file, a YAML description says which column is what: give that file instead"
+            f"{table.path}: no column '{missing}'. There are: {table.listing()}. For a "
+            "foreign file, write a YAML description that names its columns, and pass that instead"
         )
     for axis in axes:
         table.require(axis + _COMMAND)

@@ -101,7 +101,7 @@ class Recording:
         return len(self.time_s) / self.sample_rate_hz
 
     def rows(self, part: Part) -> slice | None:
-        """Give the rows of a described segment; None where the description has none."""
+        """Return the rows of a described segment; None where the description has none."""
         if part not in self.segments:
             return None
         begin, end = self.segments[part]
@@ -110,6 +110,6 @@ class Recording:
 
 
 def read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """Protect an array against changes and give it back."""
+    """Protect an array against changes and return it."""
     values.flags.writeable = False
     return values

@@ -40,16 +40,26 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     """Make a log of everything that is whole in a partial file, then remove the partial file.
 
     A partial file with more damage than a torn end stays, whatever could be taken from it.
-    `path` names the partial file or the log that it should have become; `out` puts the log
-    elsewhere. Raises DataError where there is nothing to recover, where it is still being
-    recorded, or where another recording already stands in the log's place.
+
+    Parameters
+    ----------
+    path
+        The partial file, or the log that it should have become.
+    out
+        Where the log shall be; None: beside the partial file.
+
+    Raises
+    ------
+    DataError
+        Where there is nothing to recover, where it is still being recorded, or where another
+        recording already stands in the log's place.
     """
     partial = _partial_of(Path(path))
     target = Path(out or partial.with_name(partial.name.removesuffix(SUFFIX)))
     with _locked(partial):
         PartialFile(partial).close()  # tells first what is not a recording at all
         if target == partial:
-            raise DataError(f"{partial}: give the log a name of its own with --out")
+            raise DataError(f"{partial}: the log would overwrite it; name another file with --out")
         rows = _rows_if_finished(partial, target)
         if rows is not None:
             partial.unlink()
@@ -90,7 +100,7 @@ def _locked(partial: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise DataError(
-                    f"{partial}: is being recorded right now; stop that first"
+                    f"{partial}: a daemon is recording to it; stop the daemon first"
                 ) from error
         yield
     finally:
@@ -98,7 +108,7 @@ def _locked(partial: Path) -> Iterator[None]:
 
 
 def _rows_if_finished(partial: Path, target: Path) -> int | None:
-    """Give the rows of the log where it already holds this recording; None where there is none."""
+    """Return the number of rows of a log that already holds this recording; else None."""
     if not target.exists():
         return None
     source = PartialFile(partial)
@@ -112,11 +122,11 @@ def _rows_if_finished(partial: Path, target: Path) -> int | None:
         found, kept = head
         if kept >= rows and all(found.get(key) == value for key, value in opening.items()):
             return kept
-    raise DataError(f"{target}: another file is here; move it, or give --out")
+    raise DataError(f"{target}: another file is here; move it, or name another file with --out")
 
 
 def _log_head(path: Path) -> tuple[dict[str, Any], int] | None:
-    """Give metadata and number of rows of a complete Parquet file; None where it is not one."""
+    """Return metadata and number of rows of a complete Parquet file; None where it is not one."""
     try:
         with pq.ParquetFile(path) as log:
             return load_metadata(log.schema_arrow), log.metadata.num_rows

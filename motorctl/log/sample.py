@@ -79,7 +79,7 @@ TICK_SAMPLE = np.dtype(
 
 
 def axis_sample(parameters: int) -> np.dtype[np.void]:
-    """Give the record of one axis in one tick, for a theta of at most `parameters` entries."""
+    """Return the record of one axis in one tick, for a theta of at most `parameters` entries."""
     return np.dtype(
         [
             ("reference_m", "f8"),

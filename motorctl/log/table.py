@@ -31,7 +31,7 @@ class Table(ABC):
         self.metadata = dict(metadata or {})
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         if twice:
-            raise DataError(f"{path}: column '{twice[0]}' is there more than once")
+            raise DataError(f"{path}: there is more than one column '{twice[0]}'")
 
     @abstractmethod
     def _load(self, names: Sequence[str]) -> dict[str, Array]:

@@ -38,7 +38,7 @@ class MatTable(Table):
                 variables = loadmat(BytesIO(content))  # type: ignore[arg-type]
         except Exception as error:  # a damaged file makes the reader fail in any way
             cause = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise DataError(f"{path}: a damaged MAT file, or none at all: {cause}") from error
+            raise DataError(f"{path}: not a MAT file, or a damaged one: {cause}") from error
         metadata = _metadata(variables.pop(METADATA_VARIABLE, None))
         self._columns = {
             _dotted(name): values
@@ -53,7 +53,7 @@ class MatTable(Table):
 
 
 def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Give the numeric vectors in a variable; a struct has some in its fields."""
+    """Return the numeric vectors in a variable; a struct has some in its fields."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and value.size == 1:

@@ -80,12 +80,27 @@ def grid_of_time(
     nominal_rate_hz: float | None = None,
     gaps: Gaps = "fill",
 ) -> Grid:
-    """Make the grid of a file with a column of times [s].
+    """Make the grid of a file with a column of times.
 
-    Where the file counts `tick`, skipped periods are known and legitimate: with `gaps` "fill",
-    gaps up to MOST_TICKS_FILLED are filled and the longest stretch without a longer one is
-    taken; with "keep", the rows stay as they are and `time_s` is not uniform. Raises DataError
-    where times run backwards, repeat, or are not uniform.
+    Parameters
+    ----------
+    table
+        The file, for messages.
+    time_column, time_s
+        Name and values of the column; [s], shape (N,).
+    tick
+        The file's count of periods, shape (N,); None where it has none. With it, skipped periods
+        are known and legitimate.
+    nominal_rate_hz
+        The rate that the file tells of; None where it tells none.
+    gaps
+        "fill": gaps up to MOST_TICKS_FILLED are filled and the longest stretch without a longer one
+        is taken. "keep": rows stay as they are and `time_s` is not uniform.
+
+    Raises
+    ------
+    DataError
+        Where times run backwards, repeat, or are not uniform.
     """
     _require_rows(table, len(time_s))
     table.require_finite(time_column, time_s)
@@ -126,7 +141,7 @@ def _filled(table: Table, time_s: Array, ticks: Ticks, rate: float) -> Grid:
 
 def _require_rows(table: Table, rows: int) -> None:
     if rows < MINIMUM_ROWS:
-        raise DataError(f"{table.path}: {rows} rows are too few; at least {MINIMUM_ROWS}")
+        raise DataError(f"{table.path}: it has {rows} rows; at least {MINIMUM_ROWS} are needed")
 
 
 def _require_increasing(table: Table, name: str, values: NDArray[Any]) -> None:
@@ -145,7 +160,9 @@ def _counted(table: Table, tick: Array) -> Ticks:
     wrong = np.flatnonzero((tick != np.rint(tick)) | (np.abs(tick) > LARGEST_TICK))
     if wrong.size:
         k = int(wrong[0])
-        raise DataError(f"{table.path}: {table.row(k)}: column 'tick' is no count: {tick[k]:g}")
+        raise DataError(
+            f"{table.path}: {table.row(k)}: column 'tick' is {tick[k]:g}; must be a whole number"
+        )
     _require_increasing(table, "tick", tick)
     ticks = tick.astype(np.int64)
     return ticks - int(ticks[0])

@@ -35,7 +35,7 @@ class DurationSummary:
             self._worst, self._worst_at_s = float(duration_s[k]), float(time_s[k])
 
     def result(self) -> dict[str, float] | None:
-        """Give percentiles (to about 2 %), the maximum and its time; None without ticks."""
+        """Return percentiles (to about 2 %), the maximum and its time; None without ticks."""
         total = int(self._counts.sum())
         if total == 0:
             return None
@@ -70,7 +70,7 @@ class TimingSummary:
         self._turnaround.add(time_s, turnaround_s)
 
     def result(self) -> dict[str, Any]:
-        """Give the summary as it stands in a log's metadata under the key `timing`."""
+        """Return the summary as it stands in a log's metadata under the key `timing`."""
         spanned = self._last_tick - self._first_tick + 1
         return {
             "lateness": self._lateness.result(),

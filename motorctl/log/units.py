@@ -26,7 +26,7 @@ _OTHER_SPELLINGS = {"µm": "um", "μm": "um", "µs": "us", "μs": "us", "counts"
 
 
 def usual_spelling(unit: str) -> str:
-    """Give the spelling under which a unit is known here: ``Nm`` and ``N·m`` are ``N*m``."""
+    """Return the spelling under which a unit is known here: ``Nm`` and ``N·m`` are ``N*m``."""
     plain = unit.strip().replace("·", "*").replace("Nm", "N*m")
     return _OTHER_SPELLINGS.get(plain, plain)
 

@@ -49,12 +49,22 @@ class LogWriter:
         except (OSError, RunError) as error:
             os.close(self._file)
             self.partial.unlink()
-            raise UsageError(f"{self.path}: cannot be recorded to: {error}") from error
+            raise UsageError(f"{self.path}: the recording cannot be opened: {error}") from error
 
     def append(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
-        """Take copies of rows: TICK_SAMPLE of shape (N,), axis_sample of shape (N, axes).
+        """Take copies of rows.
 
-        Raises RunError where the disk refuses them; the rows are then lost and counted.
+        Parameters
+        ----------
+        ticks
+            Of TICK_SAMPLE, shape (N,).
+        samples
+            Of axis_sample, shape (N, axes).
+
+        Raises
+        ------
+        RunError
+            Where the disk refuses them; the rows are then lost and counted.
         """
         done = 0
         while done < len(ticks):
@@ -74,7 +84,7 @@ class LogWriter:
             raise RunError(f"{self.partial}: cannot be written: {error.strerror}") from error
 
     def close(self, extra: Mapping[str, Any] | None = None) -> Path:
-        """Finish the log and give its path; `extra` joins the metadata.
+        """Finish the log and return its path; `extra` joins the metadata.
 
         Raises RunError where that fails; the partial file then stays, for `motorctl log recover`.
         """
@@ -138,7 +148,9 @@ class LogWriter:
                 hint = f"motorctl log recover {self.partial}, or remove it"
                 message = f"{self.partial}: an unfinished recording is here: {hint}"
                 raise UsageError(message) from error
-            raise UsageError(f"{self.path}: cannot be recorded to: {error.strerror}") from error
+            raise UsageError(
+                f"{self.path}: the recording cannot be opened: {error.strerror}"
+            ) from error
         with suppress(OSError):  # some file systems know no locks
             fcntl.flock(handle, fcntl.LOCK_EX)  # `recover` keeps away from what is being recorded
         return handle

@@ -67,7 +67,7 @@ def test_info_of_an_unfinished_recording_says_what_to_do(invoke, crashed):
     assert "100 rows" in shown
     assert "not finished" in shown
     crashed.write_bytes(crashed.read_bytes()[:-10])
-    assert "torn" in invoke("info", crashed).stdout
+    assert "damaged" in invoke("info", crashed).stdout
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.mat", "a.parquet"])

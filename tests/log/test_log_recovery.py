@@ -152,7 +152,7 @@ def test_what_is_being_recorded_is_left_alone(tmp_path):
     writer = LogWriter(tmp_path / "run.parquet", {}, AXES)
     writer.append(*make_rows(30))
     writer.flush()
-    with pytest.raises(DataError, match="being recorded right now"):
+    with pytest.raises(DataError, match="is recording to it"):
         recover(writer.partial)
     assert len(read_recording(writer.close({})).time_s) == 30
 

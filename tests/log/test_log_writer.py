@@ -126,7 +126,7 @@ def test_an_unfinished_recording_is_never_overwritten(tmp_path):
 
 def test_a_place_that_cannot_be_written_is_told_at_once(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="cannot be recorded to"):
+    with pytest.raises(UsageError, match="the recording cannot be opened"):
         LogWriter(tmp_path / "file" / "run.parquet", {}, AXES)
 
 

@@ -168,7 +168,7 @@ def test_csv_and_parquet_can_be_described_too(tmp_path):
         ("time:", "sample_rate_hz: 5\ntime:", r"needs either sample_rate_hz or time"),
         ("time: {column: t, unit: ms}", "sample_rate_hz: -5", r"yaml:2: sample_rate_hz: .*'-5'"),
         ("0.06, 0.1]", "0.05, 0.1]", r"yaml:9: segments: fit and held_out overlap"),
-        ("[0.06, 0.1]", "[0.1, 0.06]", r"\[0\.1, 0\.06\] ends before it begins"),
+        ("[0.06, 0.1]", "[0.1, 0.06]", r"\[0\.1, 0\.06\] s: the end"),
         ("0.06, 0.1]", "0.06, 9]", r"segments\.held_out: .* lasts from 0 to 0\.1 s"),
         ("data.mat", "none.mat", r"none\.mat: no such file"),
         ("data.mat", "run.yaml", r"should be a CSV, Parquet or MAT file"),

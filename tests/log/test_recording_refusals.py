@@ -24,12 +24,12 @@ from motorctl.log import LogWriter, read_recording
         ("a.csv", b"", "the file is empty"),
         ("a.csv", b"PAR\0\1\2", "neither Parquet, MAT nor CSV"),
         ("a.csv", b"time_s,\xff\xfe\xfd\n1,2\n", "not a text file in UTF-8"),
-        ("a.csv", b"time_s,x.position_m,x.command_v\n", "0 rows are too few"),
+        ("a.csv", b"time_s,x.position_m,x.command_v\n", "0 rows; at least 16"),
         ("a.csv", b"# only remarks\n", "no header line"),
         ("a.csv", b"0.1,0.2\n0.2,0.3\n", "line 1: numbers where the names"),
         ("a.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "save it with -v7 instead"),
         ("a.mat", b"\x89HDF\r\n\x1a\n", "save it with -v7 instead"),
-        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(300), "a damaged MAT file"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(300), "not a MAT file, or a damaged one"),
     ],
 )
 def test_a_file_that_is_no_recording_is_told_by_what_it_is(tmp_path, name, content, message):
@@ -124,7 +124,7 @@ def test_a_damaged_line_of_a_csv_file_is_told_by_its_number(tmp_path, line, mess
 def test_a_column_name_that_stands_twice_is_refused(tmp_path):
     path = write_table(tmp_path / "a.csv", columns())
     path.write_text(path.read_text().replace("slide.command_v", "slide.position_m", 1))
-    with pytest.raises(DataError, match=r"'slide\.position_m' is there more than once"):
+    with pytest.raises(DataError, match=r"more than one column 'slide\.position_m'"):
         read_recording(path)
 
 
