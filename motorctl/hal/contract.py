@@ -136,7 +136,7 @@ class RateBudget:
 
 
 def serial_line(port: str) -> str:
-    """Give the `Driver.medium` of a serial port, whatever link it is named by."""
+    """Return the `Driver.medium` of a serial port, whatever link it is named by."""
     return f"serial port {os.path.realpath(port)}"
 
 

@@ -30,9 +30,17 @@ def installed_drivers() -> list[DriverEntry]:
 
 
 def driver_class(type_name: str) -> type[Driver]:
-    """Give the class that a configuration's ``type`` names.
+    """Return the class that a configuration's ``type`` names.
 
-    Raises UsageError, naming what is installed, where there is no such driver or it fails to load.
+    Parameters
+    ----------
+    type_name
+        A name of the entry-point group ``motorctl.drivers``, or ``package.module:Class``.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such driver or it fails to load; it names what is installed.
     """
     if ":" in type_name:
         return _import(type_name, type_name, "")

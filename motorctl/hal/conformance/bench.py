@@ -140,13 +140,13 @@ class Bench:
         )
 
     def random_counts(self) -> NDArray[np.int64]:
-        """Give a count for each channel from the middle half of its range, none the same."""
+        """Return a count for each channel from the middle half of its range, none the same."""
         halves = [2 ** (channel.counter_bits - 2) for channel in self.rig.channels]
         counts = [int(self.random.integers(1, half)) for half in halves]
         return np.array([count ^ (i + 1) for i, count in enumerate(counts)], np.int64)
 
     def volts(self, share: float = 1.0) -> NDArray[np.float64]:
-        """Give volts for each channel within a share of its limit, both signs, none the same."""
+        """Return volts for each channel within a share of its limit, both signs, none the same."""
         limits = np.array([channel.max_voltage_v for channel in self.rig.channels])
         parts = (np.arange(self.size) + 1.0) / self.size * np.where(np.arange(self.size) % 2, -1, 1)
         return np.asarray(limits * parts * share)

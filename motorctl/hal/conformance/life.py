@@ -147,7 +147,7 @@ def _let_go(bench: Bench) -> None:
 
 
 def _virtual_run(rig: Rig, pause_s: float) -> NDArray[np.int64]:
-    """Give counts and status of a run with random volts, a row a period."""
+    """Return counts and status of a run with random volts, a row a period."""
     bench = Bench(rig)
     bench.driver.start_virtual_time()
     bench.driver.open()

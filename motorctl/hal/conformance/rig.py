@@ -82,7 +82,7 @@ class Rig:
         """Release everything, whatever happened before. Called at the end of each test."""
 
     def directory_context(self) -> Mapping[str, Any]:
-        """Give the context that options are validated in: where files that they name are."""
+        """Return the context that options are validated in: where files that they name are."""
         return {}
 
     def make_driver(self) -> Driver:

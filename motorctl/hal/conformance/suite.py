@@ -12,7 +12,7 @@ from motorctl.hal.conformance.values import ValueChecks
 
 
 class DriverConformance(DeclarationChecks, ValueChecks, FaultChecks, LifeChecks):
-    """Inherit it, and give the fixture `rig`."""
+    """Inherit it, and define the fixture `rig`."""
 
     @pytest.fixture
     def rig(self) -> Rig:

@@ -27,7 +27,7 @@ class OpenedRig(NamedRig):
 
 
 def rig_maker(config: pytest.Config) -> Callable[[], Rig]:
-    """Give what makes the rig that the options ask for.
+    """Return what makes the rig that the options ask for.
 
     Raises pytest.UsageError where they are wrong; `conftest.py` asks once, before the first check.
     """
@@ -94,7 +94,7 @@ class TestDriver(DriverConformance):
 
     @pytest.fixture
     def rig(self, request: pytest.FixtureRequest) -> Iterator[Rig]:
-        """Give the rig that the command line names."""
+        """Return the rig that the command line names."""
         config = request.config
         with rig_maker(config)() as rig:
             rig.exchanges = config.getoption("driver_exchanges") or rig.exchanges

@@ -138,7 +138,7 @@ class ValueChecks:
 
 
 def _give_slices(bench: Bench) -> list[NDArray[np.int64] | NDArray[np.uint32]]:
-    """Replace the bench's arrays by slices of larger ones; give the larger ones."""
+    """Replace the bench's arrays by slices of larger ones; return the larger ones."""
     size, total = bench.size, bench.size + 2 * CANARIES
     own = slice(CANARIES, CANARIES + size)
     counts = np.full(total, 0x5A5A5A5A5A5A, np.int64)
