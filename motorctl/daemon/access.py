@@ -91,7 +91,8 @@ class ControlSocket:
             self.path.unlink()
             group = grp.getgrgid(self.group_id).gr_name
             raise UsageError(
-                f"control socket {self.path}: cannot give it to group '{group}': {error.strerror}"
+                f"control socket {self.path}: its group cannot be set to '{group}': "
+                f"{error.strerror}"
             ) from error
         bound.setblocking(False)
         return bound
@@ -124,7 +125,10 @@ def _take_lock(path: Path) -> int:
     except BlockingIOError:
         owner = os.read(lock, 32).decode(errors="replace").strip()
         os.close(lock)
-        raise UsageError(f"a daemon already answers on {path} (process {owner or '?'})") from None
+        raise UsageError(
+            f"a daemon already serves {path} (process {owner or '?'}); stop it or choose another "
+            "--socket"
+        ) from None
     os.ftruncate(lock, 0)
     os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
     return lock
@@ -136,14 +140,17 @@ def _remove_stale(path: Path) -> None:
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(mode):
-        raise UsageError(f"control socket {path}: a file stands there that is not a socket")
+        raise UsageError(
+            f"control socket {path}: a file that is no socket is there; remove it or choose "
+            "another --socket"
+        )
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         try:
             probe.connect(str(path))
         except OSError:
             path.unlink(missing_ok=True)
             return
-    raise UsageError(f"a daemon already answers on {path}")
+    raise UsageError(f"a daemon already serves {path}; stop it or choose another --socket")
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:

@@ -67,7 +67,27 @@ class Client:
         self._socket.close()
 
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Send one request and give its answer, without `id` and `ok`."""
+        """Send one request and wait for its answer.
+
+        Parameters
+        ----------
+        do
+            Name of the command.
+        **arguments
+            Keys of the request; None leaves one out.
+
+        Returns
+        -------
+        dict
+            The answer without `id` and `ok`.
+
+        Raises
+        ------
+        RunError
+            Where the daemon does not answer within ANSWER_TIMEOUT_S or closes the connection.
+        DaemonRefusedError
+            Where the daemon refuses the request.
+        """
         self._count += 1
         given = {key: value for key, value in arguments.items() if value is not None}
         line = json.dumps({"id": self._count, "do": do, **given}) + "\n"
@@ -80,19 +100,26 @@ class Client:
             message = f"the daemon on {self.path} did not answer within {ANSWER_TIMEOUT_S:g} s"
             raise RunError(message) from None
         except OSError as error:
-            raise RunError(f"the daemon on {self.path} hung up: {error.strerror}") from error
+            message = f"the daemon on {self.path} closed the connection: {error.strerror}"
+            raise RunError(message) from error
         if not reply:
-            raise RunError(f"the daemon on {self.path} hung up without an answer")
+            raise RunError(f"the daemon on {self.path} closed the connection without an answer")
         return _content(json.loads(reply))
 
     def ask_when_ready(
         self, do: str, on_wait: Callable[[], None], **arguments: Any
     ) -> dict[str, Any]:
-        """Send one request, again and again while it is too early for it; give its answer.
+        """Send one request, again and again while it is too early for it.
 
-        Too early: the loop is not ready yet, or the axis still moves. `on_wait` is called once
-        where that takes time. When the patience for the reason is over (PATIENCE_S) the refusal is
-        raised as it came.
+        Too early: the loop is not ready yet, or the axis still moves. When the patience for the
+        reason is over (PATIENCE_S), the refusal is raised as it came.
+
+        Parameters
+        ----------
+        do, **arguments
+            As of `ask`.
+        on_wait
+            Called once where the request has to wait.
         """
         began = time.monotonic()
         waits = False
@@ -108,16 +135,28 @@ class Client:
             time.sleep(READY_POLL_S)
 
     def axis(self, axis: str) -> dict[str, Any]:
-        """Give the status of one axis."""
+        """Return the status of one axis."""
         status: dict[str, Any] = self.ask("status", axis=axis)["axes"][axis]
         return status
 
     def wait_for(
         self, axis: str, reached: Callable[[dict[str, Any]], bool], timeout_s: float | None
     ) -> dict[str, Any]:
-        """Ask until the axis' status satisfies `reached`; give that status.
+        """Ask until the status of an axis satisfies a condition; return that status.
 
-        Raises RunError where the axis falls into a fault meanwhile, or after `timeout_s`.
+        Parameters
+        ----------
+        axis
+            Name of the axis.
+        reached
+            The condition, on the axis' part of the status document.
+        timeout_s
+            How long to wait [s]; None: for ever.
+
+        Raises
+        ------
+        RunError
+            Where the axis falls into a fault meanwhile, or the time is over.
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while not reached(status := self.axis(axis)):

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from motorctl.config.machine import Axis, Machine
-from motorctl.daemon.faults import device_message
 from motorctl.daemon.program_transfer import unpacked
 from motorctl.daemon.protocol import (
     AxisCommand,
@@ -29,7 +28,9 @@ from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
+from motorctl.loop.faults import device_message
 from motorctl.loop.plan import plan_move, plan_program
+from motorctl.loop.records import STANDSTILL_RATIO
 from motorctl.motion import Program, Trajectory
 
 REPLY_TIMEOUT_S = 1.0
@@ -47,6 +48,11 @@ IN_WORDS = {
     AxisState.FAULT: ("in fault", "reset"),
 }
 """How an axis' state is called in a sentence, and which commands it allows."""
+_WHY = {
+    Reply.NOT_AT_START: "the axis no longer stands where the motion was planned to begin",
+    Reply.LATE: f"the loop took the order after its first tick, {START_MARGIN_S * 1e3:g} ms ahead",
+}
+"""Refusals that come of time that passed while a motion was planned."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,23 @@ class Commander:
         return list(self._history)
 
     async def handle(self, request: Request) -> dict[str, Any]:
-        """Carry out a request and give what its answer says; raises RefusedError."""
+        """Carry out a request.
+
+        Parameters
+        ----------
+        request
+            As `motorctl.daemon.protocol.parse_request` returns it.
+
+        Returns
+        -------
+        dict
+            The answer's content, without `id` and `ok`.
+
+        Raises
+        ------
+        RefusedError
+            Where the request cannot be carried out, with the reason.
+        """
         if isinstance(request, StatusCommand):
             return self._status(request.axis)
         if isinstance(request, EmergencyStopCommand):
@@ -94,7 +116,8 @@ class Commander:
         if request.axis not in self._names:
             raise self._unknown(request.axis)
         if self._report.stopping:
-            raise RefusedError(Code.STOPPING, "the daemon is stopping")
+            message = "the daemon is stopping; it takes no command but estop"
+            raise RefusedError(Code.STOPPING, message)
         self._must_tick()
         self._waiting.pop(request.axis, None)
         match request:
@@ -131,11 +154,7 @@ class Commander:
         own = None if hold else axis.program
         program = self._machine.programs[own] if own else None
         if program is not None and not self._homed(axis.name):
-            raise RefusedError(
-                Code.NOT_HOMED,
-                f"axis {axis.name} is not homed: home it before it can follow program "
-                f"'{program.name}'",
-            )
+            raise self._not_homed(axis.name)
         if self._state(axis.name) is not AxisState.IDLE:
             await self._order(Verb.START, axis.name)
             await self._until_idle(axis.name)
@@ -261,7 +280,10 @@ class Commander:
         deadline = time.monotonic() + REPLY_TIMEOUT_S
         while (reply := self._memory.reply(number)) is None:
             if time.monotonic() > deadline:
-                message = f"the loop did not answer within {REPLY_TIMEOUT_S:g} s"
+                message = (
+                    f"the loop did not answer within {REPLY_TIMEOUT_S:g} s; `motorctl status` "
+                    "tells whether it ticks"
+                )
                 raise RefusedError(Code.LOOP_SILENT, message)
             await asyncio.sleep(POLL_S)
         return reply
@@ -272,7 +294,7 @@ class Commander:
             message = "the loop process has ended: the daemon is stopping"
             raise RefusedError(Code.STOPPING, message)
         if phase is not Phase.RUNNING:
-            message = f"the loop process is {phase.name.lower()}; try again"
+            message = f"the loop process is {phase.name.lower()}; try again in some seconds"
             raise RefusedError(Code.NOT_READY, message)
 
     def _must_stand(self, command: str, name: str) -> None:
@@ -280,7 +302,7 @@ class Commander:
         if state is not AxisState.IDLE:
             raise self._wrong_state(command, name, state)
         if not self._homed(name):
-            raise RefusedError(Code.NOT_HOMED, f"axis {name} is not homed: home it first")
+            raise self._not_homed(name)
 
     def _refusal(self, verb: Verb, name: str, reply: Reply) -> RefusedError:
         command = verb.name.lower()
@@ -288,22 +310,29 @@ class Commander:
             case Reply.WRONG_STATE:
                 return self._wrong_state(command, name, self._state(name))
             case Reply.NOT_HOMED:
-                return RefusedError(Code.NOT_HOMED, f"axis {name} is not homed: home it first")
+                return self._not_homed(name)
             case Reply.STILL_FAULTY:
-                message = f"axis {name}: {command}: the device still reports a fault"
+                message = f"axis {name}: {command} refused: the device still reports a fault"
                 word = int(self._memory.axis_status["device_status"][self._names.index(name)])
                 if told := device_message(word):
                     message += f": {told}"
                 return RefusedError(Code.STILL_FAULTY, message)
             case Reply.STILL_MOVING:
-                message = f"axis {name} still moves: {command} is not possible until it stands"
+                message = (
+                    f"axis {name} still moves: {command} is possible once it stands below "
+                    f"{STANDSTILL_RATIO:.0%} of its top speed"
+                )
                 return RefusedError(Code.STILL_MOVING, message)
             case Reply.NO_HOMING:
                 message = f"axis {name} has an absolute encoder: there is nothing to home"
                 return RefusedError(Code.NO_HOMING, message)
             case _:
-                reason = reply.name.lower().replace("_", " ")
-                return RefusedError(Code.INTERNAL, f"axis {name}: {command}: {reason}; try again")
+                message = f"axis {name}: {command}: {_WHY[reply]}; try again"
+                return RefusedError(Code.INTERNAL, message)
+
+    def _not_homed(self, name: str) -> RefusedError:
+        message = f"axis {name} is not homed: `motorctl home {name}` first"
+        return RefusedError(Code.NOT_HOMED, message)
 
     def _wrong_state(self, command: str, name: str, state: AxisState) -> RefusedError:
         words, possible = IN_WORDS[state]

@@ -26,6 +26,7 @@ class Journal:
     """Tells changes once: of the axes' states, and of the recording."""
 
     def __init__(self, machine: Machine, memory: LoopMemory) -> None:
+        self._machine = machine
         self._memory = memory
         self._states = dict.fromkeys(machine.axes, AxisState.OFF)
         self._failure: str | None = None
@@ -38,7 +39,7 @@ class Journal:
             state = AxisState(int(status["state"]))
             if state is not before:
                 self._states[name] = state
-                fault = fault_of(status)
+                fault = fault_of(name, status, self._machine.period_of(name))
                 reason = f": {fault['message']}" if fault else ""
                 level = logging.ERROR if fault else logging.INFO
                 _log.log(level, "axis %s: %s%s", name, state.name.lower(), reason)
@@ -47,4 +48,4 @@ class Journal:
             if self._failure:
                 _log.error("recording: %s", self._failure)
             else:
-                _log.warning("recording goes on; %d rows were lost", recorder.rows_lost)
+                _log.warning("recording resumed; %d rows were lost", recorder.rows_lost)

@@ -34,15 +34,21 @@ class _LearnedFile(BaseModel):
 
 
 def keeps_learned(machine: Machine) -> list[Axis]:
-    """Give the axes whose estimates are kept."""
+    """Return the axes whose estimates are kept."""
     return [a for a in machine.axes.values() if a.adaptation.enabled and a.adaptation.keep_learned]
 
 
 def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[str]]:
-    """Read the estimates that an earlier run ended with: theta by axis, and remarks.
+    """Read the estimates that an earlier run ended with.
 
-    Whatever of the file is damaged, foreign or outside the configured bounds is left alone,
-    with a remark that says why.
+    Whatever of the file is damaged, foreign or outside the configured bounds is left alone.
+
+    Returns
+    -------
+    learned
+        theta (n,) by axis, of those axes whose estimates can be used.
+    remarks
+        A sentence for each axis or file: what was taken, or why not.
     """
     keepers = keeps_learned(machine)
     if not keepers or not path.exists():
@@ -50,29 +56,45 @@ def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[
     try:
         file = _LearnedFile.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
-        return {}, [f"{path}: what was learned is not taken up: {_short(error)}"]
+        return {}, [f"{path}: learned parameters ignored: {_short(error)}"]
     if file.format != _FORMAT or file.machine != machine.name:
-        foreign = f"it is of format '{file.format}', machine '{file.machine}'"
-        return {}, [f"{path}: what was learned is not taken up: {foreign}"]
+        foreign = (
+            f"the file is for machine '{file.machine}', format '{file.format}'; this is "
+            f"'{machine.name}', '{_FORMAT}'"
+        )
+        return {}, [f"{path}: learned parameters ignored: {foreign}"]
     learned, remarks = {}, []
     for axis in keepers:
         if axis.name not in file.axes:
             continue
         kept = file.axes[axis.name]
         if problem := _problem(axis, kept):
-            message = f"{path}: axis {axis.name}: what was learned is not taken up: {problem}"
+            message = f"{path}: axis {axis.name}: learned parameters ignored: {problem}"
             remarks.append(message)
             continue
         learned[axis.name] = [kept.parameters[name] for name in axis.model.parameter_names]
-        remarks.append(f"axis {axis.name}: goes on from what was learned until {file.saved}")
+        remarks.append(f"axis {axis.name}: starts from the parameters learned until {file.saved}")
     return learned, remarks
 
 
 def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
     """Write the estimates of the axes that keep them: the old file or the new one, never a part.
 
-    `theta`: an array (n,) or longer for each axis. Raises OSError, and
-    ValueError where a number is not finite.
+    Parameters
+    ----------
+    machine
+        Whose axes they are.
+    theta
+        An array (n,) or longer for each axis.
+    path
+        The file.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written.
+    ValueError
+        Where a number is not finite.
     """
     learned = _LearnedFile(
         format=_FORMAT,
@@ -104,7 +126,7 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
 def _problem(axis: Axis, kept: _LearnedAxis) -> str | None:
     names = axis.model.parameter_names
     if kept.controller != axis.controller or set(kept.parameters) != set(names):
-        return "it belongs to another model"
+        return "they belong to another model (controller or effects)"
     for name, estimate in zip(names, axis.estimates, strict=True):
         value = kept.parameters[name]
         if not estimate.lower <= value <= estimate.upper:

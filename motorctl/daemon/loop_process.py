@@ -65,7 +65,20 @@ class LoopProcess:
         return 2.0 * max(ramps) + STOP_SLACK_S
 
     def start(self, learned: Mapping[str, Sequence[float]], keep_open: Sequence[int]) -> None:
-        """Start it; it holds the descriptors `keep_open` as long as it lives."""
+        """Start the process.
+
+        Parameters
+        ----------
+        learned
+            theta_hat (n,) to start from, by axis.
+        keep_open
+            File descriptors that it holds as long as it lives.
+
+        Raises
+        ------
+        RunError
+            Where it does not start.
+        """
         try:
             self._process = spawn(self.machine, self.memory, learned=learned, keep_open=keep_open)
         except OSError as error:
@@ -92,7 +105,9 @@ class LoopProcess:
         if moved or not running:
             self._progress_at = now
         elif now - self._progress_at > STALL_S:
-            raise RunError(f"the loop stands still: no tick for {now - self._progress_at:.1f} s")
+            raise RunError(
+                f"the loop has not ticked for {now - self._progress_at:.1f} s; limit {STALL_S:g} s"
+            )
         return moved
 
     def insist_on_order(self) -> None:
@@ -115,12 +130,14 @@ class LoopProcess:
         for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
             problem = self._make_safe(name)
             if problem is None:
-                _log.warning("driver %s: asked from here to zero and disable what it drives", name)
+                _log.warning(
+                    "driver %s: the supervisor told it to zero and disable its outputs", name
+                )
             else:
                 _log.error("driver %s: its outputs may NOT be safe: %s", name, problem)
 
     def _make_safe(self, name: str) -> str | None:
-        """Tell one driver to zero and disable its outputs; gives why it may not have, or None.
+        """Tell one driver to zero and disable its outputs; return why it may not have, or None.
 
         A driver does what it can and raises nothing: without its device nothing is certain.
         """

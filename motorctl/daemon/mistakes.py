@@ -6,7 +6,7 @@ from motorctl.errors import MotorctlError
 
 
 def in_words(error: Exception) -> str:
-    """Give an error's message; of one that was not foreseen its type, too."""
+    """Return an error's message; of one that was not foreseen its type, too."""
     if isinstance(error, MotorctlError):
         return str(error)
     text = str(error)

@@ -11,7 +11,7 @@ SYSTEM_SOCKET = Path("/run/motorctl") / SOCKET_NAME
 
 
 def daemon_socket() -> Path:
-    """Give the socket that a daemon of this user serves unless told otherwise."""
+    """Return the socket that a daemon of this user serves unless told otherwise."""
     if directory := os.environ.get("RUNTIME_DIRECTORY"):  # set by systemd
         return Path(directory.split(":")[0]) / SOCKET_NAME
     if os.geteuid() == 0:
@@ -22,13 +22,13 @@ def daemon_socket() -> Path:
 
 
 def client_socket() -> Path:
-    """Give the socket that a command asks: the user's own daemon if there is one, else root's."""
+    """Return the socket that a command asks: the user's own daemon if there is one, else root's."""
     own = daemon_socket()
     return own if own.exists() or not SYSTEM_SOCKET.exists() else SYSTEM_SOCKET
 
 
 def state_file(machine: str) -> Path:
-    """Give the file that keeps what a machine has learned."""
+    """Return the file that keeps what a machine has learned."""
     if directory := os.environ.get("STATE_DIRECTORY"):  # set by systemd
         folder = Path(directory.split(":")[0])
     else:

@@ -21,7 +21,10 @@ _POINTS = "points.csv"
 def packed(path: Path, axis_names: Collection[str]) -> dict[str, Any]:
     """Read a program's file into the arguments of a `program` request.
 
-    Raises ConfigError with file, line and key of every problem.
+    Raises
+    ------
+    ConfigError
+        With file, line and key of every problem.
     """
     program = load_program_file(path, axis_names)
     # Every kind of program that a file can hold is a pydantic model; the protocol asks for less.
@@ -39,7 +42,24 @@ def unpacked(
     files: Mapping[str, str],
     axis_names: Collection[str],
 ) -> Program:
-    """Make the program of a `program` request; raises RefusedError(BAD_PROGRAM)."""
+    """Make the program of a `program` request.
+
+    Parameters
+    ----------
+    name
+        What the program is called.
+    document
+        Its keys, as YAML has them.
+    files
+        Text of the file that the document names.
+    axis_names
+        The machine's axes.
+
+    Raises
+    ------
+    RefusedError
+        With BAD_PROGRAM and every problem.
+    """
     wanted = document.get("file")
     if wanted is not None and wanted not in files:
         raise RefusedError(

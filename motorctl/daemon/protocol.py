@@ -153,7 +153,7 @@ def _line(document: dict[str, Any]) -> bytes:
 def _first_problem(error: ValidationError) -> str:
     first = error.errors(include_url=False, include_input=False)[0]
     if first["type"] == "union_tag_not_found":
-        return 'no command: give "do"'
+        return 'the request has no "do", which names the command, as in {"do": "status"}'
     if first["type"] == "union_tag_invalid":
         context = first["ctx"]
         return f"unknown command '{context['tag']}'; known: {context['expected_tags']}"

@@ -51,7 +51,7 @@ class Recorder:
         """Begin anew where the thread has died; the rows are in the ring, and `failure` tells."""
         if self._thread.is_alive():
             return
-        self.failure = "the recorder's thread has died"
+        self.failure = "the recorder's thread ended unexpectedly and was started again"
         self._thread = self._new_thread()
         with contextlib.suppress(RuntimeError):  # no more threads: until the next time
             self._thread.start()

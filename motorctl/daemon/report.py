@@ -13,21 +13,33 @@ import numpy as np
 
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
-from motorctl.daemon.faults import device_message, fault_message
 from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop import LoopMemory, Phase, reasons
+from motorctl.loop import LoopMemory, reasons
+from motorctl.loop.faults import device_message, fault_message
 
 
-def fault_of(status: np.void) -> dict[str, str] | None:
-    """Give cause and message of an axis' fault from its status record; None without one."""
+def fault_of(axis: str, status: np.void, period_s: float) -> dict[str, str] | None:
+    """Return cause and message of an axis' fault; None without one.
+
+    Parameters
+    ----------
+    axis
+        Name of the axis, for the command that clears the fault.
+    status
+        The axis' status record, of `motorctl.loop.shared.axis_status`.
+    period_s
+        Period of the axis [s].
+    """
     if AxisState(int(status["state"])) is not AxisState.FAULT:
         return None
     cause = FaultCause(int(status["fault"]))
     value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
-    message = fault_message(cause, value, limit, time_s, int(status["fault_status"]))
-    return {"cause": cause.name.lower(), "message": message}
+    word = int(status["fault_status"])
+    message = fault_message(cause, value, limit, time_s, period_s=period_s, status=word)
+    remedy = f"`motorctl reset {axis}` clears the fault"
+    return {"cause": cause.name.lower(), "message": f"{message}; {remedy}"}
 
 
 class Report:
@@ -44,7 +56,7 @@ class Report:
     def document(
         self, axes: Sequence[str], motions: Mapping[str, dict[str, Any]]
     ) -> dict[str, Any]:
-        """Give the whole status, with these axes and what each of them follows."""
+        """Return the whole status, with these axes and what each of them follows."""
         index = list(self._machine.axes)
         return {
             "machine": self._machine.name,
@@ -58,7 +70,7 @@ class Report:
         }
 
     def loop(self) -> dict[str, Any]:
-        """Give the loop's part, with the timing of the whole run."""
+        """Return the loop's part, with the timing of the whole run."""
         status = self._memory.status[0]
         timing = self.recorder.timing.result() if self.recorder else {}
         return {
@@ -115,7 +127,7 @@ class Report:
         theta = status["theta_hat"][: len(axis.model)]
         return {
             "state": state.name.lower(),
-            "fault": fault_of(status),
+            "fault": fault_of(axis.name, status, self._machine.period_of(axis.name)),
             "device": self._trouble(axis, status),
             "samples": {
                 "missed": int(status["missed_ticks"]),
@@ -142,6 +154,6 @@ def _state(memory: LoopMemory, index: int) -> AxisState:
 
 
 def _finite(value: np.floating[Any] | float) -> float | None:
-    """Give a number that JSON can hold."""
+    """Return the number, or None where it is not finite: JSON has no such numbers."""
     number = float(value)
     return number if math.isfinite(number) else None

@@ -73,11 +73,14 @@ class ControlServer:
         peer = peer_of(connection)
         if not self._control.admits(peer):
             _log.warning("control socket: refused process %d of user %d", peer.pid, peer.uid)
-            message = f"user {peer.uid} is neither root nor a member of the socket's group"
+            message = (
+                f"user {peer.uid} is neither root nor a member of the socket's group "
+                f"({self._control.group_id}): `usermod -aG` adds a user to a group"
+            )
             await _send(writer, refusal(None, Code.FORBIDDEN, message))
             return
         if self._clients[peer.uid] >= MAX_CLIENTS_A_USER:
-            message = f"user {peer.uid} has {MAX_CLIENTS_A_USER} connections already"
+            message = f"user {peer.uid} already has {MAX_CLIENTS_A_USER} connections (the limit)"
             await _send(writer, refusal(None, Code.BAD_REQUEST, message))
             return
         self._clients[peer.uid] += 1
@@ -91,7 +94,7 @@ class ControlServer:
             try:
                 line = await _read_line(reader)
             except asyncio.LimitOverrunError:
-                message = f"a request has at most {MAX_LINE_BYTES} bytes"
+                message = f"the request is longer than the limit of {MAX_LINE_BYTES} bytes"
                 await _send(writer, refusal(None, Code.TOO_LARGE, message))
                 return
             except asyncio.IncompleteReadError:

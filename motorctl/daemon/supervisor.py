@@ -52,8 +52,12 @@ class DaemonOptions:
 def run_daemon(machine: Machine, options: DaemonOptions) -> None:
     """Run the daemon in the foreground until SIGTERM or SIGINT.
 
-    Raises UsageError where it cannot start, RunError where the loop refuses or dies or where
-    the log cannot be completed.
+    Raises
+    ------
+    UsageError
+        Where it cannot start: log folder, control socket, or a processor that is not supported.
+    RunError
+        Where the loop refuses or dies, or the log cannot be completed.
     """
     asyncio.run(_run(machine, options))
 
@@ -117,7 +121,7 @@ class Supervisor:
     def _on_signal(self) -> None:
         """Stop in order at the first signal, at once at the second; the log is kept anyhow."""
         if self._asked.is_set() and self._loop.alive:
-            _log.warning("asked to stop once more: emergency stop")
+            _log.warning("second signal to stop: emergency stop")
             with suppress(BufferError):  # the loop hangs: it will be killed
                 self._loop.memory.post(Verb.ESTOP)
         self._asked.set()
@@ -179,12 +183,15 @@ class Supervisor:
         deadline = time.monotonic() + self._loop.stop_timeout_s
         while self._loop.alive:
             if time.monotonic() > deadline:
-                raise RunError(f"the loop did not end within {self._loop.stop_timeout_s:.1f} s")
+                raise RunError(
+                    f"the loop did not end within {self._loop.stop_timeout_s:.1f} s of being told "
+                    "to; it is killed, and every driver is told to disable its outputs"
+                )
             await asyncio.sleep(WATCH_PERIOD_S)
         self._loop.insist_on_order()
 
     async def _close_log(self) -> list[str]:
-        """Make the log complete; gives what went wrong with that."""
+        """Make the log complete and return what went wrong with that."""
         if self._recorder is None:
             return []
         wrong: list[str] = []
@@ -208,7 +215,7 @@ class Supervisor:
         try:
             learned.save(self._machine, theta, self._state)
         except (OSError, ValueError) as error:
-            return [f"{self._state}: what was learned is not kept: {error}"]
+            return [f"{self._state}: the learned parameters were not saved: {error}"]
         return []
 
     def _new_log(self) -> LogWriter:
@@ -239,7 +246,7 @@ class Supervisor:
 
 
 async def _problems(doing: Awaitable[object]) -> list[str]:
-    """Await it and give what went wrong; a mistake of ours must not keep axes from their ramp."""
+    """Await it and return what went wrong; a mistake of ours must not keep axes from their ramp."""
     try:
         await doing
     except MotorctlError as error:

@@ -2,8 +2,9 @@
 
 from motorctl.loop.process import spawn
 from motorctl.loop.realtime import isolated_cpus, reasons
-from motorctl.loop.shared import Degraded, LoopMemory, Phase, Reply, Verb
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.virtual import VirtualMachine
+from motorctl.loop.vocabulary import Degraded, Phase, Reply, Verb
 
 __all__ = [
     "Degraded",

@@ -275,7 +275,7 @@ def axis_step(
     t: float,
     sample: Any,
 ) -> float:
-    """Give the voltage for this tick; the amplifier is enabled where the state is not OFF or FAULT.
+    """Return the voltage [V] for this tick; OFF and FAULT are the states of a disabled amplifier.
 
     The references of all axes, and what the law is told of them, stand before.
     """

@@ -15,10 +15,10 @@ class Clock(Protocol):
     """What the loop waits on."""
 
     def now_ns(self) -> int:
-        """Give the present time [ns]."""
+        """Return the present time [ns]."""
 
     def wait_until_ns(self, deadline_ns: int) -> int:
-        """Wait for a time [ns]; gives the time at which the wait ended."""
+        """Wait for a time [ns] and return the time at which the wait ended."""
 
 
 class _Timespec(ctypes.Structure):
@@ -40,7 +40,7 @@ class WallClock:
         self._sleep.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
 
     def now_ns(self) -> int:
-        """Give CLOCK_MONOTONIC."""
+        """Return CLOCK_MONOTONIC."""
         return time.monotonic_ns()
 
     def wait_until_ns(self, deadline_ns: int) -> int:
@@ -60,9 +60,9 @@ class VirtualClock:
     """Every deadline is met on the instant; times of day are measured only to be reported."""
 
     def now_ns(self) -> int:
-        """Give CLOCK_MONOTONIC: how long computing takes is real in virtual time too."""
+        """Return CLOCK_MONOTONIC: how long computing takes is real in virtual time too."""
         return time.monotonic_ns()
 
     def wait_until_ns(self, deadline_ns: int) -> int:
-        """Give the time at which the tick starts computing."""
+        """Return the time at which the tick starts computing."""
         return time.monotonic_ns()

@@ -11,7 +11,8 @@ from motorctl.loop.fences import load_acquire
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import UNDECIDED, hold_where_it_is
 from motorctl.loop.safety import DEVICE_FAULTS, is_overdue, set_soft_limits, still_moves, trip
-from motorctl.loop.shared import MAILBOX_SIZE, Reply, Verb
+from motorctl.loop.shared import MAILBOX_SIZE
+from motorctl.loop.vocabulary import Reply, Verb
 
 OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)

@@ -91,11 +91,19 @@ TAIL = """    return watch[0].shutdown != 0 and moving == 0
 def compose_tick(
     models: Sequence[EffectList], channels: Sequence[int], divisors: Sequence[int]
 ) -> ModuleType:
-    """Give the generated module whose `tick` serves these axes.
+    """Return the generated module whose `tick` serves these axes.
 
-    channels[i] is the place of axis i in the drivers' arrays, divisors[i] how many ticks of the
-    loop one of the axis lasts. The references of all axes are moved on before any law looks at
-    one. A channel's voltage stands between its axis' ticks.
+    The references of all axes are moved on before any law looks at one. A channel's voltage stands
+    between its axis' ticks.
+
+    Parameters
+    ----------
+    models
+        The list of effects of each axis.
+    channels
+        The place of each axis in the drivers' arrays.
+    divisors
+        How many ticks of the loop one tick of each axis lasts.
     """
     lists = dict.fromkeys(model.kernels.__name__ for model in models)
     imports = "".join(f"import {name}\n" for name in lists)
@@ -127,7 +135,7 @@ def compose_tick(
 
 
 def _when_due(place: Mapping[str, Any], part: str, otherwise: str = "") -> str:
-    """Give what an axis does in its own ticks, and what in the others."""
+    """Return what an axis does in its own ticks, and what in the others."""
     text = part.format(**place)
     if place["divisor"] == 1:
         return text

@@ -16,7 +16,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core import cgutils
 from numba.core.errors import TypingError
-from numba.extending import intrinsic
+from numba.extending import intrinsic as _intrinsic
 
 from motorctl.errors import UsageError
 
@@ -24,6 +24,8 @@ PROCESSORS = ("x86_64", "aarch64")
 """Where this order was checked in the code that the compiler makes."""
 
 _WORD_BYTES = 8
+intrinsic: Any = _intrinsic
+"""Without numba's types, which know the generator of the code and not its caller."""
 
 
 def require_known_processor(machine: str | None = None) -> None:
@@ -50,7 +52,7 @@ def require_known_processor(machine: str | None = None) -> None:
 
 def _word_at(context: Any, builder: Any, record: Any, field: str, pointer: Any) -> Any:
     """Return the address of an 8-byte integer in a record, as LLVM sees it."""
-    return cgutils.get_record_member(
+    return cgutils.get_record_member(  # type: ignore[no-untyped-call]
         builder, pointer, record.offset(field), context.get_data_type(record.typeof(field))
     )
 
@@ -65,7 +67,7 @@ def _check(record: Any, field: Any) -> str:
     return name
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def load_acquire(typing: Any, record: Any, field: Any) -> Any:
     """Return a word of a record; no later read or write happens before it."""
     name = _check(record, field)
@@ -77,7 +79,7 @@ def load_acquire(typing: Any, record: Any, field: Any) -> Any:
     return types.int64(record, field), code
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def store_release(typing: Any, record: Any, field: Any, value: Any) -> Any:
     """Write a word of a record; every earlier read and write happens before it."""
     name = _check(record, field)
@@ -90,7 +92,7 @@ def store_release(typing: Any, record: Any, field: Any, value: Any) -> Any:
     return types.void(record, field, types.int64), code
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def fence_acquire(typing: Any) -> Any:
     """Let no later read happen before an earlier one: between copying data and the second look."""
 
@@ -101,7 +103,7 @@ def fence_acquire(typing: Any) -> Any:
     return types.void(), code
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def fence_release(typing: Any) -> Any:
     """Let no later write happen before an earlier one: between a word and overwriting old data."""
 

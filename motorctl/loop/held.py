@@ -28,7 +28,7 @@ FAULT = int(AxisState.FAULT)
 def predict_motion(
     feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
 ) -> tuple[float, float]:
-    """Give the position and the velocity that the model expects now.
+    """Return the position and the velocity that the model expects now.
 
     It solves the force balance of the list, under the last virtual command, for the acceleration:
     v + d0_hat = theta1 a + the rest of the list at the last x and v.
@@ -47,7 +47,7 @@ def predict_motion(
 
 @njit
 def counter_step(settings: Any, before: int, raw: int) -> int:
-    """Give how far the counter went, its wrap undone."""
+    """Return how far the counter went, its wrap undone."""
     step = raw - before
     span = settings.counter_span
     if span:
@@ -57,7 +57,7 @@ def counter_step(settings: Any, before: int, raw: int) -> int:
 
 @njit
 def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: int) -> float:
-    """Give the position that a count means, without the declared errors of the measurement.
+    """Return the position that a count means, without the declared errors of the measurement.
 
     These are known by their place in the machine, so only where the axis knows its own.
     """

@@ -32,9 +32,23 @@ def plan_move(
     velocity_m_s: float | None = None,
     acceleration_m_s2: float | None = None,
 ) -> Trajectory:
-    """Plan a move from rest to rest; raises UsageError where it would exceed a limit.
+    """Plan a move from rest to rest; an axis outside its travel may be moved back into it.
 
-    An axis that stands outside its travel may be moved back into it.
+    Parameters
+    ----------
+    machine
+        Whose limits hold.
+    axis_name
+        The axis that moves.
+    from_m, to_m
+        Where it stands and where it shall come to rest [m].
+    velocity_m_s, acceleration_m_s2
+        Lower limits for this move [m/s, m/s^2]; None: the axis' own.
+
+    Raises
+    ------
+    UsageError
+        Where the target or a limit is beyond the axis' own; it names value and limit.
     """
     axis = machine.axes[axis_name]
     for name, value, limit in (
@@ -42,7 +56,7 @@ def plan_move(
         ("acceleration", acceleration_m_s2, axis.limits.max_acceleration_m_s2),
     ):
         if value is not None and not 0.0 < value <= limit:
-            raise UsageError(f"{name} {value:g}: must lie above 0 and not above {limit:g}")
+            raise UsageError(f"{name} {value:g}: must be above 0 and at most {limit:g}")
     move = PointToPoint(
         name="move",
         axis=axis_name,
@@ -65,7 +79,26 @@ def plan_program(
     """Plan the approach from where the axes stand, then the program with all its cycles.
 
     Where the program moves several axes, those that arrive first wait, so that all begin it in
-    the same tick. Raises UsageError where it would exceed a limit or has too many segments.
+    the same tick.
+
+    Parameters
+    ----------
+    machine
+        Whose limits hold.
+    program
+        What to follow.
+    references_m
+        Where each of the program's axes stands [m].
+
+    Returns
+    -------
+    dict
+        A trajectory for each axis, all of the same duration.
+
+    Raises
+    ------
+    UsageError
+        Where a limit would be exceeded, or the program has too many segments.
     """
     _check(machine, program)  # before the approach, so that messages speak of the program itself
     motions = program.trajectories()
@@ -82,7 +115,7 @@ def plan_program(
         if needed > PROGRAM_SEGMENTS:
             raise UsageError(
                 f"program '{program.name}' needs {needed} segments for axis {name}; "
-                f"at most {PROGRAM_SEGMENTS} fit: fewer cycles or fewer points"
+                f"limit {PROGRAM_SEGMENTS}. Use fewer cycles or fewer points"
             )
     for name, approach in approaches.items():
         _check(machine, _Approach(program.name, name, approach), references_m[name])

@@ -49,7 +49,7 @@ def fill_motion(
 def _look_ahead(
     tick_s: float, axis: Any, segments: Any, counts: Any, tick: int, ahead_s: float, motion: Any
 ) -> None:
-    """Give desired x, v, a `ahead_s` from now, so far as it is decided now.
+    """Return desired x, v, a `ahead_s` from now, so far as it is decided now.
 
     A program is looked up, a ramp is continued, and an axis that holds goes on holding. A change
     that comes from outside, such as a stop, is not known before it comes.

@@ -18,8 +18,9 @@ from motorctl.hal import Driver
 from motorctl.loop.clock import WallClock
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
 from motorctl.loop.runner import run_wall
-from motorctl.loop.shared import Degraded, LoopMemory, Phase
+from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
 from motorctl.loop.tick import Tick
+from motorctl.loop.vocabulary import Degraded, Phase
 from motorctl.loop.warm_up import warm_up
 
 
@@ -40,7 +41,19 @@ def spawn(
     learned: Mapping[str, Sequence[float]] | None = None,
     keep_open: Sequence[int] = (),
 ) -> subprocess.Popen[bytes]:
-    """Start the loop process on this memory; it keeps the descriptors `keep_open` open."""
+    """Start the loop process on this memory.
+
+    Parameters
+    ----------
+    machine
+        What it runs.
+    memory
+        Its memory, which this process made.
+    learned
+        theta_hat (n,) to start from, by axis; axes that are missing start from their configuration.
+    keep_open
+        File descriptors that it holds as long as it lives.
+    """
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "motorctl.loop"],
         stdin=subprocess.PIPE,
@@ -56,7 +69,7 @@ def spawn(
 
 
 def main() -> int:
-    """Run the loop process; gives its exit status."""
+    """Run the loop process and return its exit status."""
     # Ctrl-C and systemd's SIGTERM go to the whole group: the supervisor decides what they mean.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -74,7 +87,8 @@ def main() -> int:
         message = f"{type(error).__name__}: {error}"
     else:
         if orphaned:
-            status["message"][0] = b"the supervisor fell silent: every axis was stopped"
+            told = f"no sign of life from the supervisor for {BEAT_TIMEOUT_S:g} s"
+            status["message"][0] = f"{told}: every axis was stopped".encode()
         memory.phase = Phase.STOPPED
         return 0
     status["message"][0] = message.encode()[:512]
@@ -114,7 +128,7 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
 
 
 def _notes(drivers: Mapping[str, Driver]) -> list[str]:
-    """Give what the drivers noted as they were opened, a line each."""
+    """Return what the drivers noted as they were opened, a line each."""
     found = []
     for name, driver in drivers.items():
         notes = driver.notes
@@ -127,6 +141,6 @@ def _insist(machine: Machine, degraded: Degraded) -> None:
     missing = degraded & NEEDED
     if missing and machine.loop.without_realtime == "refuse":
         raise RunError(
-            f"{machine.source}: loop.without_realtime is 'refuse' and this machine does not give "
-            f"real time: {'; '.join(reasons(missing))}"
+            f"{machine.source}: loop.without_realtime is 'refuse' and this computer lacks what "
+            f"real time needs: {'; '.join(reasons(missing))}. Grant it, or set it to 'degrade'"
         )

@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 
 from motorctl.config.machine import LoopSettings
-from motorctl.loop.shared import Degraded
+from motorctl.loop.vocabulary import Degraded
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
@@ -18,10 +18,10 @@ PREFAULT_BYTES = 16 << 20
 
 REASONS = {
     Degraded.NO_FIFO: "no SCHED_FIFO: the user lacks LimitRTPRIO or CAP_SYS_NICE",
-    Degraded.NO_PINNING: "not pinned to a CPU",
+    Degraded.NO_PINNING: "not pinned to a CPU: loop.cpu is not among those that it may use",
     Degraded.NO_LOCKED_MEMORY: "memory not locked: the user lacks LimitMEMLOCK=infinity",
-    Degraded.NO_CPU_LATENCY: "/dev/cpu_dma_latency cannot be held: deep idle states add latency",
-    Degraded.KERNEL_NOT_RT: "the kernel is not PREEMPT_RT",
+    Degraded.NO_CPU_LATENCY: "/dev/cpu_dma_latency cannot be opened: deep idle states add latency",
+    Degraded.KERNEL_NOT_RT: "the kernel is not PREEMPT_RT: wake-ups can be late",
     Degraded.CPU_NOT_ISOLATED: "no isolated CPU (kernel parameter isolcpus)",
 }
 
@@ -35,7 +35,7 @@ def reasons(degraded: int) -> list[str]:
 
 
 def isolated_cpus() -> list[int]:
-    """Give the CPUs that the kernel keeps free of other work."""
+    """Return the CPUs that the kernel keeps free of other work."""
     try:
         text = Path("/sys/devices/system/cpu/isolated").read_text().strip()
     except OSError:
@@ -48,7 +48,7 @@ def isolated_cpus() -> list[int]:
 
 
 def enter_realtime(settings: LoopSettings) -> Degraded:
-    """Take priority, CPU, locked memory and idle-state latency; gives what was refused.
+    """Take priority, CPU, locked memory and idle-state latency; return what was refused.
 
     Call it when everything is compiled, warmed up and allocated: the garbage collector is
     switched off for good.
@@ -79,14 +79,14 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
 
 
 def leave_priority() -> None:
-    """Give priority and CPU back: what is left may take its time, other loops may not."""
+    """Give up priority and CPU: what is left may take its time, other loops may not."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
 
 
 def hold_shallow_idle() -> int:
-    """Keep every CPU from idle states that it leaves late, until the file is closed; gives it.
+    """Keep every CPU from idle states that it leaves late, until the file is closed; return it.
 
     Raises OSError where that is not allowed.
     """
@@ -100,7 +100,7 @@ def hold_shallow_idle() -> int:
 
 
 def chosen_cpu(settings: LoopSettings) -> int:
-    """Give the CPU to pin to: the configured one, else the highest isolated, else the highest."""
+    """Return the CPU to pin to: the configured one, else the highest isolated, else the highest."""
     if settings.cpu is not None:
         return settings.cpu
     return max(isolated_cpus() or os.sched_getaffinity(0))

@@ -126,10 +126,18 @@ OVERSPEED_TICKS = 5
 def fill_axis_settings(
     record: np.void, axis: Axis, setup: DriverSetup, tick_s: float, exchange_delay: float
 ) -> None:
-    """Write an axis' settings into `record` (of AXIS_SETTINGS).
+    """Write an axis' settings into a record.
 
-    tick_s is the loop's period, exchange_delay how many of the axis' periods its driver's sample
-    is older than the tick.
+    Parameters
+    ----------
+    record
+        Of AXIS_SETTINGS.
+    axis, setup
+        The axis and its driver's configuration.
+    tick_s
+        The loop's period [s].
+    exchange_delay
+        How much older than the tick the driver's sample is [periods of the axis].
     """
     limits, homing, encoder = axis.limits, axis.homing, axis.encoder
     period_s = tick_s * axis.divisor

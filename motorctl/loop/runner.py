@@ -40,7 +40,7 @@ class VirtualRun:
         self._clock = VirtualClock()
 
     def advance(self, ticks: int) -> bool:
-        """Do so many ticks; gives True as soon as the loop may end."""
+        """Do so many ticks and return True as soon as the loop may end."""
         step, wait = self.tick.step, self._clock.wait_until_ns
         for number in range(self.number, self.number + ticks):
             self.number = number + 1

@@ -94,7 +94,7 @@ def is_overdue(settings: Any, axis: Any) -> bool:
 
 @njit
 def ticks_without(axis: Any) -> int:
-    """Give for how many ticks no sample has come; those that were doubted came all the same."""
+    """Return for how many ticks no sample has come; those that were doubted came all the same."""
     return axis.held_ticks - axis.doubted_ticks  # type: ignore[no-any-return]
 
 
@@ -178,7 +178,7 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
 
 @njit
 def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> float:
-    """Give the command that may leave: within the voltage limit, zero where the axis tripped.
+    """Return the command that may leave: within the voltage limit, zero where the axis tripped.
 
     v is the virtual command that u was found for.
     """

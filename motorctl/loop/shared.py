@@ -11,13 +11,13 @@ import json
 import mmap
 import os
 from collections.abc import Sequence
-from enum import IntEnum, IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
+from motorctl.loop.vocabulary import Phase, Reply, Verb
 from motorctl.motion import SEGMENT
 
 with kernels_cached():
@@ -31,60 +31,6 @@ PROGRAM_SEGMENTS = 65536
 RING_SECONDS = 8.0
 BEAT_TIMEOUT_S = 0.5
 """How long the loop goes on without a sign of life from the supervisor."""
-
-
-class Verb(IntEnum):
-    """What the supervisor can ask of the loop."""
-
-    START = 1
-    STOP = 2
-    HOME = 3
-    FOLLOW = 4
-    """Follow the program in the command's slot, from the command's tick on (0: at once)."""
-    RESET = 5
-    ESTOP = 6
-    SHUTDOWN = 7
-    """Stop every axis, make the outputs safe, end the process."""
-
-
-class Reply(IntEnum):
-    """What the loop answers."""
-
-    OK = 1
-    WRONG_STATE = 2
-    NOT_HOMED = 3
-    NOT_AT_START = 4
-    """The program does not begin where the axis stands."""
-    STILL_FAULTY = 5
-    """What caused the fault is still there."""
-    NO_HOMING = 6
-    """The axis has an absolute encoder: there is nothing to home."""
-    LATE = 7
-    """The tick at which the program should have begun has passed."""
-    STILL_MOVING = 8
-    """The axis still moves: it can be enabled when it stands."""
-
-
-class Phase(IntEnum):
-    """How far the loop process is."""
-
-    STARTING = 0
-    COMPILING = 1
-    RUNNING = 2
-    STOPPED = 3
-    FAILED = 4
-
-
-class Degraded(IntFlag):
-    """What of real time this run does without."""
-
-    NO_FIFO = 1 << 0
-    NO_PINNING = 1 << 1
-    NO_LOCKED_MEMORY = 1 << 2
-    NO_CPU_LATENCY = 1 << 3
-    KERNEL_NOT_RT = 1 << 4
-    CPU_NOT_ISOLATED = 1 << 5
-
 
 LOOP_STATUS = np.dtype(
     [
@@ -110,7 +56,7 @@ COMMAND = np.dtype([("verb", "i8"), ("axis", "i8"), ("slot", "i8"), ("tick", "i8
 
 
 def axis_status(parameters: int) -> np.dtype[np.void]:
-    """Give the status record of one axis, written by the loop once a tick."""
+    """Return the dtype of one axis' status, for a theta of at most `parameters` entries."""
     return np.dtype(
         [
             ("state", "i4"),  # AxisState
@@ -187,7 +133,17 @@ class LoopMemory:
 
     @classmethod
     def create(cls, axes: Sequence[str], parameters: int, rate_hz: float) -> LoopMemory:
-        """Make the memory for these axes, with theta of at most `parameters` entries."""
+        """Make the memory.
+
+        Parameters
+        ----------
+        axes
+            Names of the axes.
+        parameters
+            Length of the longest theta.
+        rate_hz
+            The loop's rate; the ring holds RING_SECONDS of it.
+        """
         fd = os.memfd_create("motorctl-loop", 0)
         layout = {
             "axes": len(axes),
@@ -228,7 +184,8 @@ class LoopMemory:
         """
         while True:
             head = self._look_at(self.status, Word.RING_HEAD)
-            told = self.axis_status_rows[(head - 1) % self.ring_rows % STATUS_ROWS].copy()
+            newest = (head - 1) % self.ring_rows % STATUS_ROWS
+            told: NDArray[np.void] = self.axis_status_rows[newest].copy()
             # The row is written anew in the tick after these; then it may be torn.
             if self._look_at(self.status, Word.RING_HEAD) < head + STATUS_ROWS - 1:
                 return told
@@ -238,31 +195,68 @@ class LoopMemory:
         self.status["beat"][0] += 1
 
     def post(self, verb: Verb, axis: int = 0, *, slot: int = 0, tick: int = 0) -> int:
-        """Put a command into the mailbox; gives the number under which `reply` answers.
+        """Put a command into the mailbox.
 
-        Raises BufferError while the loop has not yet taken the last 64 commands.
+        Parameters
+        ----------
+        verb
+            What to do.
+        axis
+            Index of the axis; verbs for all axes ignore it.
+        slot
+            With FOLLOW: the program slot, from `load_program`.
+        tick
+            With FOLLOW: the tick at which the program begins; 0: at once.
+
+        Returns
+        -------
+        int
+            The number under which `reply` answers.
+
+        Raises
+        ------
+        BufferError
+            While the loop has not yet taken the last 64 commands.
         """
-        head = self._look_at(self.status, Word.MAIL_HEAD)
+        head: int = self._look_at(self.status, Word.MAIL_HEAD)
         if head - self._look_at(self.status, Word.MAIL_TAIL) >= MAILBOX_SIZE:
-            raise BufferError("the loop does not take commands")
+            raise BufferError(
+                f"the loop has not taken the last {MAILBOX_SIZE} commands; does it still tick?"
+            )
         self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick)
         self._announce(self.status, Word.MAIL_HEAD, head + 1)
         return head
 
     def reply(self, number: int) -> Reply | None:
-        """Give the answer to a command, or None while the loop has not taken it."""
+        """Return the answer to a command, or None until the tick that took it is over."""
         if self._look_at(self.status, Word.MAIL_TAIL) <= number:
             return None
         return Reply(int(self.replies[number % MAILBOX_SIZE]))
 
     def load_program(self, axis: int, segments: NDArray[np.void]) -> int:
-        """Write a trajectory's segments into the slot that is not in use; gives the slot.
+        """Write a trajectory into the program slot that the axis does not follow.
 
-        Raises ValueError where there are more segments than a slot holds.
+        Parameters
+        ----------
+        axis
+            Index of the axis.
+        segments
+            Of SEGMENT, shape (N,).
+
+        Returns
+        -------
+        int
+            The slot, for `post`.
+
+        Raises
+        ------
+        ValueError
+            Where there are more segments than a slot holds.
         """
         if len(segments) > self.layout["segments"]:
             raise ValueError(
-                f"the program has {len(segments)} segments; at most {self.layout['segments']} fit"
+                f"the program has {len(segments)} segments; limit {self.layout['segments']}. "
+                "Use fewer points or cycles"
             )
         slot = 1 if int(self.axis_status["slot"][axis]) == 0 else 0
         self.segments[axis, slot, : len(segments)] = segments
@@ -270,7 +264,17 @@ class LoopMemory:
         return slot
 
     def drain(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
-        """Copy the rows that came since the last call: ticks (N,), samples (N, axes), rows lost."""
+        """Copy the rows that were announced since the last call.
+
+        Returns
+        -------
+        ticks
+            Of TICK_SAMPLE, shape (N,).
+        samples
+            Of `axis_sample`, shape (N, axes).
+        lost
+            How many rows before these were overwritten unread.
+        """
         head = self._look_at(self.status, Word.RING_HEAD)
         first = max(self._drained, head - self.ring_rows)
         index = np.arange(first, head) % self.ring_rows
@@ -284,5 +288,5 @@ class LoopMemory:
         return ticks, samples, lost
 
     def close(self) -> None:
-        """Give the file descriptor back; the mapping goes with its last view."""
+        """Close the file descriptor; the mapping goes with its last view."""
         os.close(self.fd)

@@ -51,9 +51,12 @@ class Simulation:
 
 
 def with_seed(machine: Machine, seed: int) -> Machine:
-    """Give the machine with another seed in every driver that has one.
+    """Return the machine with another seed in every driver that has one.
 
-    Raises UsageError where no driver has.
+    Raises
+    ------
+    UsageError
+        Where no driver has a seed.
     """
     seeded = False
     drivers = dict(machine.drivers)
@@ -65,7 +68,7 @@ def with_seed(machine: Machine, seed: int) -> Machine:
             drivers[name] = dataclasses.replace(setup, options=options)
             resolved["drivers"][name]["seed"] = seed
     if not seeded:
-        raise UsageError("no driver of this machine has a seed")
+        raise UsageError("no driver of this machine has a seed: --seed says nothing here")
     return dataclasses.replace(machine, drivers=drivers, resolved=resolved)
 
 
@@ -76,15 +79,30 @@ def simulate(
     duration_s: float | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Start every axis, let each follow its program, and log every tick to `log`.
+    """Start every axis, let each follow its program, and log every tick.
 
-    Without a duration: until the longest program has ended. Raises RunError where an axis trips;
-    the log then ends there and is complete.
+    Parameters
+    ----------
+    machine
+        What to simulate; all of its drivers support virtual time.
+    log
+        Where the log shall be: a .parquet file in a folder that exists.
+    duration_s
+        How long [s]; None: until the longest program has ended.
+    progress
+        Called with the share that is done, 0 to 1.
+
+    Raises
+    ------
+    UsageError
+        Where the log's name, the duration or a driver does not allow it.
+    RunError
+        Where an axis trips; the log then ends there and is complete.
     """
     if log.suffix != ".parquet" or not log.parent.is_dir():
-        raise UsageError(f"{log}: a log is a .parquet file in a folder that exists")
+        raise UsageError(f"{log}: must end in .parquet and lie in a folder that exists")
     if duration_s is not None and not 0.0 < duration_s < np.inf:
-        raise UsageError(f"duration {duration_s:g} s: must lie above 0")
+        raise UsageError(f"duration {duration_s:g} s: must be finite and above 0")
     require_virtual_time(machine)
     axes = [LogAxis(name, axis.model.parameter_names) for name, axis in machine.axes.items()]
     writer = LogWriter(log, log_metadata(machine), axes)

@@ -46,7 +46,7 @@ def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> 
 
 
 def axes_beside(machine: Machine) -> NDArray[np.int64]:
-    """Give the indices of the axes that each axis' effects name, (axes, most); -1 past the last."""
+    """Return the indices of the axes that each axis' effects name, (axes, most); -1 fills rows."""
     names = list(machine.axes)
     named = [axis.model.other_axes for axis in machine.axes.values()]
     beside = np.full((len(names), max(1, *map(len, named))), -1, np.int64)

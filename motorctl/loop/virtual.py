@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from motorctl.config.machine import Machine
 from motorctl.errors import RunError, UsageError
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.faults import fault_message
 from motorctl.loop.plan import plan_program
 from motorctl.loop.runner import VirtualRun
-from motorctl.loop.shared import LoopMemory, Reply, Verb
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Tick
+from motorctl.loop.vocabulary import Reply, Verb
 from motorctl.motion import Trajectory
 
 Rows = Callable[[NDArray[np.void], NDArray[np.void]], None]
@@ -28,7 +30,10 @@ def require_virtual_time(machine: Machine) -> None:
     """Raise UsageError where a driver does not support virtual time."""
     for setup in machine.drivers.values():
         if not setup.cls.supports_virtual_time:
-            raise UsageError(f"driver '{setup.name}' ({setup.type}) does not support virtual time")
+            raise UsageError(
+                f"driver '{setup.name}' ({setup.type}) does not support virtual time; "
+                "`motorctl run` runs it in wall-clock time"
+            )
 
 
 class VirtualMachine:
@@ -91,12 +96,25 @@ class VirtualMachine:
             ticks -= chunk
 
     def order(self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0) -> None:
-        """Give one command and let the tick pass that takes it; raises RunError where refused."""
+        """Post one command and let the tick pass that takes it.
+
+        Parameters
+        ----------
+        verb, axis
+            What to do, and the name of the axis.
+        slot, tick
+            As of `LoopMemory.post`.
+
+        Raises
+        ------
+        RunError
+            Where the loop refuses it, with the reason.
+        """
         number = self.memory.post(verb, self.names.index(axis), slot=slot, tick=tick)
         self.advance(1)
         reply = self.memory.reply(number)
         if reply != Reply.OK:
-            refusal = reply.name.lower() if reply else "no answer"
+            refusal = reply.name.lower().replace("_", " ") if reply else "no answer"
             raise RunError(f"axis {axis}: {verb.name.lower()} refused: {refusal}")
 
     def start(self) -> None:
@@ -117,7 +135,7 @@ class VirtualMachine:
             self.order(Verb.FOLLOW, name, slot=slot, tick=tick)
 
     def follow_programs(self, programs: Sequence[str]) -> float:
-        """Start the named programs; gives how long the longest takes with its approach [s]."""
+        """Start the named programs and return how long the longest takes with its approach [s]."""
         trajectories: dict[str, Trajectory] = {}
         for name in programs:
             program = self.machine.programs[name]
@@ -127,7 +145,7 @@ class VirtualMachine:
         return max((t.duration_s for t in trajectories.values()), default=0.0)
 
     def state(self, axis: str) -> np.void:
-        """Give the axis' status record."""
+        """Return the axis' status record."""
         status: np.void = self.memory.axis_status[self.names.index(axis)]
         return status
 
@@ -136,11 +154,16 @@ class VirtualMachine:
         for name in self.names:
             status = self.state(name)
             if status["state"] == AxisState.FAULT:
-                cause = FaultCause(int(status["fault"])).name.lower()
-                raise RunError(
-                    f"axis {name} tripped at {status['fault_time_s']:.4f} s: {cause} "
-                    f"(value {status['fault_value']:.6g}, limit {status['fault_limit']:.6g})"
+                cause = FaultCause(int(status["fault"]))
+                message = fault_message(
+                    cause,
+                    float(status["fault_value"]),
+                    float(status["fault_limit"]),
+                    float(status["fault_time_s"]),
+                    period_s=self.machine.period_of(name),
+                    status=int(status["fault_status"]),
                 )
+                raise RunError(f"axis {name} tripped ({cause.name.lower()}): {message}")
 
     def _wait_for(self, axis: str, leaving: AxisState, ticks: int) -> None:
         for _ in range(0, ticks + CHUNK_TICKS, CHUNK_TICKS):

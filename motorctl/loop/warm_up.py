@@ -5,8 +5,9 @@ from __future__ import annotations
 from motorctl.config.machine import Machine
 from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
 from motorctl.loop.runner import VirtualRun
-from motorctl.loop.shared import LoopMemory, Verb
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Tick
+from motorctl.loop.vocabulary import Verb
 
 WARM_UP_TICKS = 400
 

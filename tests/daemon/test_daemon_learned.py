@@ -36,7 +36,7 @@ def test_what_was_saved_is_taken_up_to_the_last_bit(machine: Machine, path: Path
     save(machine, THETA, path)
     learned, remarks = take_up(machine, path)
     assert learned == {"x": list(THETA["x"]), "y": list(THETA["y"][:6])}
-    assert all("goes on from what was learned until" in remark for remark in remarks)
+    assert all("starts from the parameters learned until" in remark for remark in remarks)
     assert [file.name for file in path.parent.iterdir()] == ["bench.json"]
 
 
@@ -77,7 +77,7 @@ def test_a_foreign_or_damaged_file_is_told_and_ignored(
 ) -> None:
     learned, remarks = spoilt(machine, path, old, new)
     assert learned == {}
-    assert f"{path}: what was learned is not taken up: " in remarks
+    assert f"{path}: learned parameters ignored: " in remarks
     assert told in remarks
 
 
@@ -85,8 +85,8 @@ def test_a_foreign_or_damaged_file_is_told_and_ignored(
     ("old", "new", "told"),
     [
         ('"inertia": 0.2', '"inertia": 1.3', "inertia = 1.3 lies outside 0.05 to 1.2"),
-        ('"offset": 0.05', '"onset": 0.05', "it belongs to another model"),
-        ('"controller": "C2"', '"controller": "C1"', "it belongs to another model"),
+        ('"offset": 0.05', '"onset": 0.05', "they belong to another model"),
+        ('"controller": "C2"', '"controller": "C1"', "they belong to another model"),
     ],
 )
 def test_an_axis_out_of_its_bounds_starts_as_configured_alone(
@@ -94,7 +94,7 @@ def test_an_axis_out_of_its_bounds_starts_as_configured_alone(
 ) -> None:
     learned, remarks = spoilt(machine, path, old, new)
     assert list(learned) == ["y"]
-    assert f"axis x: what was learned is not taken up: {told}" in remarks
+    assert f"axis x: learned parameters ignored: {told}" in remarks
 
 
 def test_an_input_map_that_is_not_monotonic_is_not_taken_up(path: Path, tmp_path: Path) -> None:

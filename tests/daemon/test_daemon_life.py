@@ -43,7 +43,7 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
     with Daemon(tmp_path, config) as daemon:
         second = daemon.launch()
         assert second.wait(120) == 2
-        assert f"a daemon already answers on {daemon.socket}" in daemon.said
+        assert f"a daemon already serves {daemon.socket}" in daemon.said
         assert "program" not in daemon.ask("start", axis="x", hold=True)
         started = daemon.ask("start", axis="x")
         assert started["program"] == "shuttle"
@@ -63,7 +63,7 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
         assert learned["axes"]["x"]["parameters"]["inertia"] == last
     # The next run goes on from there; this one is ended by Ctrl-C, twice.
     with Daemon(tmp_path / "next", config, XDG_STATE_HOME=str(tmp_path / "state")) as daemon:
-        assert "axis x: goes on from what was learned" in daemon.said
+        assert "axis x: starts from the parameters learned" in daemon.said
         daemon.ask("start", axis="x")
         daemon.process.send_signal(signal.SIGINT)
         assert daemon.end(signal.SIGINT) == 0, daemon.said
@@ -154,7 +154,7 @@ def test_a_loop_that_stands_still_is_ended_and_starves_the_watchdog(tmp_path: Pa
             pid = loop_pid(daemon)
             os.kill(pid, signal.SIGSTOP)
             assert daemon.process.wait(60) == 1
-            assert "the loop stands still: no tick for" in daemon.said
+            assert "the loop has not ticked for" in daemon.said
             assert not alive(pid)
             assert pq.read_metadata(daemon.log()).num_rows > 0
 
@@ -182,7 +182,7 @@ def test_a_stop_before_the_first_tick_forgets_nothing(tmp_path: Path) -> None:
     # The loop may tick by now: then the daemon has every right to write a new file.
     starting = daemon.ask("status")["loop"]["phase"] != "running"
     assert daemon.end() == 0
-    assert "what was learned is not taken up: Invalid JSON" in daemon.said
+    assert "learned parameters ignored: Invalid JSON" in daemon.said
     assert "Traceback" not in daemon.said
     assert not starting or kept.read_text() == "what an earlier run left"
 

@@ -146,7 +146,7 @@ def test_a_recorder_whose_thread_died_is_told_and_records_on(
         wait_until(lambda: set(threading.enumerate()) <= before)
     tick(memory, 50)
     recording.insist()
-    assert recording.failure == "the recorder's thread has died"
+    assert "recorder's thread ended" in str(recording.failure)
     wait_until(lambda: recording.rows_written == 50)
     assert pq.read_table(recording.finish(dict)).num_rows == 50
 

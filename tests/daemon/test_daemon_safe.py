@@ -67,5 +67,5 @@ def test_each_drivers_outputs_are_told_as_they_are(
         loop.close()
     assert [record.getMessage() for record in caplog.records] == [
         f"driver other: its outputs may NOT be safe: {cause}",
-        "driver gantry: asked from here to zero and disable what it drives",
+        "driver gantry: the supervisor told it to zero and disable its outputs",
     ]

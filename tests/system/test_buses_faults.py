@@ -24,9 +24,9 @@ from buses_bench import (
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
 AT_S = 0.8
-REFUSED = "what came was refused"
+REFUSED = "a message was refused"
 GONE = "the bus or the port is gone"
-ANEW = "the device began anew"
+ANEW = "the device restarted"
 SILENT = "no new sample from the device"
 
 IN_THE_LOG = {REFUSED: "CORRUPT", GONE: "BUS_OFF", ANEW: "DEVICE_RESTARTED", SILENT: "STALE"}

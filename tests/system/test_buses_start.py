@@ -15,9 +15,9 @@ import pytest
 from buses_bench import BUSES, END_S, Bus, DeviceProcess, device_file, free_port, host_file
 from daemon_rig import START_TIMEOUT_S, Daemon, wait_until
 from gantry_device_bench import from_wire, to_wire
+from motorctl.daemon.faults import device_message
 
 from motorctl.daemon.client import DaemonRefusedError
-from motorctl.daemon.faults import device_message
 from motorctl.hal import Status
 
 pytestmark = pytest.mark.slow
@@ -143,5 +143,5 @@ def test_a_port_that_comes_back_is_taken_up_by_the_daemons_next_start(tmp_path, 
 def test_what_keeps_an_axis_from_starting_is_named() -> None:
     assert device_message(0) == ""
     told = device_message(int(Status.ENCODER_LOST | Status.DEVICE_RESTARTED))
-    assert told.startswith("the encoder's signal is lost; the device began anew; if it stays so")
-    assert device_message(int(Status.STALE)) == "no new sample comes"
+    assert told.startswith("the encoder's signal is lost; the device restarted; if this stays")
+    assert device_message(int(Status.STALE)) == "no new sample arrives"

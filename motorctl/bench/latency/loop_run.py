@@ -174,7 +174,7 @@ class _Session:
         trips = {
             name: f"axis {name} tripped: {fault['message']}"
             for name, status in zip(self._machine.axes, self._memory.axis_status, strict=True)
-            if (fault := fault_of(status.copy()))
+            if (fault := fault_of(name, status, self._machine.period_of(name)))
         }
         if trips and not all(setup.cls.simulated for setup in self._machine.drivers.values()):
             raise RunError(f"{'; '.join(trips.values())}; every axis was stopped")

@@ -1,0 +1,107 @@
+"""Say in words why an axis is in the state FAULT, and what a driver reports."""
+
+from __future__ import annotations
+
+from motorctl.hal import Status
+from motorctl.log.sample import FaultCause
+
+_WITH_LIMIT = {
+    FaultCause.FOLLOWING_ERROR: ("following error", 1e3, "mm"),
+    FaultCause.SOFT_LIMIT: ("position beyond the soft limit:", 1e3, "mm"),
+    FaultCause.OVERSPEED: ("speed", 1.0, "m/s"),
+}
+_WITHOUT_LIMIT = {
+    FaultCause.NOT_A_NUMBER: "the control law computed a command that is not a finite number",
+    FaultCause.ENCODER_LOST: "the encoder's signal is lost",
+    FaultCause.ENCODER_JUMP: "the encoder's count jumped further than the axis can move in a tick",
+    FaultCause.AMPLIFIER: "the amplifier reports a fault",
+    FaultCause.COMMUNICATION: "communication with the device is lost",
+    FaultCause.ESTOP: "emergency stop",
+    FaultCause.LIMIT_SWITCH: "a limit switch is pressed",
+    FaultCause.HOMING_FAILED: "homing found no switch or index mark within homing.timeout_s",
+    FaultCause.OVERRUN: "more overruns of the control period than loop.overrun_policy allows",
+    FaultCause.SUPERVISOR_LOST: "the supervisor process sent no sign of life",
+}
+
+_DEVICE = {
+    Status.BUS_OFF: "the bus or the port is gone",
+    Status.DEVICE_RESTARTED: "the device restarted",
+    Status.CORRUPT: "a message was refused (checksum, length or sequence), or the bus had no room",
+}
+"""What a driver may add to the cause."""
+_TROUBLES = {
+    Status.ENCODER_LOST: _WITHOUT_LIMIT[FaultCause.ENCODER_LOST],
+    Status.AMPLIFIER_FAULT: _WITHOUT_LIMIT[FaultCause.AMPLIFIER],
+    Status.COMMUNICATION_LOST: _WITHOUT_LIMIT[FaultCause.COMMUNICATION],
+    Status.ESTOP: _WITHOUT_LIMIT[FaultCause.ESTOP],
+    Status.STALE: "no new sample arrives",
+}
+_UNTIL_OPENED = Status.BUS_OFF | Status.DEVICE_RESTARTED
+"""What mostly stays until the driver is opened again, which it is when the daemon starts."""
+
+
+def device_message(status: int) -> str:
+    """Return in words what a driver reports that keeps an axis from being started.
+
+    Parameters
+    ----------
+    status
+        The driver's status word: bits of `motorctl.hal.Status`.
+
+    Returns
+    -------
+    str
+        Empty where it reports nothing.
+    """
+    told = "; ".join(words for bit, words in (_TROUBLES | _DEVICE).items() if status & bit)
+    if status & _UNTIL_OPENED:
+        told += "; if this stays, restart the daemon: it opens the device when it starts"
+    return told
+
+
+def fault_message(
+    cause: FaultCause,
+    value: float,
+    limit: float,
+    time_s: float,
+    *,
+    period_s: float,
+    status: int = 0,
+) -> str:
+    """Return in words what tripped an axis: the cause, its value and its limit.
+
+    Parameters
+    ----------
+    cause
+        Why the axis is in FAULT.
+    value, limit
+        What tripped and the limit that it passed: m, m/s, or ticks of the axis; by the cause.
+    time_s
+        When it tripped [s since the first tick].
+    period_s
+        Period of the axis [s].
+    status
+        The driver's status word at that time.
+    """
+    if cause is FaultCause.NO_NEW_SAMPLE:
+        text = (
+            f"no new sample from the device for {_ticks(value, period_s)}; limit {limit:.0f} "
+            "(hold_ticks)"
+        )
+    elif cause is FaultCause.OVERRUN and value > 0.0:
+        text = (
+            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}. "
+            "`motorctl latency` measures this computer"
+        )
+    elif cause in _WITH_LIMIT:
+        what, scale, unit = _WITH_LIMIT[cause]
+        text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"
+    else:
+        text = _WITHOUT_LIMIT[cause]
+    if told := [words for bit, words in _DEVICE.items() if status & bit]:
+        text += f" ({'; '.join(told)})"
+    return f"{text}, at {time_s:.3f} s"
+
+
+def _ticks(count: float, period_s: float) -> str:
+    return f"{count:.0f} ticks ({count * period_s * 1e3:.3g} ms)"

@@ -1,0 +1,58 @@
+"""What supervisor and loop process say to each other: verbs, replies, phases, what is degraded."""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+
+
+class Verb(IntEnum):
+    """What the supervisor can ask of the loop."""
+
+    START = 1
+    STOP = 2
+    HOME = 3
+    FOLLOW = 4
+    """Follow the program in the command's slot, from the command's tick on (0: at once)."""
+    RESET = 5
+    ESTOP = 6
+    SHUTDOWN = 7
+    """Stop every axis, make the outputs safe, end the process."""
+
+
+class Reply(IntEnum):
+    """What the loop answers."""
+
+    OK = 1
+    WRONG_STATE = 2
+    NOT_HOMED = 3
+    NOT_AT_START = 4
+    """The program does not begin where the axis stands."""
+    STILL_FAULTY = 5
+    """What caused the fault is still there."""
+    NO_HOMING = 6
+    """The axis has an absolute encoder: there is nothing to home."""
+    LATE = 7
+    """The tick at which the program should have begun has passed."""
+    STILL_MOVING = 8
+    """The axis still moves: it can be enabled when it stands."""
+
+
+class Phase(IntEnum):
+    """How far the loop process is."""
+
+    STARTING = 0
+    COMPILING = 1
+    RUNNING = 2
+    STOPPED = 3
+    FAILED = 4
+
+
+class Degraded(IntFlag):
+    """What of real time this run does without."""
+
+    NO_FIFO = 1 << 0
+    NO_PINNING = 1 << 1
+    NO_LOCKED_MEMORY = 1 << 2
+    NO_CPU_LATENCY = 1 << 3
+    KERNEL_NOT_RT = 1 << 4
+    CPU_NOT_ISOLATED = 1 << 5
