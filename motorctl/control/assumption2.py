@@ -82,7 +82,7 @@ def voltage_points(model: EffectList, u_max: float) -> list[float]:
 
 
 def _can_fall_below(row: Array, limit: float, rows: Array, limits: Array) -> bool:
-    """Tell whether row . s < limit is possible in the unit box while rows . s >= limits."""
+    """Return whether row . s < limit is possible in the unit box while rows . s >= limits."""
     scale = np.abs(row).max()
     lengths = np.abs(rows).max(axis=1, initial=0.0)
     result = linprog(

@@ -28,7 +28,7 @@ def form_covariance(settings: Any, state: Any) -> None:
 
 @njit
 def violates(settings: Any, theta: Any) -> bool:
-    """Tell whether theta lies outside the box or a half-plane."""
+    """Return whether theta lies outside the box or a half-plane."""
     n = settings.n
     for i in range(n):
         if theta[i] > settings.upper[i] or theta[i] < settings.lower[i]:

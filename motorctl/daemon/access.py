@@ -62,7 +62,7 @@ class ControlSocket:
         return self._lock
 
     def admits(self, peer: Peer) -> bool:
-        """Tell whether a peer may command this machine: root, the daemon's user, the group."""
+        """Return whether a peer may command this machine: root, the daemon's user, the group."""
         return peer.uid in {0, os.geteuid()} or self.group_id in peer.groups
 
     def close(self) -> None:

@@ -92,7 +92,7 @@ class LoopProcess:
         return self.alive and self.phase is Phase.RUNNING and (moved or recent)
 
     def insist(self) -> bool:
-        """Tell whether it has ticked since the last call.
+        """Return whether it has ticked since the last call.
 
         Raises RunError with the reason where the process is gone or no longer ticks.
         """

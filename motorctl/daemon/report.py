@@ -87,7 +87,7 @@ class Report:
         }
 
     def summary(self) -> str:
-        """Say in one line what the machine does."""
+        """Return in one line what the machine does."""
         states = ", ".join(
             f"{name} {_state(self._memory, i).name.lower()}"
             for i, name in enumerate(self._machine.axes)
@@ -115,7 +115,7 @@ class Report:
         }
 
     def _trouble(self, axis: Axis, status: np.void) -> str | None:
-        """Say what the driver reports now; that a sample is missing, once it is for too long."""
+        """Return what the driver reports now; that a sample is missing, once it is for too long."""
         word = int(status["device_status"])
         if status["held_ticks"] <= self._machine.drivers[axis.driver].hold_ticks:
             word &= ~int(Status.STALE | Status.CORRUPT)

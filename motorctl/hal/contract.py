@@ -187,7 +187,7 @@ class Driver(ABC):
         """Compute the highest possible rate from options and channels, without any I/O."""
 
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
-        """Tell what is wrong between options and channels, without any I/O.
+        """Return what is wrong between options and channels, without any I/O.
 
         Each with the path of the option that is at fault, as in ``(("frames", "command"), "...")``.
         What is wrong with one option alone is the business of their schema.
@@ -195,7 +195,7 @@ class Driver(ABC):
         return ()
 
     def advice(self) -> Sequence[str]:
-        """Tell what the options leave open that a safe machine would want, a sentence each.
+        """Return what the options leave open that a safe machine would want, a sentence each.
 
         `check` shows it as notes; it is no reason to refuse a configuration.
         """

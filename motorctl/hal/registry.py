@@ -62,7 +62,7 @@ def _load(point: EntryPoint) -> DriverEntry:
 
 
 def _remedy(point: EntryPoint) -> str:
-    """Say how to install what a driver needs, where its package has an extra of its name."""
+    """Return how to install what a driver needs, where its package has an extra of its name."""
     extras = point.dist.metadata.get_all("Provides-Extra", []) if point.dist else []
     if point.dist is None or point.name not in extras:
         return ""

@@ -64,7 +64,7 @@ def _check_matrix(data: memoryview, order: str, depth: int) -> None:
 
 
 def _has_its_parts(parts: _Parts, order: str, array_class: int, is_complex: bool) -> bool:
-    """Tell whether the parts behind the flags are as many and of the kinds that scipy reads."""
+    """Return whether the parts behind the flags are as many and of the kinds that scipy reads."""
     if array_class in (_FUNCTION, _OPAQUE):
         return len(parts) > 1 and parts[-1][0] == _MATRIX
     if len(parts) < 3 or parts[1][0] not in (_INT32, _UINT32) or parts[2][0] not in (_INT8, _UTF8):

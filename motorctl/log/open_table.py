@@ -50,7 +50,7 @@ def open_table(path: Path) -> Table:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Tell whether a file is the partial file of a recording. Raises DataError without one."""
+    """Return whether a file is the partial file of a recording. Raises DataError without one."""
     return _begins_unfinished(path, _head(path))
 
 

@@ -75,7 +75,7 @@ class PartialFile:
 
     @property
     def torn(self) -> bool:
-        """Tell whether something was given up that was, or was to be, data."""
+        """Return whether something was given up that was, or was to be, data."""
         return self.given_up_bytes > 0
 
     def batches(self) -> Iterator[pa.RecordBatch]:

@@ -38,7 +38,7 @@ class Table(ABC):
         """Read existing columns; an empty cell is NaN. Raises DataError."""
 
     def row(self, index: int) -> str:
-        """Say where the row with this index (from 0) stands, counting from 1 as people do."""
+        """Return where the row with this index (from 0) stands, counting from 1 as people do."""
         return f"row {index + 1}"
 
     def read(self, names: Iterable[str]) -> dict[str, Array]:
@@ -66,7 +66,7 @@ class Table(ABC):
             raise DataError(self.missing(name))
 
     def missing(self, name: str) -> str:
-        """Tell that there is no such column, and which there are."""
+        """Return a sentence: there is no such column, and which there are."""
         close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.75)
         hint = f"; did you mean '{close[0]}'?" if close else "."
         return f"{self.path}: no column '{name}'{hint} There are: {self.listing()}"

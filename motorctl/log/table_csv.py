@@ -36,7 +36,7 @@ class CsvTable(Table):
         super().__init__(path, self._head.names)
 
     def row(self, index: int) -> str:
-        """Say where a row stands, by its number and its line."""
+        """Return where a row stands, by its number and its line."""
         return f"row {index + 1} (line {self._head.lines + index + 1})"
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
@@ -65,7 +65,7 @@ class CsvTable(Table):
         )
 
     def _cause(self, message: str) -> str:
-        """Tell the parser's complaint in the file's own words: line, column, value."""
+        """Return the parser's complaint in the file's own words: line, column, value."""
         line = ""
         if row := re.search(r"Row #(\d+): ?", message):
             line = f"line {row[1]}: "

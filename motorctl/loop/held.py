@@ -69,7 +69,7 @@ def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: in
 def is_unexpected(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int
 ) -> bool:
-    """Tell whether a sample is one that no motion explains: taken at another time, or damaged.
+    """Return whether a sample is one that no motion explains: taken at another time, or damaged.
 
     A jump that is no motion at all is a fault, not this. Where device and loop have clocks of
     their own, samples move by a period now and then, and nothing is expected.
@@ -94,7 +94,7 @@ def is_unexpected(
 
 @njit
 def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
-    """Tell whether a sample may be left out: one between two that are believed, and not often.
+    """Return whether a sample may be left out: one between two that are believed, and not often.
 
     Homing is slow, and looks for edges that one sample may bring.
     """
@@ -106,7 +106,7 @@ def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
 
 @njit
 def just_left_out(axis: Any) -> bool:
-    """Tell whether the last sample came in the last tick, and was left out."""
+    """Return whether the last sample came in the last tick, and was left out."""
     return (  # type: ignore[no-any-return]
         axis.doubted_ticks > 0 and axis.blind_ticks == axis.doubted_blind_ticks
     )
@@ -114,7 +114,7 @@ def just_left_out(axis: Any) -> bool:
 
 @njit
 def predicts(settings: Any, axis: Any) -> bool:
-    """Tell whether the model stands in for samples that do not come."""
+    """Return whether the model stands in for samples that do not come."""
     moving = axis.state not in (OFF, FAULT) and not axis.fresh
     return settings.predict and axis.have_counts and moving
 

@@ -35,7 +35,7 @@ def begin_homing(settings: Any, axis: Any) -> None:
 
 @njit
 def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float) -> bool:
-    """Move the reference for one tick; tells whether the zero was found, and sets it.
+    """Move the reference for one tick; set the zero, and return True, once it is found.
 
     index_count_m is the position of the index mark that the driver latched last.
     """

@@ -97,7 +97,7 @@ def main() -> int:
 
 
 def _run(orders: Orders, memory: LoopMemory) -> bool:
-    """Prepare everything and tick until the end; tells whether the supervisor was lost.
+    """Prepare everything and tick until the end; return whether the supervisor was lost.
 
     The outputs are safe and the devices released when it is left, in whatever way.
     """

@@ -30,7 +30,7 @@ NEEDED = Degraded.NO_FIFO | Degraded.NO_PINNING | Degraded.NO_LOCKED_MEMORY
 
 
 def reasons(degraded: int) -> list[str]:
-    """Put the bits of Degraded into words."""
+    """Return the bits of Degraded in words."""
     return [text for bit, text in REASONS.items() if degraded & bit]
 
 

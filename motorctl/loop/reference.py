@@ -27,14 +27,14 @@ def hold_where_it_is(axis: Any) -> None:
 
 @njit
 def ramp(settings: Any, axis: Any, velocity: float, elapsed: int) -> bool:
-    """Move the reference's velocity towards `velocity`; tells whether it is reached."""
+    """Move the reference's velocity towards `velocity`; return whether it is reached."""
     acceleration, jerk = settings.stop_acceleration_m_s2, settings.stop_jerk_m_s3
     return _ramp(settings, axis, velocity, acceleration, jerk, elapsed)  # type: ignore[no-any-return]
 
 
 @njit
 def brake(settings: Any, axis: Any, elapsed: int) -> bool:
-    """Ramp down to rest; tells whether the axis has come to it.
+    """Ramp down to rest; return whether the axis has come to it.
 
     With the limits of a stop, unless that would end beyond the travel, or turn back on the way
     because the axis already brakes harder. Then with the axis' own limits: a program that keeps

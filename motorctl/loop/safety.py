@@ -88,7 +88,7 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
 
 @njit
 def is_overdue(settings: Any, axis: Any) -> bool:
-    """Tell whether the last sample is older than an axis may be driven by."""
+    """Return whether the last sample is older than an axis may be driven by."""
     return ticks_without(axis) > settings.hold_ticks  # type: ignore[no-any-return]
 
 
@@ -100,7 +100,7 @@ def ticks_without(axis: Any) -> int:
 
 @njit
 def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> bool:
-    """Tell whether a step of the counter is too large to be motion, or may hide whole turns.
+    """Return whether a step of the counter is too large to be motion, or may hide whole turns.
 
     elapsed counts the periods since the last count that could be trusted.
     """
@@ -122,7 +122,7 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
 
 @njit
 def still_moves(settings: Any, axis: Any) -> bool:
-    """Tell whether the axis moves too fast to be enabled: holding it would be a jolt."""
+    """Return whether the axis moves too fast to be enabled: holding it would be a jolt."""
     noise = 8.0 * abs(settings.metres_per_count) / settings.period_s
     return abs(axis.velocity_m_s) > STANDSTILL_RATIO * settings.max_velocity_m_s + noise  # type: ignore[no-any-return]
 

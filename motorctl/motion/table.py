@@ -58,7 +58,7 @@ class _Problems:
 
 
 def axes_of_header(path: Path, axis_names: Collection[str]) -> tuple[str, ...]:
-    """Tell the axes of a file all of whose columns are ``time_s`` or ``<axis>_m``.
+    """Return the axes of a file all of whose columns are ``time_s`` or ``<axis>_m``.
 
     Raises ConfigError where another column, or an unknown axis, stands in the header.
     """

@@ -119,19 +119,19 @@ class Bench:
         self.until(obeyed, f"volts {wanted.tolist()}, enable {on.tolist()}")
 
     def fresh(self) -> bool:
-        """Tell whether the last read brought a good new sample for every channel."""
+        """Return whether the last read brought a good new sample for every channel."""
         return not self.has(NOT_FRESH)
 
     def has(self, bits: Status) -> bool:
-        """Tell whether any channel has one of these bits."""
+        """Return whether any channel has one of these bits."""
         return bool((self.inputs.status & np.uint32(bits)).any())
 
     def all_have(self, bits: Status) -> bool:
-        """Tell whether every channel has all of these bits."""
+        """Return whether every channel has all of these bits."""
         return bool((self.inputs.status & np.uint32(bits) == np.uint32(bits)).all())
 
     def shows(self, counts: NDArray[np.int64]) -> bool:
-        """Tell whether the counts are these, modulo the width of each counter."""
+        """Return whether the counts are these, modulo the width of each counter."""
         return all(
             (int(shown) - int(wanted)) % 2**channel.counter_bits == 0
             for shown, wanted, channel in zip(
@@ -157,7 +157,7 @@ class Bench:
 
 
 def at_rest(received: Received) -> bool:
-    """Tell whether every amplifier has zero volts and is disabled."""
+    """Return whether every amplifier has zero volts and is disabled."""
     return not received.volts.any() and (received.enabled is None or not received.enabled.any())
 
 

@@ -150,7 +150,7 @@ class Rig:
 
 
 def offers(rig: Rig, hook: str) -> bool:
-    """Tell whether a rig overrides a hook."""
+    """Return whether a rig overrides a hook."""
     return getattr(type(rig), hook) is not getattr(Rig, hook)
 
 
