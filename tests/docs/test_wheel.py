@@ -1,0 +1,42 @@
+"""The wheel that a machine gets: its licence, and types for whoever checks theirs against ours."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from email.parser import Parser
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BUILD = "import sys; from hatchling.build import build_wheel; print(build_wheel(sys.argv[1]))"
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
+    """Build the wheel from this checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-c", BUILD, str(folder)]
+    built = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    return ZipFile(folder / built.stdout.strip())
+
+
+def test_every_package_of_the_wheel_is_typed(wheel: ZipFile) -> None:
+    packages = {name.split("/")[0] for name in wheel.namelist() if name.endswith(".py")}
+    assert {"motorctl", "motorctl_sim", "motorctl_can"} <= packages
+    untyped = [name for name in packages if f"{name}/py.typed" not in wheel.namelist()]
+    assert not untyped
+
+
+def test_the_wheel_carries_the_licence_that_it_names(wheel: ZipFile) -> None:
+    (about,) = (name for name in wheel.namelist() if name.endswith(".dist-info/METADATA"))
+    told = Parser().parsestr(wheel.read(about).decode())
+    assert told["License-Expression"] == "Apache-2.0"
+    licence = wheel.read(about.replace("METADATA", "licenses/LICENSE"))
+    assert licence == (ROOT / "LICENSE").read_bytes()
+    assert licence.split(b"\n")[1:3] == [
+        b"                                 Apache License",
+        b"                           Version 2.0, January 2004",
+    ]
