@@ -100,7 +100,7 @@ def house_svg(root: Path = ROOT) -> str:
     rules = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["importlinter"]
     contracts = rules["contracts"]
     layers = next(c for c in contracts if c["type"] == "layers")["layers"]
-    floors = [[read_room(name.strip(), root) for name in layer.split(":")] for layer in layers]
+    floors = [[read_room(name, root) for name in re.findall(r"[\w.]+", layer)] for layer in layers]
     for floor in floors:
         floor.sort(key=lambda room: room.name == CONTRACT)  # beside the wall that has the door
     # What is no room of motorctl's own stands beside the wheel, whatever floor it looks at.
