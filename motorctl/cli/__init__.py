@@ -9,6 +9,7 @@ import sys
 import typer
 
 from motorctl import __version__
+from motorctl.cli.installed import Commands
 from motorctl.errors import MotorctlError
 
 GROUPS = (
@@ -23,9 +24,7 @@ GROUPS = (
     "refine",
     "compare",
     "close_loop",
-    "gantry_device",
     "latency",
-    "bench",
 )
 """Modules of this package in the order in which `--help` lists their commands."""
 
@@ -34,6 +33,7 @@ def make_app() -> typer.Typer:
     """Assemble the commands of every group."""
     app = typer.Typer(
         name="motorctl",
+        cls=Commands,
         help="Real-time motion control that closes the loop with measured data.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,

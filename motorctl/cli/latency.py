@@ -44,10 +44,10 @@ def latency(
     """
     from rich.console import Console
 
-    from motorctl.bench.latency import LatencyOptions, measure_latency
-    from motorctl.bench.latency.view import print_latency
     from motorctl.cli.progress import showing_progress
     from motorctl.config import load
+    from motorctl.latency import LatencyOptions, measure_latency
+    from motorctl.latency.view import print_latency
 
     options = LatencyOptions(duration, log, out, beside_cyclictest=cyclictest, move_devices=move)
     with showing_progress("measuring; the first run compiles the kernels") as progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from motorctl.config.validation import suggest
@@ -24,19 +23,14 @@ def shipped_config(name: str) -> Path:
     return known[name]
 
 
-def locate(path: str | Path) -> Path:
-    """Give the file that a user means: a path, or the bare name of a shipped configuration."""
-    return _named(path, shipped_configs())
+def locate(path: str | Path, folder: Path | None = None) -> Path:
+    """Return the file that a user means: a path, or the bare name of a file that is shipped.
 
-
-def locate_device(path: str | Path) -> Path:
-    """Give the file of a simulated device: a path, or the bare name of a shipped one."""
-    return _named(path, _by_name(_folder() / "devices"))
-
-
-def _named(path: str | Path, known: Mapping[str, Path]) -> Path:
+    `folder` holds what is shipped; by default the configurations.
+    """
     given = Path(path)
     if len(given.parts) == 1 and not given.exists():
+        known = _by_name(folder or _folder())
         return known.get(given.stem if given.suffix == SUFFIX else given.name, given)
     return given
 

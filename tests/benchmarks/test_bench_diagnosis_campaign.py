@@ -11,21 +11,26 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
+from motorctl.cli.bench import register
 from typer.testing import CliRunner
 
-from motorctl.bench.diagnosis import run_case
-from motorctl.bench.diagnosis.answer import Answer, Named
-from motorctl.bench.diagnosis.campaign import CampaignOptions, run_campaign, tasks_of
-from motorctl.bench.diagnosis.cases import draw_case
-from motorctl.bench.diagnosis.closed_loop import ClosedLoop
-from motorctl.bench.diagnosis.figures import campaign_figures
-from motorctl.bench.diagnosis.groups import GROUPS, CaseKey, draw, keys, parse_key
-from motorctl.bench.diagnosis.known_effects import KNOWN
-from motorctl.bench.diagnosis.mistakes import calibration_lines, mistakes
-from motorctl.bench.diagnosis.peer_columns import PeerProblem
-from motorctl.bench.diagnosis.peers import SELECTIONS, PeerAnswer, named_by
-from motorctl.bench.diagnosis.run_case import Outcome, Task, run_task
-from motorctl.bench.diagnosis.score import (
+from motorctl.config import load_resolved
+from motorctl.errors import RunError, UsageError
+from motorctl.log import read_recording
+from motorctl.loop.simulation import simulate
+from motorctl_benchmarks.diagnosis import run_case
+from motorctl_benchmarks.diagnosis.answer import Answer, Named
+from motorctl_benchmarks.diagnosis.campaign import CampaignOptions, run_campaign, tasks_of
+from motorctl_benchmarks.diagnosis.cases import draw_case
+from motorctl_benchmarks.diagnosis.closed_loop import ClosedLoop
+from motorctl_benchmarks.diagnosis.figures import campaign_figures
+from motorctl_benchmarks.diagnosis.groups import GROUPS, CaseKey, draw, keys, parse_key
+from motorctl_benchmarks.diagnosis.known_effects import KNOWN
+from motorctl_benchmarks.diagnosis.mistakes import calibration_lines, mistakes
+from motorctl_benchmarks.diagnosis.peer_columns import PeerProblem
+from motorctl_benchmarks.diagnosis.peers import SELECTIONS, PeerAnswer, named_by
+from motorctl_benchmarks.diagnosis.run_case import Outcome, Task, run_task
+from motorctl_benchmarks.diagnosis.score import (
     calibration,
     called_unknown,
     exact_set,
@@ -34,15 +39,10 @@ from motorctl.bench.diagnosis.score import (
     no_wrong_name,
     right_or_honest,
 )
-from motorctl.bench.diagnosis.speed import Cost, figures_of, long_case, peak_memory_gb
-from motorctl.bench.diagnosis.true_motion import true_error_rms_m
-from motorctl.bench.diagnosis.unknown_effects import UNKNOWN
-from motorctl.bench.subject import measure
-from motorctl.cli.bench import register
-from motorctl.config import load_resolved
-from motorctl.errors import RunError, UsageError
-from motorctl.log import read_recording
-from motorctl.loop.simulation import simulate
+from motorctl_benchmarks.diagnosis.speed import Cost, figures_of, long_case, peak_memory_gb
+from motorctl_benchmarks.diagnosis.true_motion import true_error_rms_m
+from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
+from motorctl_benchmarks.subject import measure
 
 COGGING = {"cogging": {"pitch_m": 0.03}}
 APERIODIC = {"cogging": {"pitch_m": 0.03, "aperiodic": {}}}

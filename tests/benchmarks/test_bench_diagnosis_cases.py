@@ -13,7 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
-from motorctl.bench.diagnosis.cases import (
+from motorctl.config import load_resolved
+from motorctl.errors import UsageError
+from motorctl.log import AxisRecording, read_recording
+from motorctl_benchmarks.diagnosis.cases import (
     Case,
     clean_case,
     draw_case,
@@ -22,12 +25,9 @@ from motorctl.bench.diagnosis.cases import (
     unknown_case,
     without_effects,
 )
-from motorctl.bench.diagnosis.known_effects import KNOWN
-from motorctl.bench.diagnosis.record import record_case
-from motorctl.bench.diagnosis.unknown_effects import UNKNOWN
-from motorctl.config import load_resolved
-from motorctl.errors import UsageError
-from motorctl.log import AxisRecording, read_recording
+from motorctl_benchmarks.diagnosis.known_effects import KNOWN
+from motorctl_benchmarks.diagnosis.record import record_case
+from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
 
 MOTIONS = ("rich", "repeated", "synchronised")
 NAMED = [

@@ -9,17 +9,17 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
+from motorctl.cli.bench import register
 from typer.testing import CliRunner
 
-from motorctl.bench import law_figures, tick_figures, virtual_figures
-from motorctl.bench.figure import Figure, Target, missed
-from motorctl.bench.gantries import gantry_with
-from motorctl.bench.interleave import interleaved, median_ratio
-from motorctl.bench.subject import measure
-from motorctl.bench.tick_figures import growth_figures
-from motorctl.bench.tick_probe import PARTS, TickProbe
-from motorctl.cli.bench import register
 from motorctl.errors import UsageError
+from motorctl.latency.figure import Figure, Target, missed
+from motorctl_benchmarks import law_figures, tick_figures, virtual_figures
+from motorctl_benchmarks.gantries import gantry_with
+from motorctl_benchmarks.interleave import interleaved, median_ratio
+from motorctl_benchmarks.subject import measure
+from motorctl_benchmarks.tick_figures import growth_figures
+from motorctl_benchmarks.tick_probe import PARTS, TickProbe
 
 KEYS = {"name", "title", "value", "unit", "peer", "peer_value", "ratio", "target", "met"}
 

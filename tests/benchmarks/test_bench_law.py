@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from motorctl.bench.law_data import LawData, record_law
-from motorctl.bench.law_figures import friction_slope_s_m
-from motorctl.bench.law_loop import CompiledLaw
-from motorctl.bench.numpy_law import NumpyLaw
 from motorctl.config import load
 from motorctl.config.machine import Machine
 from motorctl.errors import RunError
+from motorctl_benchmarks.law_data import LawData, record_law
+from motorctl_benchmarks.law_figures import friction_slope_s_m
+from motorctl_benchmarks.law_loop import CompiledLaw
+from motorctl_benchmarks.numpy_law import NumpyLaw
 
 STEPS = 600
 

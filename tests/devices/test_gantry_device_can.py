@@ -19,7 +19,7 @@ from gantry_device_frames import (
 )
 
 from motorctl.errors import ConfigError
-from motorctl.gantry_device import load_device
+from motorctl_devices import load_device
 
 _NAMES = iter(range(10**6))
 

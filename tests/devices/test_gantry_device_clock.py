@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from motorctl.gantry_device.machine import PHASE, Machine
 from motorctl.hal import Driver, DriverOptions, RateBudget
+from motorctl_devices.machine import PHASE, Machine
 
 PERIOD_S = 1e-3
 PERIOD_NS = 1_000_000

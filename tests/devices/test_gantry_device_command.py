@@ -17,8 +17,8 @@ from gantry_device_bench import CHANNEL, MODBUS, SerialPeer, device_data, write_
 from gantry_device_frames import CHANNELS, FRAMES
 
 from motorctl.errors import ConfigError, RunError, UsageError
-from motorctl.gantry_device import load_device
-from motorctl.gantry_device.orders import KEYS
+from motorctl_devices import load_device
+from motorctl_devices.orders import KEYS
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 

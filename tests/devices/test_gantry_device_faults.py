@@ -22,9 +22,9 @@ from gantry_device_frames import CHANNELS, FRAMES, STATE_ID, SYNC_ID, CanPeer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motorctl.gantry_device.line import Line, flip_bits
-from motorctl.gantry_device.orders import FaultOrder
-from motorctl.gantry_device.schedule import Schedule
+from motorctl_devices.line import Line, flip_bits
+from motorctl_devices.orders import FaultOrder
+from motorctl_devices.schedule import Schedule
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 SERIAL: dict[str, Any] = {"serial": {}}

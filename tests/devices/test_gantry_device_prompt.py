@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from gantry_device_bench import device_data, write_device
 
-from motorctl.gantry_device.prompt_ptys import can_be_prompt, prompt_ptys
+from motorctl_devices.prompt_ptys import can_be_prompt, prompt_ptys
 
 PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23
 COMMAND = [sys.executable, "-c", "from motorctl.cli import main; main()", "gantry-device"]

@@ -12,7 +12,7 @@ from gantry_device_bench import SerialPeer, device_data, running, until
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motorctl.gantry_device.serial_codec import from_wire, to_wire
+from motorctl_devices.serial_codec import from_wire, to_wire
 
 SERIAL: dict = {"serial": {}}
 PAGE = Path(__file__).parents[2] / "docs" / "drivers" / "serial.md"

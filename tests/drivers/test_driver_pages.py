@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from motorctl.config.document import read_document
-from motorctl.gantry_device.load import load_device
 from motorctl.hal import Channel, Driver, driver_class
+from motorctl_devices.load import load_device
 
 PAGES = Path(__file__).parents[2] / "docs/drivers"
 OF_THE_LOOP = ("type", "late", "rate_hz")

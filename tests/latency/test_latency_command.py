@@ -14,12 +14,12 @@ from latency_device import Device
 from loop_bench import gantry, with_sim
 from typer.testing import CliRunner
 
-from motorctl.bench.latency import LatencyOptions, measure_latency
-from motorctl.bench.latency.cyclictest import INSTALL
-from motorctl.bench.latency.verdict import judge
 from motorctl.cli.latency import register
 from motorctl.config import load
 from motorctl.errors import RunError, UsageError
+from motorctl.latency import LatencyOptions, measure_latency
+from motorctl.latency.cyclictest import INSTALL
+from motorctl.latency.verdict import judge
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState
 

@@ -13,18 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motorctl.bench.host import stolen_s
-from motorctl.bench.latency.advice import kernel_advice, spin_advice, theft_advice
-from motorctl.bench.latency.cyclictest import cyclictest_command, rival_of, run_cyclictest
-from motorctl.bench.latency.durations import Durations
-from motorctl.bench.latency.histogram import (
+from motorctl.errors import RunError
+from motorctl.latency.advice import kernel_advice, spin_advice, theft_advice
+from motorctl.latency.cyclictest import cyclictest_command, rival_of, run_cyclictest
+from motorctl.latency.durations import Durations
+from motorctl.latency.histogram import (
     EDGES_S,
     bin_names,
     histogram_document,
     histogram_lines,
 )
-from motorctl.bench.latency.verdict import judge
-from motorctl.errors import RunError
+from motorctl.latency.host import stolen_s
+from motorctl.latency.verdict import judge
 
 DURATIONS = st.lists(st.floats(2e-9, 1.0), min_size=1, max_size=200).map(np.array)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motorctl.bench.latency.loop_run import LoopRun
-from motorctl.bench.latency.ticks import TickTimes, read_ticks
+from motorctl.latency.loop_run import LoopRun
+from motorctl.latency.ticks import TickTimes, read_ticks
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.sample import TICK_SAMPLE, SampleFlag, axis_sample
 

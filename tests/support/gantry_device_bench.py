@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from motorctl.gantry_device import Device, load_device
+from motorctl_devices import Device, load_device
 
 CHANNEL = {"resolution_m": 0.5e-6, "counter_bits": 32, "max_voltage_v": 10.0}
 STATUS_WORD, SEQUENCE_IN, BOOT_WORD = 8, 9, 10

@@ -23,10 +23,10 @@ from gantry_device_frames import FRAMES, SYNC_ID
 from numpy.typing import NDArray
 
 from motorctl.daemon.client import DaemonRefusedError
-from motorctl.gantry_device.prompt_ptys import can_be_prompt
 from motorctl.log import Recording, read_recording
 from motorctl.log.info import LogInfo, describe
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl_devices.prompt_ptys import can_be_prompt
 
 Options = dict[str, Any]
 

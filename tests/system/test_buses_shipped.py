@@ -12,7 +12,8 @@ from buses_bench import DeviceProcess, free_port
 from daemon_rig import Daemon, wait_until
 
 from motorctl.config import load, summarise
-from motorctl.config.shipped import locate_device, shipped_config
+from motorctl.config.shipped import shipped_config
+from motorctl_devices.load import SHIPPED
 
 RUN_S = 3.0
 ADVICE = {
@@ -25,7 +26,7 @@ ADVICE = {
 def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Give both files, on ports and a group of this test's own."""
     host = yaml.safe_load(shipped_config(f"{bus}_gantry").read_text())
-    served = yaml.safe_load(locate_device(Path(device)).read_text())
+    served = yaml.safe_load((SHIPPED / f"{device}.yaml").read_text())
     driver = host["drivers"]["gantry"]
     if bus == "serial":
         driver["port"] = str(folder / "link")

@@ -5,13 +5,13 @@ import copy
 import numpy as np
 import pytest
 
-from motorctl.bench.buses.device import device_running
-from motorctl.bench.buses.machines import device_file
-from motorctl.bench.buses.transports import merged, transports
-from motorctl.bench.latency.loop_run import run_loop
 from motorctl.config import load, load_resolved
+from motorctl.latency.loop_run import run_loop
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState, SampleFlag
+from motorctl_benchmarks.buses.device import device_running
+from motorctl_benchmarks.buses.machines import device_file
+from motorctl_benchmarks.buses.transports import merged, transports
 
 SLOW_HZ, FAST_HZ = 500.0, 5000.0
 GENTLE = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from motorctl.bench.diagnosis.cases import Case
-from motorctl.bench.diagnosis.motions import START_GRID_M
-from motorctl.bench.diagnosis.record import record_case
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording, read_recording
+from motorctl_benchmarks.diagnosis.cases import Case
+from motorctl_benchmarks.diagnosis.motions import START_GRID_M
+from motorctl_benchmarks.diagnosis.record import record_case
 
 DURATION_S = 10.0
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from diagnosis_cases import diagnosed, moving, names, recorded
 
-from motorctl.bench.diagnosis.cases import clean_case, draw_case, on_other_motion
-from motorctl.bench.diagnosis.unknown_effects import UNKNOWN
 from motorctl.config import load
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.columns.repetition import period_of
@@ -16,6 +14,8 @@ from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
+from motorctl_benchmarks.diagnosis.cases import clean_case, draw_case, on_other_motion
+from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
 
 SMOOTH = [(0.9, 0.15, 0.3, 0.0), (0.1, 0.15, 0.3, 0.0)] * 6
 """Share of the travel, speed [m/s], acceleration [m/s^2], dwell [s]: above 40 Hz it is noise."""

@@ -3,8 +3,8 @@
 import pytest
 from diagnosis_cases import diagnosed, moving, names, undecided_between
 
-from motorctl.bench.diagnosis.cases import draw_case
 from motorctl.errors import DataError
+from motorctl_benchmarks.diagnosis.cases import draw_case
 
 RICH = [
     ("input_lag", "input_delay", 11),

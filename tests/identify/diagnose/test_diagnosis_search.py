@@ -4,11 +4,11 @@ import pytest
 import yaml
 from diagnosis_cases import diagnosed, moving, names
 
-from motorctl.bench.diagnosis.cases import clean_case, draw_case
-from motorctl.bench.diagnosis.draw import Draw
-from motorctl.bench.diagnosis.plants import draw_axis
 from motorctl.identify.diagnose.report.parameter_text import whole_model_values
 from motorctl.motion import load_program_file
+from motorctl_benchmarks.diagnosis.cases import clean_case, draw_case
+from motorctl_benchmarks.diagnosis.draw import Draw
+from motorctl_benchmarks.diagnosis.plants import draw_axis
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-FOLDERS = ("motorctl", "drivers", "configs", "docs/drivers")
-PYTHON_PATH = "/job/motorctl:/job/motorctl/drivers:/opt/packages"
+FOLDERS = ("motorctl", "drivers", "devices", "configs", "docs/drivers")
+PYTHON_PATH = "/job/motorctl:/job/motorctl/drivers:/job/motorctl/devices:/opt/packages"
 
 
 def add_checkout(job: Path) -> None:

@@ -1,0 +1,1 @@
+"""How fast motorctl is and how often its diagnoses are right: figures beside peers."""

@@ -1,0 +1,177 @@
+"""`motorctl bench`: figures of speed and of diagnosis, beside peers in the same run."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.subject import Result
+
+MISTAKES_SHOWN = 60
+WIDTH_OF_A_FILE = 120
+
+
+class SizeChoice(StrEnum):
+    """How many cases a campaign has."""
+
+    SMALL = "small"
+    FULL = "full"
+
+
+def bench(
+    subject: Annotated[
+        str, typer.Argument(help="What to measure: speed, diagnosis, buses.")
+    ] = "speed",
+    cases: Annotated[
+        int | None, typer.Option(min=1, help="diagnosis: so many cases in each group.")
+    ] = None,
+    size: Annotated[
+        SizeChoice | None,
+        typer.Option(help="diagnosis: small (a quarter of an hour on two CPUs; default), or full."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="diagnosis: the first seed; by default held-out ones.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="diagnosis: processes; by default one a CPU.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="GROUP:SEED", help="diagnosis: this case alone; may be repeated."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="diagnosis: every case as a line of JSON.")
+    ] = None,
+    logs: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="diagnosis: keep the cases' logs here.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Measure how fast motorctl is on this machine, or how often its diagnoses are right.
+
+    speed: the law, the tick and virtual time, as ratios to peers in the same run. diagnosis: a
+    blind campaign on simulated machines with known causes, beside PySINDy and SysIdentPy where
+    these are installed; what was wrong is listed with the key that runs it again. buses: C2 in
+    wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
+    simulation.
+
+    The exit status is 0 whether or not the targets are met: what is not met is told.
+
+    Example: motorctl bench --json
+
+    Example: motorctl bench diagnosis --only one:50003 --logs logs
+    """
+    from rich.console import Console
+
+    from motorctl.cli.progress import showing_progress
+    from motorctl.latency.host import host_line
+    from motorctl_benchmarks.subject import measure
+
+    asked = (cases, size, seed, workers, only, out, logs)
+    campaign = None
+    if subject == "diagnosis" or any(value is not None for value in asked):
+        campaign = _campaign(cases, size, seed, workers, only, out, logs)
+    with showing_progress("measuring; the first run compiles the kernels") as progress:
+        result = measure(subject, progress, campaign)
+    if as_json:
+        typer.echo(json.dumps(_finite(result.document()), indent=2, allow_nan=False))
+        return
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH_OF_A_FILE)
+    console.print(host_line(result.host), highlight=False)
+    console.print(_table(result))
+    for note in result.notes:
+        console.print(note, highlight=False, markup=False)
+    _print_mistakes(console, result)
+    for sentence in result.missed:
+        console.print(f"[yellow]not met[/yellow]  {sentence}", highlight=False)
+    if not result.missed:
+        console.print("[green]every target is met[/green]")
+
+
+def _campaign(
+    cases: int | None,
+    size: SizeChoice | None,
+    seed: int | None,
+    workers: int | None,
+    only: list[str] | None,
+    out: Path | None,
+    logs: Path | None,
+) -> CampaignOptions:
+    """Put the options together. Raises UsageError where they contradict each other."""
+    from motorctl.errors import UsageError
+    from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED, parse_key
+
+    if cases is not None and size is not None:
+        raise UsageError(f"--cases {cases} and --size {size}: only one of the two")
+    if only and (cases is not None or size is not None or seed is not None):
+        raise UsageError("--only names the cases: --cases, --size and --seed say nothing then")
+    return CampaignOptions(
+        size="full" if size == SizeChoice.FULL else "small",
+        cases=cases,
+        first_seed=HELD_OUT_SEED if seed is None else seed,
+        workers=workers,
+        out=out,
+        logs=logs,
+        only=tuple(parse_key(key) for key in only or ()),
+    )
+
+
+def _finite(value: object) -> object:
+    """Put null in the place of what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    if isinstance(value, float) and not (-float("inf") < value < float("inf")):
+        return None
+    return value
+
+
+def _print_mistakes(console: Console, result: Result) -> None:
+    for row in result.mistakes[:MISTAKES_SHOWN]:
+        words = f"{row['case']}  {row['truth']}  ->  {row['answer']}"
+        console.print(f"wrong  {words}", highlight=False, markup=False, soft_wrap=True)
+    more = len(result.mistakes) - MISTAKES_SHOWN
+    if more > 0:
+        console.print(f"and {more} more; --out keeps all of them", highlight=False)
+
+
+def _table(result: Result) -> Table:
+    from rich.table import Table
+
+    table = Table(title=result.subject, title_justify="left", title_style="bold")
+    table.add_column("figure")
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("peer")
+    ratios = any(figure.ratio is not None for figure in result.figures)
+    if ratios:
+        table.add_column("ratio", justify="right", no_wrap=True)
+    table.add_column("target", justify="right", no_wrap=True)
+    table.add_column("met")
+    marks = {True: "[green]yes[/green]", False: "[red]no[/red]", None: ""}
+    for figure in result.figures:
+        peer = figure.peer or ""
+        if figure.peer_value is not None:
+            peer += f": {figure.peer_value:.3g} {figure.unit}"
+        ratio = "" if figure.ratio is None else f"{figure.ratio:.3g}"
+        table.add_row(
+            figure.title,
+            f"{figure.value:.3g} {figure.unit}",
+            peer,
+            *([ratio] if ratios else []),
+            str(figure.target or ""),
+            marks[figure.met],
+        )
+    return table

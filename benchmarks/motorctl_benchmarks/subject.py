@@ -1,0 +1,100 @@
+"""What can be measured: subjects, each of which gives figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from motorctl.errors import UsageError
+from motorctl.latency.figure import Figure, missed
+from motorctl.latency.host import host_facts
+from motorctl.latency.progress import Progress, part_of
+from motorctl_benchmarks.findings import Findings
+from motorctl_benchmarks.law_figures import law_figures
+from motorctl_benchmarks.tick_figures import tick_figures
+from motorctl_benchmarks.virtual_figures import virtual_figures
+
+if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
+    from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+
+Part = Callable[[Progress], tuple[list[Figure], list[str]]]
+
+SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures)
+"""Measured one after the other."""
+
+
+def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for k, part in enumerate(SPEED):
+        more, remarks = part(part_of(progress, k / len(SPEED), (k + 1) / len(SPEED)))
+        figures += more
+        notes += remarks
+    return Findings(tuple(figures), tuple(notes))
+
+
+def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings:
+    from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.diagnosis.subject import diagnosis_findings
+
+    return diagnosis_findings(progress, campaign or CampaignOptions())
+
+
+def _buses(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+    from motorctl_benchmarks.buses.figures import bus_findings
+
+    return bus_findings(progress)
+
+
+SUBJECTS: Mapping[str, Callable[[Progress, CampaignOptions | None], Findings]] = {
+    "speed": _speed,
+    "diagnosis": _diagnosis,
+    "buses": _buses,
+}
+
+
+@dataclass(frozen=True)
+class Result:
+    """The figures of one subject, and the machine that they were measured on."""
+
+    subject: str
+    host: dict[str, Any]
+    figures: tuple[Figure, ...]
+    notes: tuple[str, ...]
+    mistakes: tuple[Mapping[str, str], ...] = ()
+    """Cases that came out wrong: case, truth and answer."""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    """What else the subject tells, as plain data by name."""
+
+    @property
+    def missed(self) -> list[str]:
+        """Which targets are not met, a plain sentence each."""
+        return missed(self.figures)
+
+    def document(self) -> dict[str, Any]:
+        """Give it as plain data."""
+        return {
+            "subject": self.subject,
+            "host": self.host,
+            "figures": [figure.document() for figure in self.figures],
+            "missed": self.missed,
+            "notes": list(self.notes),
+            "mistakes": [dict(row) for row in self.mistakes],
+            **self.data,
+        }
+
+
+def measure(subject: str, progress: Progress, campaign: CampaignOptions | None = None) -> Result:
+    """Measure a subject; `campaign` is for diagnosis.
+
+    Raises UsageError for an unknown subject, naming those there are, and where the subject takes
+    no such options.
+    """
+    if subject not in SUBJECTS:
+        raise UsageError(f"there is no bench '{subject}'; there are: {', '.join(SUBJECTS)}")
+    if campaign is not None and subject != "diagnosis":
+        raise UsageError(f"bench {subject} takes no cases; they are for bench diagnosis")
+    host = host_facts()
+    found = SUBJECTS[subject](progress, campaign)
+    return Result(subject, host, found.figures, found.notes, found.mistakes, found.data)

@@ -1,0 +1,78 @@
+"""What a device file says of CAN, the only bus here that takes libraries beside motorctl's own.
+
+So `load` imports this module where the file has such a bus, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from motorctl.config.document import Document, KeyPath
+from motorctl_devices.can_bus import CanBus, LibraryBus, SlcanAdapter
+from motorctl_devices.can_layout import CanShape, FrameLayout, LayoutError, layouts
+from motorctl_devices.can_node import CanNode
+from motorctl_devices.machine import Machine
+from motorctl_devices.schedule import Schedule
+
+TOP: KeyPath = ("serve", "can")
+
+
+class CanDevice:
+    """The bus of a device file: its shape, and its frames once `lay_out` has made them."""
+
+    def __init__(self, shape: CanShape) -> None:
+        self._shape = shape
+        self._frames: list[FrameLayout] = []
+
+    @property
+    def has_port(self) -> bool:
+        """Whether a host finds it on a serial port."""
+        return self._shape.interface == "slcan"
+
+    def lay_out(
+        self, document: Document, names: Sequence[str], bits: Sequence[int], folder: Path
+    ) -> None:
+        """Make the frames, and note what does not fit the channels of these names and bits."""
+        try:
+            self._frames = layouts(self._shape, names, folder)
+        except LayoutError as error:
+            document.add((*TOP, *error.where), str(error))
+        for layout in self._frames:
+            for meant in layout.meant:
+                if meant.means not in ("counts", "index_counts") or meant.channel is None:
+                    continue
+                if meant.bits != bits[meant.channel]:
+                    message = (
+                        f"{meant.signal} has {meant.bits} bits, the channel's counter_bits are"
+                    )
+                    where = "signals" if self._shape.frames is None else "frames"
+                    document.add((*TOP, where), f"{message} {bits[meant.channel]}")
+
+    def signed_counters(self) -> dict[int, bool]:
+        """Tell of each channel whether the bus shows its counter as a signed number."""
+        return {
+            meant.channel: layout.message.get_signal_by_name(meant.signal).is_signed
+            for layout in self._frames
+            for meant in layout.meant
+            if meant.means == "counts" and meant.channel is not None
+        }
+
+    def node(
+        self, machine: Machine, schedule: Schedule, rate_hz: float, link: Path | None
+    ) -> CanNode:
+        """Put a machine on the bus."""
+        shape = self._shape
+        bus: CanBus
+        if shape.interface == "slcan":
+            bus = SlcanAdapter(link)
+        else:
+            assert shape.channel is not None
+            settings: dict[str, Any] = {}
+            if shape.interface == "socketcan":
+                settings = {"fd": shape.fd}
+            elif shape.interface == "udp_multicast":
+                settings = {"fd": shape.fd, "port": shape.port, "hop_limit": 0}
+            bus = LibraryBus(shape.interface, shape.channel, **settings)
+        return CanNode(machine, schedule.faults, bus, self._frames, shape.sync, rate_hz, shape.fd)

@@ -1,0 +1,175 @@
+"""A device file becomes a device, or all its problems at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from motorctl.config.document import Document, read_document
+from motorctl.config.shipped import locate
+from motorctl.config.validation import validate, validate_options
+from motorctl.errors import UsageError
+from motorctl.hal import Channel, driver_class
+from motorctl_devices import modbus_layout
+from motorctl_devices.device import Device
+from motorctl_devices.endpoint import Endpoint
+from motorctl_devices.machine import Machine
+from motorctl_devices.modbus_image import Coupler, Image
+from motorctl_devices.modbus_layout import ModbusShape
+from motorctl_devices.modbus_server import ModbusEndpoint, ModbusRtu, ModbusTcp
+from motorctl_devices.schedule import Schedule
+from motorctl_devices.serial_box import SerialBox, SerialShape, Traits
+from motorctl_devices.shape import DeviceShape, ServeShape
+
+if TYPE_CHECKING:  # its libraries are an extra, which a device on another bus does without
+    from motorctl_devices.can_device import CanDevice
+
+CAN = ("serve", "can")
+SHIPPED = Path(__file__).parent / "shipped"
+"""Device files that a user may call by their bare names."""
+
+
+def load_device(path: Path, link: Path | None = None) -> Device:
+    """Read a device file, or a shipped one by its bare name, and build the device, not opened yet.
+
+    `link` becomes a symbolic link to the device's serial port. Raises ConfigError with every
+    problem of the file, UsageError where there is no port to link to.
+    """
+    path = locate(path, SHIPPED)
+    document = read_document(path)
+    shape = validate(document, (), DeviceShape, document.data)
+    can = _read_can(document)
+    sim = driver_class("sim")
+    gantry = document.data.get("gantry", {})
+    options = None
+    if isinstance(gantry, dict):
+        options = validate_options(document, ("gantry",), sim.Options, gantry, ())
+    if shape is not None:
+        _check_channels(document, shape)
+        if can is not None:
+            can.lay_out(document, _axes(shape), _bits(shape), path.parent)
+    document.raise_problems()
+    assert shape is not None
+    assert options is not None
+
+    # The machine wraps the counters itself, so that it can put them near their ends.
+    channels = [
+        Channel(c.axis or f"axis{i}", i, c.resolution_m, 64, c.max_voltage_v)
+        for i, c in enumerate(shape.channels)
+    ]
+    machine = Machine(
+        sim(options, channels, 1.0 / shape.rate_hz),
+        _bits(shape),
+        shape.watchdog_s,
+        _wraps(shape),
+        _signed(shape, can),
+    )
+    schedule = Schedule(shape.faults, shape.seed)
+    serve = shape.serve
+    _check_link(serve, can, link)
+    endpoint: Endpoint[Any]
+    if can is not None:
+        endpoint = can.node(machine, schedule, shape.rate_hz, link)
+    elif serve.serial is not None:
+        endpoint = SerialBox(machine, schedule.faults, _traits(shape, serve.serial), link)
+    else:
+        assert serve.modbus is not None
+        endpoint = _modbus(serve.modbus, machine, schedule, link)
+    return Device(machine, endpoint, schedule, shape.spin_s)
+
+
+def _read_can(document: Document) -> CanDevice | None:
+    """Give what the file says of CAN; None where that is nothing, or wrong, and then noted."""
+    given = document.at(CAN)
+    if not isinstance(given, dict):
+        return None
+    try:
+        from motorctl_devices.can_device import CanDevice
+        from motorctl_devices.can_layout import CanShape
+    except ModuleNotFoundError as error:
+        document.add(CAN, f"module '{error.name}' is missing; pip install 'motorctl[can]'")
+        return None
+    shape = validate(document, CAN, CanShape, given)
+    return None if shape is None else CanDevice(shape)
+
+
+def _check_channels(document: Document, shape: DeviceShape) -> None:
+    """Note what does not fit between channels, faults and bus; CAN looks at its own frames."""
+    bits, names = _bits(shape), _axes(shape)
+    if len(set(names)) < len(names):
+        document.add(("channels",), f"two channels have the same axis: {', '.join(names)}")
+    for number, order in enumerate(shape.faults):
+        if order.channel is not None and order.channel >= len(bits):
+            message = f"found {order.channel}, the device has {len(bits)} channels, from 0"
+            document.add(("faults", number, "channel"), message)
+    if shape.serve.modbus is not None:
+        for where, message in modbus_layout.problems(shape.serve.modbus, bits):
+            document.add(("serve", "modbus", *where), message)
+    elif shape.serve.serial is not None and (len(set(bits)) > 1 or max(bits) > 32):
+        message = "the serial box tells one width for all counters, of at most 32 bits"
+        document.add(("channels",), message)
+
+
+def _check_link(serve: ServeShape, can: CanDevice | None, link: Path | None) -> None:
+    has_port = (
+        serve.serial is not None
+        or (serve.modbus is not None and serve.modbus.rtu is not None)
+        or (can is not None and can.has_port)
+    )
+    if link is not None and not has_port:
+        raise UsageError("--link: this device has no serial port to link to")
+
+
+def _axes(shape: DeviceShape) -> list[str]:
+    return [channel.axis or f"axis{i}" for i, channel in enumerate(shape.channels)]
+
+
+def _bits(shape: DeviceShape) -> list[int]:
+    return [channel.counter_bits for channel in shape.channels]
+
+
+def _wraps(shape: DeviceShape) -> list[int | None]:
+    wraps: list[int | None] = [None] * len(shape.channels)
+    for order in shape.faults:
+        if order.kind == "counter_wrap":
+            hit = range(len(wraps)) if order.channel is None else (order.channel,)
+            for channel in hit:
+                wraps[channel] = order.counts
+    return wraps
+
+
+def _signed(shape: DeviceShape, can: CanDevice | None) -> list[bool]:
+    """Tell which counters the wire shows as signed numbers, so where they wrap."""
+    signed = [True] * len(shape.channels)
+    if shape.serve.modbus is not None:
+        for number, channel in shape.serve.modbus.channels.items():
+            signed[number] = channel.counts.signed
+    if can is not None:
+        for number, is_signed in can.signed_counters().items():
+            signed[number] = is_signed
+    return signed
+
+
+def _traits(shape: DeviceShape, serial: SerialShape) -> Traits:
+    return Traits(
+        serial,
+        shape.channels[0].counter_bits,
+        max(channel.max_voltage_v for channel in shape.channels),
+        serial.max_rate_hz or min(65535, int(shape.rate_hz)),
+        int(serial.longest_watchdog_s * 1000),
+    )
+
+
+def _modbus(
+    modbus: ModbusShape, machine: Machine, schedule: Schedule, link: Path | None
+) -> ModbusEndpoint:
+    endpoint: ModbusEndpoint
+    echoes = modbus.sequence is not None
+    if modbus.tcp is not None:
+        host, port = modbus.tcp.host, modbus.tcp.port
+        endpoint = ModbusTcp(machine, schedule.faults, modbus.unit, echoes, host, port)
+    else:
+        endpoint = ModbusRtu(machine, schedule.faults, modbus.unit, echoes, link)
+    make = Image if modbus.coupler is None else Coupler
+    endpoint.image = make(modbus, machine, endpoint.time_ns, endpoint.echo)
+    return endpoint

@@ -1,0 +1,96 @@
+"""The process of a device: from its file to its report."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import signal
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Any
+
+from motorctl_devices.device import Device
+from motorctl_devices.load import load_device
+from motorctl_devices.prompt_ptys import prompt_ptys
+from motorctl_devices.schedule import NS, Fault
+
+PRIORITY = 70
+"""Below the loop's own, which may share the machine."""
+MCL_CURRENT, MCL_FUTURE = 1, 2
+
+
+def run_device(
+    path: Path, link: Path | None, ready: Callable[[str], None], *, raise_workers: bool = False
+) -> dict[str, Any]:
+    """Serve the device of a file until SIGINT or SIGTERM, and give its report.
+
+    `ready` is told the endpoint once the device answers. With `raise_workers` the kernel's threads
+    that carry pseudo-terminals get a real-time priority meanwhile. Raises ConfigError, UsageError
+    and RunError.
+    """
+    device = load_device(path, link)
+    with prompt_ptys() if raise_workers else nullcontext():
+        return _serve(device, ready)
+
+
+def _serve(device: Device, ready: Callable[[str], None]) -> dict[str, Any]:
+    device.open()
+    ask_for_priority()
+    before = {
+        number: signal.signal(number, lambda *_: device.stop())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        ready(device.endpoint.address)
+        device.run()
+        return report(device)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+        device.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def ask_for_priority() -> None:
+    """Ask for a real-time priority and locked memory, as firmware has them; go on without."""
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
+
+
+def report(device: Device) -> dict[str, Any]:
+    """Tell what a device did, as plain data."""
+    machine, endpoint = device.machine, device.endpoint
+    return {
+        "endpoint": endpoint.address,
+        "exchanges": endpoint.exchanges,
+        "samples": machine.samples,
+        "commands": machine.commands,
+        "refused": endpoint.refused,
+        "watchdog_trips": machine.watchdog_trips,
+        "restarts": machine.restarts,
+        "faults": [
+            {
+                "kind": f.order.kind,
+                "at_s": f.order.at_s,
+                "fired": f.fired,
+                "off_after_s": _off_after_s(f, machine.off_ns),
+            }
+            for f in device.schedule.faults
+        ],
+        "longest_pause_s": round(device.longest_pause_ns / NS, 6),
+        "travelled_counts": machine.travelled_counts(),
+    }
+
+
+def _off_after_s(fault: Fault, off_ns: int | None) -> float | None:
+    """Tell how long after a fault's begin the last amplifier went off, not to come back."""
+    if fault.began_ns is None or off_ns is None:
+        return None
+    return max(0.0, round((off_ns - fault.began_ns) / NS, 6))

@@ -1,5 +1,0 @@
-"""Wake-up latency and turnaround of this machine, measured with the real loop process."""
-
-from motorctl.bench.latency.measure import LatencyOptions, measure_latency
-
-__all__ = ["LatencyOptions", "measure_latency"]
