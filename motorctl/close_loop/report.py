@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-from motorctl import __version__
 from motorctl.close_loop.document import effects_added
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.close_loop.tables import error_row, tracking_table
 from motorctl.errors import UsageError
+from motorctl.html_pages import Figure, figure, write_page
 from motorctl.identify.compare.measures import table_headings
 from motorctl.identify.compare.pictures import plot_tracking_error
 from motorctl.identify.compare.runs import Comparison, compare
@@ -30,30 +27,26 @@ def write_reports(loop: ClosedLoop) -> Path:
     Raises UsageError where they cannot be written.
     """
     reports = {part.number: _write_round(part) for part in loop.rounds}
+    page = loop.folder / PAGE
     try:
         pictures = list(_pictures(loop))
-        environment = Environment(
-            loader=PackageLoader("motorctl.close_loop", "."),
-            autoescape=select_autoescape(),
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        html = environment.get_template(PAGE).render(
-            version=__version__,
-            name=loop.first.machine.name,
-            config=str(loop.config),
-            refined=loop.refined.name,
-            ended=loop.ended,
-            headings=table_headings(),
-            axes=[_axis(loop, name, judged) for name, judged in loop.overall.items()],
-            pictures=pictures,
-            rounds=[_round(part, reports[part.number], loop.folder) for part in loop.rounds],
-        )
-        page = loop.folder / PAGE
-        page.write_text(html, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{loop.folder}: cannot be written: {error.strerror}") from error
+    write_page(
+        page,
+        "motorctl.close_loop",
+        PAGE,
+        name=loop.first.machine.name,
+        config=str(loop.config),
+        refined=loop.refined.name,
+        ended=loop.ended,
+        headings=table_headings(),
+        axes=[
+            _axis(name, effects_added(loop, name), judged) for name, judged in loop.overall.items()
+        ],
+        pictures=pictures,
+        rounds=[_round(part, reports[part.number], loop.folder) for part in loop.rounds],
+    )
     return page
 
 
@@ -76,7 +69,7 @@ def _comparison(attempt: Attempt) -> TrackingComparison:
     return TrackingComparison(tuple(rows))
 
 
-def _pictures(loop: ClosedLoop) -> Iterator[dict[str, str]]:
+def _pictures(loop: ClosedLoop) -> Iterator[Figure]:
     """Draw the tracking error before and after on each motion."""
     if loop.first is loop.last:
         return
@@ -92,17 +85,16 @@ def _pictures(loop: ClosedLoop) -> Iterator[dict[str, str]]:
                 continue
             file = loop.folder / f"tracking_error_{axis}_{motion}.png"
             plot_tracking_error(comparison, axis, file)
-            yield {
-                "title": f"Tracking error of axis {axis} on {MOTION_WORDS[motion]}",
-                "data": base64.b64encode(file.read_bytes()).decode(),
-            }
+            title = f"Tracking error of axis {axis} on {MOTION_WORDS[motion]}"
+            yield figure(file, title=title)
 
 
-def _axis(loop: ClosedLoop, name: str, judgement: AxisJudgement) -> dict[str, Any]:
+def _axis(name: str, effects: Sequence[str], judgement: AxisJudgement) -> dict[str, Any]:
+    tables = tracking_table(judgement)
     return {
         "name": name,
-        "effects": effects_added(loop, name),
-        "groups": tracking_table(judgement),
+        "effects": effects,
+        "groups": [[[words, *cells] for words, cells in group] for group in tables],
         "error": error_row(judgement),
     }
 
@@ -122,15 +114,13 @@ def _round(part: Round, report: Path, folder: Path) -> dict[str, Any]:
         "axes": []
         if attempt is None
         else [
-            {
-                "name": name,
-                "effects": attempt.refinement.axes[name].added
-                if name in attempt.refinement.axes
-                else (),
-                "groups": tracking_table(judgement),
-                "error": error_row(judgement),
-            }
+            _axis(name, _added(attempt, name), judgement)
             for name, judgement in attempt.judgements.items()
         ],
         "diff": "" if attempt is None else attempt.refinement.diff,
     }
+
+
+def _added(attempt: Attempt, axis: str) -> Sequence[str]:
+    refined = attempt.refinement.axes
+    return refined[axis].added if axis in refined else ()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-from motorctl import __version__
 from motorctl.close_loop.rounds import ClosedLoop
 from motorctl.close_loop.tables import error_row
 from motorctl.demo.experiment import Experiment
@@ -23,6 +20,7 @@ from motorctl.demo.tables import (
     verdict,
 )
 from motorctl.errors import UsageError
+from motorctl.html_pages import Figure, figure, write_page
 from motorctl.identify.compare.measures import table_headings
 from motorctl.identify.compare.published import PAPER, TURNAROUND_S
 from motorctl.identify.compare.runs import Comparison
@@ -45,7 +43,7 @@ WORTH_A_PICTURE = 0.1
 """Part of the explainable error."""
 
 
-def write_page(
+def write_demo(
     path: Path,
     experiment: Experiment,
     loop: ClosedLoop,
@@ -57,22 +55,14 @@ def write_page(
     `report` is the closed loop's own page, `outcome` the tracking errors of C1, C2 and the refined
     model. Raises UsageError where it cannot be written.
     """
-    environment = Environment(
-        loader=PackageLoader("motorctl.demo", "."),
-        autoescape=select_autoescape(),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     comparison = experiment.comparison
     shown: list[Path] = []
 
-    def picture(file: Path, title: str, text: str = "") -> dict[str, str]:
+    def picture(file: Path, title: str, text: str = "") -> Figure:
         shown.append(file)
-        data = base64.b64encode(file.read_bytes()).decode()
-        return {"title": title, "text": text, "data": data}
+        return figure(file, text, title)
 
-    def experiment_pictures(*kinds: str) -> list[dict[str, str]]:
+    def experiment_pictures(*kinds: str) -> list[Figure]:
         split = [(p, *_kind(p)) for p in experiment.pictures]
         return [
             picture(p, TITLES[kind].format(axis=axis), _text(kind, experiment.simulations))
@@ -82,9 +72,11 @@ def write_page(
 
     seeds = comparison.runs[0].recording.metadata["seed"]
     try:
-        html = environment.get_template("page.html").render(
+        write_page(
+            path,
+            "motorctl.demo",
+            "page.html",
             paper=PAPER,
-            version=__version__,
             seed=", ".join(str(seed) for seed in seeds.values()),
             headings=table_headings(),
             verdict=verdict(comparison),
@@ -100,7 +92,9 @@ def write_page(
                 for name, dropped in part.dropped.items()
                 for words in dropped
             ],
-            after=before_and_after(loop),
+            after=[
+                (axis, motion, *cells.values()) for axis, motion, cells in before_and_after(loop)
+            ],
             outcome=[
                 picture(p, f"Axis {name}", "C1, C2, and C2 refined, on the published trajectory.")
                 for p, name in zip(outcome, comparison.axes, strict=True)
@@ -116,23 +110,19 @@ def write_page(
             report=report.relative_to(path.parent).as_posix(),
             refined=loop.refined.relative_to(path.parent).as_posix(),
         )
-        path.write_text(html, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
     return path, shown
 
 
 def _published_tables(comparison: Comparison) -> list[dict[str, Any]]:
-    return [
-        {
-            "axis": axis,
-            "rows": [
-                {"name": name, "cells": cells, "ratio": "/" in name}
-                for name, cells in published_beside_ours(comparison, axis)
-            ],
-        }
-        for axis in comparison.axes
-    ]
+    tables = []
+    for axis in comparison.axes:
+        rows = [[name, *cells] for name, cells in published_beside_ours(comparison, axis)]
+        ends = [k + 1 for k, row in enumerate(rows) if "/" in row[0]]
+        groups = [rows[begin:end] for begin, end in pairwise((0, *ends))]
+        tables.append({"axis": axis, "groups": groups})
+    return tables
 
 
 def _axis(loop: ClosedLoop, name: str, picture: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from motorctl.close_loop.report import write_reports
 from motorctl.close_loop.rounds import ClosedLoop, close_loop
 from motorctl.demo.experiment import Experiment, run_experiment
-from motorctl.demo.page import write_page
+from motorctl.demo.page import write_demo
 from motorctl.errors import UsageError
 from motorctl.identify.compare.pictures import plot_tracking_error
 from motorctl.identify.compare.runs import Comparison, compare
@@ -50,7 +50,7 @@ def tell(out: Path, progress: Callable[[str, float], None], config: str = CONFIG
     shown = [
         plot_tracking_error(outcome, axis, out / f"outcome_{axis}.png") for axis in outcome.axes
     ]
-    page, pictures = write_page(out / "index.html", experiment, loop, report, shown)
+    page, pictures = write_demo(out / "index.html", experiment, loop, report, shown)
     progress("done", 1.0)
     return Story(experiment, loop, outcome, pictures, page)
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-from motorctl import __version__
-from motorctl.errors import UsageError
+from motorctl.html_pages import Figure, figure, write_page
 from motorctl.identify.compare.measures import table_headings
 from motorctl.identify.diagnose.report.next_steps import Step, next_steps
 from motorctl.identify.diagnose.report.parameter_text import (
@@ -33,6 +29,7 @@ from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, Record
 __all__ = ["TrackedAxis", "TrackingComparison", "write_report"]
 
 FILE_NAME = "diagnosis.html"
+HEADINGS = ("parameter", "value ± standard error", "as a force")
 VERDICTS = {
     "complete": "complete",
     "effect": "effect found",
@@ -61,15 +58,10 @@ def write_report(
     pictures = plot_diagnosis(diagnosis, page.parent)
     refined = config_change is not None
     todo = next_steps(diagnosis, refined=refined) if steps is None else steps
-    environment = Environment(
-        loader=PackageLoader("motorctl.identify.diagnose.report", "."),
-        autoescape=select_autoescape(),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    html = environment.get_template("page.html").render(
-        version=__version__,
+    write_page(
+        page,
+        "motorctl.identify.diagnose.report",
+        "page.html",
         source=diagnosis.source,
         span=f"{diagnosis.duration_s:.4g} s at {diagnosis.sample_rate_hz:g} Hz",
         notes=diagnosis.notes,
@@ -78,20 +70,16 @@ def write_report(
         ],
         refused=diagnosis.refused,
         tracking=None if comparison is None else _tracking(comparison),
-        change=None if config_change is None else _change(config_change),
+        change=config_change,
         commands=list(commands),
     )
-    try:
-        page.write_text(html, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{page}: the report cannot be written: {error.strerror}") from error
     return [page, *(picture.path for picture in pictures)]
 
 
 def _axis(
     name: str, axis: AxisDiagnosis, pictures: Sequence[Picture], steps: Sequence[Step]
 ) -> dict[str, Any]:
-    own = {p.about: _picture(p) for p in pictures if p.axis == name}
+    own = {p.about: figure(p.path, p.caption) for p in pictures if p.axis == name}
     parameters, errors = parameter_rows(axis), error_rows(axis)
     unknown = axis.unknown
     return {
@@ -99,8 +87,8 @@ def _axis(
         "verdict": axis.verdict,
         "verdict_words": VERDICTS[axis.verdict],
         "sentence": axis.sentence,
-        "errors": {"headings": errors[0], "rows": errors[1]},
-        "parameters": {"headings": parameters[0], "rows": parameters[1]},
+        "errors": (errors[0], [errors[1]]),
+        "parameters": (parameters[0], [parameters[1]]),
         "effects": [_effect(axis, found, own.get(found.name)) for found in axis.effects],
         "unknown": None
         if unknown is None
@@ -129,15 +117,15 @@ def _axis(
     }
 
 
-def _effect(
-    axis: AxisDiagnosis, found: FoundEffect, picture: dict[str, str] | None
-) -> dict[str, Any]:
+def _effect(axis: AxisDiagnosis, found: FoundEffect, picture: Figure | None) -> dict[str, Any]:
     rows = effect_rows(axis.data, found.effect, found_values(axis.data, found))
     others = {
         name: option
         for name, option in option_document(found.effect).items()
         if isinstance(option, list) and option
     }
+    rows += [(name, ", ".join(str(part) for part in option), "") for name, option in others.items()]
+    width = 3 if any(force for _, _, force in rows) else 2
     return {
         "name": found.name,
         "title": found.effect.title,
@@ -145,24 +133,14 @@ def _effect(
         "compensated": found.effect.compensated,
         "confidence": percent(found.confidence),
         "explained": percent(found.explained_fraction),
-        "rows": rows
-        + [(name, ", ".join(str(part) for part in option), "") for name, option in others.items()],
-        "forces": any(force for _, _, force in rows),
+        "headings": HEADINGS[:width],
+        "rows": [row[:width] for row in rows],
         "evidence": found.evidence,
         "rivals": ", ".join(found.indistinguishable_from),
         "alternatives": [
-            {"name": a.name, "share": percent(a.share), "why_not": a.why_not}
-            for a in found.alternatives
+            (other.name, percent(other.share), other.why_not) for other in found.alternatives
         ],
         "picture": picture,
-    }
-
-
-def _picture(picture: Picture) -> dict[str, str]:
-    return {
-        "caption": picture.caption,
-        "file": picture.path.name,
-        "data": base64.b64encode(picture.path.read_bytes()).decode(),
     }
 
 
@@ -173,14 +151,6 @@ def _tracking(comparison: TrackingComparison) -> list[dict[str, Any]]:
     for pair in units:
         rows = tuple(r for r in comparison.rows if (r.position_unit, r.command_unit) == pair)
         part = TrackingComparison(rows, comparison.before, comparison.after)
-        tables.append({"headings": table_headings(*pair), "groups": tracking_rows(part)})
+        headings = ["trajectory", "axis", "run", *table_headings(*pair)]
+        tables.append({"headings": headings, "groups": tracking_rows(part)})
     return tables
-
-
-def _change(diff: str) -> list[tuple[str, str]]:
-    """Give the lines of a unified diff, each with its kind."""
-    kinds = {"+": "added", "-": "removed", "@": "place"}
-    return [
-        ("file" if line.startswith(("+++", "---")) else kinds.get(line[:1], "same"), line)
-        for line in diff.splitlines()
-    ]

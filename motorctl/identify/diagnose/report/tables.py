@@ -126,23 +126,22 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
     return _splines_in_one(rows, shown)
 
 
-def tracking_rows(comparison: TrackingComparison) -> list[tuple[str, str, list[list[str]]]]:
-    """Give trajectory, axis, and the rows before, after and their ratio, of every tracked axis."""
-    told = []
+def tracking_rows(comparison: TrackingComparison) -> list[list[list[str]]]:
+    """Return a group of rows for every tracked axis: before, after and their ratio.
+
+    A row is trajectory and axis, which only the first of a group names, the run, and its cells.
+    """
+    groups = []
     for row in comparison.rows:
         ratio = [_ratio(r) for r in ratios(row.measures_before, row.measures_after).values()]
-        told.append(
-            (
-                row.label,
-                row.axis,
-                [
-                    [comparison.before, *table_cells(row.measures_before)],
-                    [comparison.after, *table_cells(row.measures_after)],
-                    [f"{comparison.before} / {comparison.after}", *ratio],
-                ],
-            )
+        groups.append(
+            [
+                [row.label, row.axis, comparison.before, *table_cells(row.measures_before)],
+                ["", "", comparison.after, *table_cells(row.measures_after)],
+                ["", "", f"{comparison.before} / {comparison.after}", *ratio],
+            ]
         )
-    return told
+    return groups
 
 
 def _splines_in_one(rows: Rows, values: Mapping[str, Value]) -> Rows:
