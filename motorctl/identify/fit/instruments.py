@@ -128,7 +128,7 @@ def _basis(ideal: RegressionData, delay_s: float) -> Array:
 def _noise_free(data: Measured, columns: RegressionData, theta: Array) -> RegressionData | None:
     """Form the same rows from the reference and the command that the model asks for there."""
     assert data.reference is not None
-    options = replace(columns.options, friction_velocity="measured", rest_velocity=0.0)
+    options = columns.options.with_changes(friction_velocity="measured", rest_velocity=0.0)
     command = np.zeros_like(data.reference)
     for rows in data.stretches(3):
         command[rows] = _ideal_command(data, rows, columns, theta)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 from rich import box
@@ -103,7 +102,7 @@ def _axis_document(fit: AxisFit) -> dict[str, Any]:
         "least_squares": _estimate_document(fit, fit.least_squares),
         "instruments": _instruments_document(fit),
         "condition": fit.condition,
-        "options": {key: _plain(value) for key, value in asdict(fit.options).items()},
+        "options": {key: _plain(value) for key, value in fit.options.model_dump().items()},
         "notes": list(fit.notes),
     }
     return document

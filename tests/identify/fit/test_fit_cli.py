@@ -135,17 +135,23 @@ def test_a_second_recording_gives_the_held_out_error(invoke, folder):
     assert error["held_out_source"].endswith("foreign.parquet")
 
 
-def test_options_reach_the_identification(invoke, folder):
-    given = (
-        "--filter-hz", 100, "--filter-order", 4, "--filter-target", "position", "--derivative",
-        "central", "--discard", 49, "--decimate", 10, "--decimation-order", 8, "--left", "command",
-        "--no-hold-alignment", "--coulomb", "sign", "--rest-velocity", 0, "--no-delay",
-    )  # fmt: skip
-    by_hand = document(invoke(folder / "run.parquet", *given, "--json"))["axes"]["x"]
+def test_settings_reach_the_identification(invoke, folder, tmp_path):
+    own = tmp_path / "mine.yaml"
+    own.write_text("filter_hz: 100\nleft: command\nestimate_delay: false\n")
+    told = document(invoke(folder / "run.parquet", "--settings", own, "--json"))["axes"]["x"]
+    assert told["options"]["filter_hz"] == 100.0
+    assert told["estimator"] == "least_squares"
+    assert told["input_delay_s"]["value"] == 0.0
     shipped = invoke(folder / "run.parquet", "--settings", "janot2019", "--json")
-    assert by_hand["parameters"] == document(shipped)["axes"]["x"]["parameters"]
-    assert by_hand["options"]["coulomb_slope_s_m"] == "inf"
-    assert by_hand["options"]["discard_end"] == 0
+    published = document(shipped)["axes"]["x"]
+    assert published["options"]["coulomb_slope_s_m"] == "inf"
+    assert published["options"]["discard_end"] == 0
+    assert published["parameters"] != told["parameters"]
+
+
+def test_the_default_settings_are_what_is_done_without_any(invoke, folder):
+    plain = document(invoke(folder / "run.parquet", "--json"))
+    assert document(invoke(folder / "run.parquet", "--settings", "default", "--json")) == plain
 
 
 def test_the_table_tells_values_errors_and_the_choices_that_were_made(invoke, folder):
@@ -161,9 +167,6 @@ def test_the_table_tells_values_errors_and_the_choices_that_were_made(invoke, fo
     [
         (("--axis", "z"), UsageError, "no axis 'z'; it has: x"),
         (("--settings", "nothing"), UsageError, "nothing"),
-        (("--coulomb", "steep"), UsageError, "steep"),
-        (("--filter-hz", "-5"), UsageError, "filter_hz"),
-        (("--filter-hz", "4000"), DataError, "2500 Hz"),
         (("--evaluate", "missing.parquet"), DataError, "missing.parquet"),
     ],
 )
@@ -172,6 +175,14 @@ def test_what_cannot_work_is_one_error(invoke, folder, arguments, error, words):
     assert isinstance(result.exception, error)
     assert words in str(result.exception)
     assert result.stdout == ""
+
+
+def test_a_filter_beyond_the_recording_is_one_error(invoke, folder, tmp_path):
+    wide = tmp_path / "wide.yaml"
+    wide.write_text("filter_hz: 4000\n")
+    result = invoke(folder / "run.parquet", "--settings", wide)
+    assert isinstance(result.exception, DataError)
+    assert "2500 Hz" in str(result.exception)
 
 
 def test_a_model_of_another_machine_with_several_axes_must_fit_by_name(invoke, folder):

@@ -3,8 +3,11 @@
 import math
 
 import pytest
+import yaml
+from pydantic import ValidationError
 
-from motorctl.errors import DataError, UsageError
+from motorctl.errors import ConfigError, UsageError
+from motorctl.identify.fit import settings
 from motorctl.identify.fit.settings import FitOptions, load_settings, shipped_settings
 
 
@@ -16,6 +19,12 @@ def test_shipped_settings_are_nothing_but_options():
     assert published.coulomb_slope_s_m == math.inf
 
 
+def test_the_default_settings_tell_every_key_and_change_nothing():
+    assert load_settings("default") == FitOptions()
+    told = yaml.safe_load((settings.SETTINGS_FOLDER / "default.yaml").read_text())
+    assert set(told) == set(FitOptions.model_fields)
+
+
 def test_settings_come_from_a_file_of_ones_own(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("filter_hz: 80\nestimate_delay: false\nfit_segments: [[0, 2], [4, 6]]\n")
@@ -25,27 +34,35 @@ def test_settings_come_from_a_file_of_ones_own(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "key"),
+    ("text", "line", "words"),
     [
-        ("filter_hz: -3\n", "filter_hz"),
-        ("filter_herz: 80\n", "filter_herz"),
-        ("left: right\n", "left"),
-        ("decimation: 0\n", "decimation"),
-        ("fit_segments: [[4, 2]]\n", "end must lie after"),
+        ("filter_hz: -3\n", 1, "filter_hz: found -3, should be greater than 0"),
+        (
+            "left: command\nfilter_herz: 80\n",
+            2,
+            "filter_herz: unknown key; did you mean 'filter_hz'",
+        ),
+        ("left: right\n", 1, "left: found "),
+        ("# mine\ndecimation: 0\n", 2, "decimation: found 0"),
+        ("zero_phase: true\nfit_segments: [[4, 2]]\n", 2, "end must lie after"),
+        ("filter_order: four\n", 1, "filter_order: found "),
     ],
 )
-def test_a_wrong_option_is_named_with_its_file(tmp_path, text, key):
+def test_a_wrong_option_is_told_with_its_file_and_line(tmp_path, text, line, words):
     file = tmp_path / "mine.yaml"
     file.write_text(text)
-    with pytest.raises(UsageError, match=rf"mine\.yaml: .*{key}"):
+    with pytest.raises(ConfigError) as refused:
         load_settings(str(file))
+    (problem,) = refused.value.problems
+    assert (problem.file, problem.line) == (str(file), line)
+    assert words in str(problem)
 
 
 @pytest.mark.parametrize("text", ["[1, 2]", "a: [", "5"])
 def test_a_file_that_is_no_table_of_options_is_refused(tmp_path, text):
     file = tmp_path / "mine.yaml"
     file.write_text(text)
-    with pytest.raises(DataError, match=r"mine\.yaml"):
+    with pytest.raises(ConfigError, match=r"mine\.yaml"):
         load_settings(str(file))
 
 
@@ -56,7 +73,7 @@ def test_unknown_settings_name_those_that_exist():
 
 def test_options_cannot_be_changed_in_place_nor_to_nonsense():
     options = FitOptions()
-    with pytest.raises(AttributeError):
+    with pytest.raises(ValidationError, match="frozen"):
         options.left = "command"
     assert options.with_changes(left="command").left == "command"
     with pytest.raises(UsageError, match="filter_order"):
