@@ -120,7 +120,7 @@ class LoopMemory:
         self.axis_status_rows: NDArray[np.void] = views["axis_status_rows"]
         """Shape (STATUS_ROWS, axes): a row a tick, that of the ring's row modulo STATUS_ROWS."""
         # As bytes: numpy copies a record field by field, which takes three times as long.
-        self._axis_status_bytes = self.axis_status_rows.view(np.uint8)
+        self._axis_status_bytes: NDArray[np.uint8] = self.axis_status_rows.view(np.uint8)
         self.mailbox: NDArray[np.void] = views["mailbox"]
         self.replies: NDArray[np.int64] = views["replies"]
         self.segments: NDArray[np.void] = views["segments"]
@@ -187,10 +187,11 @@ class LoopMemory:
         while True:
             head = self._look_at(self.status, Word.RING_HEAD)
             newest = (head - 1) % self.ring_rows % STATUS_ROWS
-            told = self._axis_status_bytes[newest].copy()
+            copied = self._axis_status_bytes[newest].copy()
             # The row is written anew in the tick after these; then it may be torn.
             if self._look_at(self.status, Word.RING_HEAD) < head + STATUS_ROWS - 1:
-                return told.view(self.axis_status_rows.dtype)
+                told: NDArray[np.void] = copied.view(self.axis_status_rows.dtype)
+                return told
 
     def beat(self) -> None:
         """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""
