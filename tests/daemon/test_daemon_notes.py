@@ -11,7 +11,8 @@ from daemon_rig import Daemon, bench_config, raw_status
 from motorctl.loop import LoopMemory
 from motorctl_sim import SimDriver
 
-TESTS = Path(__file__).parent
+HERE = Path(__file__).parent
+SUPPORT = HERE.parent / "support"
 
 
 class Noting(SimDriver):
@@ -24,7 +25,7 @@ class Noting(SimDriver):
 
 def test_a_note_is_one_line_of_the_daemon_and_stands_in_the_status(tmp_path: Path) -> None:
     config = bench_config().replace("type: sim", "type: 'test_daemon_notes:Noting'")
-    path = os.pathsep.join((str(TESTS), os.environ.get("PYTHONPATH", "")))
+    path = os.pathsep.join((str(HERE), str(SUPPORT), os.environ.get("PYTHONPATH", "")))
     with Daemon(tmp_path, config, PYTHONPATH=path) as daemon:
         notes = [
             "drivers.gantry: port /dev/ttyX: low_latency is refused; 16 ms",
