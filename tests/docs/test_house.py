@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import re
 import shutil
+import tomllib
 import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
@@ -68,3 +70,14 @@ def test_every_package_says_in_one_line_what_it_is_for() -> None:
     assert not mute
     twice = [line for line, times in Counter(lines.values()).items() if times > 1]
     assert not twice
+
+
+def test_a_driver_is_forbidden_every_room_but_the_driver_contract() -> None:
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    contracts = {contract["name"]: contract for contract in rules["contracts"]}
+    layers = contracts["A room imports only rooms on lower floors"]["layers"]
+    rooms = {room for layer in layers for room in re.findall(r"[\w.]+", layer)}
+    folders = (ROOT / "motorctl").glob("*/__init__.py")
+    assert rooms >= {f"motorctl.{path.parent.name}" for path in folders}
+    driver = contracts["A driver knows only the driver contract"]
+    assert set(driver["forbidden_modules"]) == rooms - {"motorctl.hal"}

@@ -1,4 +1,4 @@
-"""The wheel that a machine gets: its licence, and types for whoever checks theirs against ours."""
+"""The wheels built from here: their licence, and types for whoever uses their code."""
 
 from __future__ import annotations
 
@@ -14,18 +14,31 @@ ROOT = Path(__file__).parents[2]
 BUILD = "import sys; from hatchling.build import build_wheel; print(build_wheel(sys.argv[1]))"
 
 
+PACKAGES = {
+    ".": {"motorctl", "motorctl_sim", "motorctl_can", "motorctl_serial", "motorctl_modbus"},
+    "devices": {"motorctl_devices"},
+    "benchmarks": {"motorctl_benchmarks"},
+}
+
+
+@pytest.fixture(scope="module", params=PACKAGES)
+def source(request: pytest.FixtureRequest) -> str:
+    """Give the folder that a wheel is built from."""
+    return str(request.param)
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
-    """Build the wheel from this checkout."""
+def wheel(source: str, tmp_path_factory: pytest.TempPathFactory) -> ZipFile:
+    """Build a wheel from this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-c", BUILD, str(folder)]
-    built = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    built = subprocess.run(command, cwd=ROOT / source, check=True, capture_output=True, text=True)
     return ZipFile(folder / built.stdout.strip())
 
 
-def test_every_package_of_the_wheel_is_typed(wheel: ZipFile) -> None:
+def test_every_package_of_the_wheel_is_typed(wheel: ZipFile, source: str) -> None:
     packages = {name.split("/")[0] for name in wheel.namelist() if name.endswith(".py")}
-    assert {"motorctl", "motorctl_sim", "motorctl_can"} <= packages
+    assert packages == PACKAGES[source]
     untyped = [name for name in packages if f"{name}/py.typed" not in wheel.namelist()]
     assert not untyped
 
