@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from motorctl.config import load
-from motorctl.config.machine import Controller
+from motorctl.config.axis_keys import Controller
 from motorctl.identify.compare.published import DEVICE, PAPER, TURNAROUND_S
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress, part_of

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from motorctl.config.document import Document, KeyPath
+from motorctl.errors import Problem
+from motorctl.located_yaml import Document, KeyPath
 from motorctl_devices.can_bus import CanBus, LibraryBus, SlcanAdapter
 from motorctl_devices.can_layout import CanShape, FrameLayout, LayoutError, layouts
 from motorctl_devices.can_node import CanNode
@@ -33,12 +34,13 @@ class CanDevice:
 
     def lay_out(
         self, document: Document, names: Sequence[str], bits: Sequence[int], folder: Path
-    ) -> None:
-        """Make the frames, and note what does not fit the channels of these names and bits."""
+    ) -> list[Problem]:
+        """Make the frames, and find what does not fit the channels of these names and bits."""
+        problems: list[Problem] = []
         try:
             self._frames = layouts(self._shape, names, folder)
         except LayoutError as error:
-            document.add((*TOP, *error.where), str(error))
+            problems.append(document.problem((*TOP, *error.where), str(error)))
         for layout in self._frames:
             for meant in layout.meant:
                 if meant.means not in ("counts", "index_counts") or meant.channel is None:
@@ -48,7 +50,9 @@ class CanDevice:
                         f"{meant.signal} has {meant.bits} bits, the channel's counter_bits are"
                     )
                     where = "signals" if self._shape.frames is None else "frames"
-                    document.add((*TOP, where), f"{message} {bits[meant.channel]}")
+                    told = f"{message} {bits[meant.channel]}"
+                    problems.append(document.problem((*TOP, where), told))
+        return problems
 
     def signed_counters(self) -> dict[int, bool]:
         """Tell of each channel whether the bus shows its counter as a signed number."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from motorctl.config.document import Document, read_document
 from motorctl.config.shipped import locate
 from motorctl.config.validation import validate, validate_options
-from motorctl.errors import UsageError
+from motorctl.errors import Problem, UsageError
 from motorctl.hal import Channel, driver_class
+from motorctl.located_yaml import Document, read_document
 from motorctl_devices import modbus_layout
 from motorctl_devices.device import Device
 from motorctl_devices.endpoint import Endpoint
@@ -37,18 +37,20 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     """
     path = locate(path, SHIPPED)
     document = read_document(path)
-    shape = validate(document, (), DeviceShape, document.data)
-    can = _read_can(document)
+    shape, problems = validate(document, (), DeviceShape, document.data)
+    can, refused = _read_can(document)
+    problems += refused
     sim = driver_class("sim")
     gantry = document.data.get("gantry", {})
     options = None
     if isinstance(gantry, dict):
-        options = validate_options(document, ("gantry",), sim.Options, gantry, ())
+        options, refused = validate_options(document, ("gantry",), sim.Options, gantry, ())
+        problems += refused
     if shape is not None:
-        _check_channels(document, shape)
+        problems += _check_channels(document, shape)
         if can is not None:
-            can.lay_out(document, _axes(shape), _bits(shape), path.parent)
-    document.raise_problems()
+            problems += can.lay_out(document, _axes(shape), _bits(shape), path.parent)
+    document.refuse(problems)
     assert shape is not None
     assert options is not None
 
@@ -78,36 +80,42 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     return Device(machine, endpoint, schedule, shape.spin_s)
 
 
-def _read_can(document: Document) -> CanDevice | None:
-    """Give what the file says of CAN; None where that is nothing, or wrong, and then noted."""
+def _read_can(document: Document) -> tuple[CanDevice | None, list[Problem]]:
+    """Return what the file says of CAN, None where that is nothing or wrong, and its problems."""
     given = document.at(CAN)
     if not isinstance(given, dict):
-        return None
+        return None, []
     try:
         from motorctl_devices.can_device import CanDevice
         from motorctl_devices.can_layout import CanShape
     except ModuleNotFoundError as error:
-        document.add(CAN, f"module '{error.name}' is missing; pip install 'motorctl[can]'")
-        return None
-    shape = validate(document, CAN, CanShape, given)
-    return None if shape is None else CanDevice(shape)
+        message = f"module '{error.name}' is missing; pip install 'motorctl[can]'"
+        return None, [document.problem(CAN, message)]
+    shape, problems = validate(document, CAN, CanShape, given)
+    return None if shape is None else CanDevice(shape), problems
 
 
-def _check_channels(document: Document, shape: DeviceShape) -> None:
-    """Note what does not fit between channels, faults and bus; CAN looks at its own frames."""
+def _check_channels(document: Document, shape: DeviceShape) -> list[Problem]:
+    """Find what does not fit between channels, faults and bus; CAN looks at its own frames."""
+    problems: list[Problem] = []
+
+    def add(message: str, *where: str | int) -> None:
+        problems.append(document.problem(where, message))
+
     bits, names = _bits(shape), _axes(shape)
     if len(set(names)) < len(names):
-        document.add(("channels",), f"two channels have the same axis: {', '.join(names)}")
+        add(f"two channels have the same axis: {', '.join(names)}", "channels")
     for number, order in enumerate(shape.faults):
         if order.channel is not None and order.channel >= len(bits):
             message = f"found {order.channel}, the device has {len(bits)} channels, from 0"
-            document.add(("faults", number, "channel"), message)
+            add(message, "faults", number, "channel")
     if shape.serve.modbus is not None:
         for where, message in modbus_layout.problems(shape.serve.modbus, bits):
-            document.add(("serve", "modbus", *where), message)
+            add(message, "serve", "modbus", *where)
     elif shape.serve.serial is not None and (len(set(bits)) > 1 or max(bits) > 32):
         message = "the serial box tells one width for all counters, of at most 32 bits"
-        document.add(("channels",), message)
+        add(message, "channels")
+    return problems
 
 
 def _check_link(serve: ServeShape, can: CanDevice | None, link: Path | None) -> None:

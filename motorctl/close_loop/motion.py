@@ -24,7 +24,7 @@ from motorctl.identify.diagnose.report.motion_advice import (
     two_accelerations,
     two_speeds,
 )
-from motorctl.motion import AxisLimits, Moves, Program, check_program
+from motorctl.motion import Moves, Program, check_program
 
 MotionName = Literal["own", "rich", "unused"]
 
@@ -65,7 +65,7 @@ def machine_on(machine: Machine, motion: MotionName, motions: Motions) -> Machin
     for k, (name, axis) in enumerate(machine.axes.items()):
         program = _made(machine, axis, motion, motions, k)
         programs[program.name] = program
-        axes[name] = replace(axis, program=program.name)
+        axes[name] = axis.model_copy(update={"program": program.name})
     resolved: dict[str, Any] = copy.deepcopy(dict(machine.resolved))
     for name, axis in axes.items():
         resolved["axes"][name]["program"] = axis.program
@@ -91,14 +91,7 @@ def _made(machine: Machine, axis: Axis, motion: MotionName, motions: Motions, k:
         strokes = _cut(reach, roam(reach, MOST_MOVES, UNUSED_BEGIN + 0.173 * k), motions.unused_s)
     keys = program_keys(axis.name, reach, strokes)
     program = Moves.model_validate({**keys, "name": f"{motion}_{axis.name}"})
-    limits = AxisLimits(
-        axis.limits.travel_m,
-        axis.limits.max_velocity_m_s,
-        axis.limits.max_acceleration_m_s2,
-        axis.limits.max_jerk_m_s3,
-        axis.limits.max_voltage_v,
-    )
-    if violations := check_program(program, {axis.name: limits}):
+    if violations := check_program(program, {axis.name: axis.limits.for_motion()}):
         raise UsageError(f"axis {axis.name}: no motion within its limits: {violations[0]}")
     return program
 

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from motorctl.config.document import Document, KeyPath
+from motorctl.config.axis_keys import EffectKeys, ParameterKeys
 from motorctl.config.machine import Estimate
-from motorctl.config.rules import check_range
-from motorctl.config.shape import EffectShape, ParameterShape, options_of
-from motorctl.config.validation import shown, suggest, validate, validate_options
-from motorctl.errors import UsageError
+from motorctl.config.rules import out_of_order
+from motorctl.config.validation import Finding, read_keys, shown, suggest, validate_options
+from motorctl.errors import Problem, UsageError
+from motorctl.located_yaml import Document, KeyPath, find
 from motorctl.model import Effect, EffectList, Parameter, effect_class, known_effects
 
 MOST_PARAMETERS = 64
@@ -29,67 +29,79 @@ class AxisModel:
     resolved: dict[str, Any]
 
     def estimates_of(self, model: EffectList) -> tuple[Estimate, ...]:
-        """Give the estimates of a part of the declared list, in its order."""
+        """Return the estimates of a part of the declared list, in its order."""
         known = dict(zip(self.declared.parameter_names, self.estimates, strict=True))
         return tuple(known[name] for name in model.parameter_names)
 
 
-def build_model(document: Document, path: KeyPath) -> AxisModel | None:
-    """Build the list that stands at `path`; None, with its problems noted, where it is wrong.
+def build_model(document: Document, path: KeyPath) -> tuple[AxisModel | None, list[Problem]]:
+    """Build the list that stands at `path`.
 
-    Problems of shape are noted by whoever validates the whole document.
+    Returns
+    -------
+    tuple
+        The list, None where it is wrong, and every problem but those of names and types of keys,
+        which are told by whoever validates the whole document.
     """
     parts = document.at(path)
     if not isinstance(parts, dict) or not parts:
-        return None
-    before = len(document.problems)
+        return None, []
+    problems: list[Problem] = []
     effects: list[Effect] = []
     estimates: list[Estimate] = []
     resolved: dict[str, Any] = {}
     for name, part in parts.items():
         where = (*path, name)
-        shape = _readable(document, where, part)
-        effect = _effect(document, where, name, shape)
+        keys = _readable(part)
+        effect, refusals = _effect(document, where, name, keys)
+        problems += refusals
         if effect is None:
             continue
-        own = list(_estimates(document, where, effect, shape))
+        own: list[Estimate] = []
+        for estimate, findings in _estimates(effect, keys, part):
+            problems += [document.problem((*where, *key), message) for key, message in findings]
+            if estimate is not None:
+                own.append(estimate)
         effects.append(effect)
         estimates += own
-        resolved[name] = _resolved(effect, shape, own)
+        resolved[name] = _resolved(effect, keys, own)
     if "inertia" not in parts:
-        document.add(path, "has no inertia; the law needs theta1 to accelerate a mass")
+        message = "has no inertia; the law needs theta1 to accelerate a mass"
+        problems.append(document.problem(path, message))
     if len(estimates) > MOST_PARAMETERS:
-        document.add(path, f"{len(estimates)} parameters; at most {MOST_PARAMETERS} are possible")
-    if len(document.problems) > before or len(effects) < len(parts):
-        return None
-    return AxisModel(EffectList(effects), tuple(estimates), resolved)
+        message = f"{len(estimates)} parameters; at most {MOST_PARAMETERS} are possible"
+        problems.append(document.problem(path, message))
+    if problems or len(effects) < len(parts):
+        return None, problems
+    return AxisModel(EffectList(effects), tuple(estimates), resolved), problems
 
 
-def _readable(document: Document, path: KeyPath, part: Any) -> EffectShape:
-    """Give what can be read of an effect, so that the rest is checked where one key is wrong."""
+def _readable(part: Any) -> EffectKeys:
+    """Return what can be read of an effect, so that the rest is checked where a key is wrong."""
     keys = part if isinstance(part, dict) else {}
-    good = {
-        key: value
-        for key, value in keys.items()
-        if validate(document, path, EffectShape, {key: value}, quiet=True)
-    }
-    return EffectShape.model_validate_json(json.dumps(good))
+    good = {key: value for key, value in keys.items() if read_keys(EffectKeys, {key: value})}
+    return EffectKeys.model_validate_json(json.dumps(good))
 
 
-def _effect(document: Document, path: KeyPath, name: str, shape: EffectShape) -> Effect | None:
-    if shape.type is None and name not in known_effects():
-        message = f"unknown effect; {suggest(name, known_effects())}"
-        document.add(path, f"{message} (an effect of one's own needs type: package.module:Class)")
-        return None
+def _effect(
+    document: Document, path: KeyPath, name: str, keys: EffectKeys
+) -> tuple[Effect | None, list[Problem]]:
+    def refused(message: str, *where: str) -> tuple[None, list[Problem]]:
+        return None, [document.problem((*path, *where), message)]
+
+    if keys.type is None and name not in known_effects():
+        known = suggest(name, known_effects())
+        return refused(
+            f"unknown effect; {known} (an effect of one's own needs type: package.module:Class)"
+        )
     try:
-        cls = effect_class(name, shape.type)
+        cls = effect_class(name, keys.type)
     except UsageError as error:
-        document.add((*path, "type"), str(error))
-        return None
-    given = options_of(shape)
-    options = validate_options(document, path, cls.Options, given, EffectShape.model_fields)
+        return refused(str(error), "type")
+    also = EffectKeys.model_fields
+    options, problems = validate_options(document, path, cls.Options, keys.options, also)
     if options is None:
-        return None
+        return None, problems
     try:
         effect = cls(options)
         names = [parameter.name for parameter in effect.parameters]
@@ -97,66 +109,66 @@ def _effect(document: Document, path: KeyPath, name: str, shape: EffectShape) ->
         times_s = (float(effect.lag_s), float(effect.delay_s))
         fits = effect.memory_size >= 0 and all(isinstance(o, str) for o in effect.other_axes)
     except Exception as error:  # an effect of a third party may fail in any way
-        document.add(path, f"the effect refuses its options: {type(error).__name__}: {error}")
-        return None
+        return refused(f"the effect refuses its options: {type(error).__name__}: {error}")
     if len(set(names)) < len(names) or not constants:
-        document.add(path, "the effect names a parameter twice, or gives no constants")
-        return None
+        return refused("the effect names a parameter twice, or gives no constants")
     if not fits or not all(0.0 <= time_s < math.inf for time_s in times_s):
-        document.add(path, "the effect's memory, other axes, lag or delay are no such thing")
-        return None
-    return effect
+        return refused("the effect's memory, other axes, lag or delay are no such thing")
+    return effect, []
 
 
 def _estimates(
-    document: Document, path: KeyPath, effect: Effect, shape: EffectShape
-) -> Iterator[Estimate]:
-    """Give the estimate of every parameter, noting what is wrong with it."""
+    effect: Effect, keys: EffectKeys, part: Any
+) -> Iterator[tuple[Estimate | None, list[Finding]]]:
+    """Yield the estimate of every parameter with what is wrong with it; `part` is as written."""
     single = [p for p in effect.parameters if not p.name]
     named = {p.name: p for p in effect.parameters if p.name}
-    own = ParameterShape(initial=shape.initial, bounds=shape.bounds, covariance=shape.covariance)
+    own = ParameterKeys(**{key: getattr(keys, key) for key in ParameterKeys.model_fields})
     if not single:
-        for key in ParameterShape.model_fields:
-            if getattr(own, key) is not None:
-                message = "this effect has no parameters that are estimated, only options"
-                if named:
-                    message = "belongs to one of this effect's parameters; write it under"
-                    message += f" parameters: {', '.join(named)}"
-                document.add((*path, key), message)
-    for name in shape.parameters or {}:
+        message = "this effect has no parameters that are estimated, only options"
+        if named:
+            message = "belongs to one of this effect's parameters; write it under"
+            message += f" parameters: {', '.join(named)}"
+        yield None, [((key,), message) for key, value in own if value is not None]
+    for name in keys.parameters or {}:
         if name not in named:
-            document.add((*path, "parameters", name), f"unknown parameter; {suggest(name, named)}")
+            message = f"unknown parameter; {suggest(name, named)}"
+            yield None, [(("parameters", name), message)]
     for parameter in effect.parameters:
         if parameter.name:
-            where: KeyPath = (*path, "parameters", parameter.name)
-            given = (shape.parameters or {}).get(parameter.name, ParameterShape())
+            where: KeyPath = ("parameters", parameter.name)
+            given = (keys.parameters or {}).get(parameter.name, ParameterKeys())
         else:
-            where, given = path, own
-        yield _estimate(document, where, parameter, given)
+            where, given = (), own
+        estimate, findings = _estimate(parameter, given, find(part, (*where, "bounds")))
+        yield estimate, [((*where, *key), message) for key, message in findings]
 
 
 def _estimate(
-    document: Document, path: KeyPath, parameter: Parameter, given: ParameterShape
-) -> Estimate:
+    parameter: Parameter, given: ParameterKeys, bounds: Any
+) -> tuple[Estimate, list[Finding]]:
+    """Return an estimate, and what is wrong with it; `bounds` are as written."""
     lower, upper = given.bounds or (parameter.lower, parameter.upper)
     initial = parameter.initial if given.initial is None else given.initial
     covariance = parameter.covariance if given.covariance is None else given.covariance
     symbol, unit = parameter.symbol, parameter.unit
+    found: list[Finding] = []
     if not lower < upper:
-        check_range(document, (*path, "bounds"))
+        if message := out_of_order(bounds):
+            found.append((("bounds",), message))
     elif given.bounds and (lower < parameter.lower or upper > parameter.upper):
         message = f"found {shown([lower, upper])}, {symbol} can only lie within"
         limits = f"{parameter.lower:g} to {parameter.upper:g} {unit}"
-        document.add((*path, "bounds"), f"{message} {limits}")
+        found.append((("bounds",), f"{message} {limits}"))
     elif not lower <= initial <= upper:
-        found = f"found {initial:g}" if given.initial is not None else f"default {initial:g}"
-        message = f"{found}, {symbol}(0) should lie within its bounds {lower:g} to {upper:g} {unit}"
-        document.add((*path, "initial"), message)
-    return Estimate(initial, lower, upper, covariance)
+        told = f"found {initial:g}" if given.initial is not None else f"default {initial:g}"
+        message = f"{told}, {symbol}(0) should lie within its bounds {lower:g} to {upper:g} {unit}"
+        found.append((("initial",), message))
+    return Estimate(initial, lower, upper, covariance), found
 
 
-def _resolved(effect: Effect, shape: EffectShape, estimates: list[Estimate]) -> dict[str, Any]:
-    resolved: dict[str, Any] = {} if shape.type is None else {"type": shape.type}
+def _resolved(effect: Effect, keys: EffectKeys, estimates: list[Estimate]) -> dict[str, Any]:
+    resolved: dict[str, Any] = {} if keys.type is None else {"type": keys.type}
     named: dict[str, Any] = {}
     for parameter, estimate in zip(effect.parameters, estimates, strict=True):
         values = {

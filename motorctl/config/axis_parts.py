@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from motorctl.config.analysis import required_command, smallest_slope
+from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
 from motorctl.config.axis_model import AxisModel, build_model
-from motorctl.config.document import Document, KeyPath
-from motorctl.config.hardware import Wiring
+from motorctl.config.hardware import Wiring, wire
+from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
-from motorctl.config.machine import Estimate, Gains
+from motorctl.config.machine import Estimate
 from motorctl.config.rules import (
     check_adaptation,
     check_encoder,
@@ -20,22 +22,16 @@ from motorctl.config.rules import (
     check_homing,
     check_limits,
     check_other_axes,
-    check_range,
     check_timing,
+    out_of_order,
 )
-from motorctl.config.shape import (
-    AdaptationShape,
-    EncoderShape,
-    GainsShape,
-    HomingShape,
-    LimitsShape,
-    Shape,
-)
-from motorctl.config.validation import validate
+from motorctl.config.validation import Finding, read_keys
+from motorctl.errors import Problem
+from motorctl.located_yaml import Document
 from motorctl.model import EffectList
 from motorctl.motion import AxisLimits, RequiredVoltage
 
-S = TypeVar("S", bound=Shape)
+K = TypeVar("K", bound=Keys)
 
 
 @dataclass(frozen=True)
@@ -43,11 +39,11 @@ class AxisParts:
     """The parts of an axis; None where a part is missing or wrong."""
 
     name: str
-    encoder: EncoderShape | None
-    limits: LimitsShape | None
+    encoder: Encoder | None
+    limits: Limits | None
     gains: Gains | None
-    adaptation: AdaptationShape | None
-    homing: HomingShape | None
+    adaptation: Adaptation | None
+    homing: Homing | None
     declared: AxisModel | None
     model: EffectList | None
     """What the axis runs."""
@@ -60,20 +56,14 @@ class AxisParts:
         return self.declared.estimates_of(self.model)
 
     def motion_limits(self) -> AxisLimits | None:
-        """Give what a program may ask of the axis."""
+        """Return what a program may ask of the axis."""
         limits = self.limits
         if limits is None or not limits.travel_m[0] < limits.travel_m[1]:
             return None
-        return AxisLimits(
-            limits.travel_m,
-            limits.max_velocity_m_s,
-            limits.max_acceleration_m_s2,
-            limits.max_jerk_m_s3,
-            limits.max_voltage_v,
-        )
+        return limits.for_motion()
 
     def required_voltage(self) -> RequiredVoltage | None:
-        """Give the command that motion needs at theta_hat(0), where its map can be inverted."""
+        """Return the command that motion needs at theta_hat(0), where its map can be inverted."""
         if self.model is None or self.limits is None:
             return None
         theta = np.array([estimate.initial for estimate in self.estimates])
@@ -83,93 +73,98 @@ class AxisParts:
         return required_command(self.model, theta, u_max)
 
     def wiring(self, document: Document) -> Wiring | None:
-        """Give what the axis says of its channel."""
-        driver = document.at(("axes", self.name, "driver"))
-        channel = document.at(("axes", self.name, "channel"))
+        """Return what the axis says of its channel."""
+        axis = document.part(("axes", self.name))
+        driver, channel = axis.get("driver"), axis.get("channel")
         if self.encoder is None or self.limits is None:
             return None
         if not isinstance(driver, str) or not isinstance(channel, int):
             return None
-        return Wiring(
-            self.name,
-            driver,
-            channel,
-            self.encoder.resolution_m,
-            self.encoder.counter_bits,
-            self.limits.max_voltage_v,
-        )
+        return wire(self.name, driver, channel, self.encoder, self.limits)
 
 
-def read_axis(document: Document, name: str) -> AxisParts:
-    """Read what can be read of an axis; problems of its effects are noted."""
-    path: KeyPath = ("axes", name)
+def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
+    """Return what can be read of an axis, and the problems of its effects.
 
-    def part(key: str, shape: type[S]) -> S | None:
-        return validate(document, (*path, key), shape, document.at((*path, key)), quiet=True)
+    Problems of the other keys are told by whoever validates the whole document.
+    """
+    axis = document.at(("axes", name))
+    keys = axis if isinstance(axis, dict) else {}
 
-    gains = part("gains", GainsShape)
-    declared = build_model(document, (*path, "model"))
-    axis = document.at(path)
-    model = None
+    def part(key: str, model: type[K]) -> K | None:
+        return read_keys(model, keys.get(key))
+
+    declared, problems = build_model(document, ("axes", name, "model"))
+    runs = None
     if declared and isinstance(axis, dict):
         controller = axis.get("controller", "C2")
-        model = declared.declared
+        runs = declared.declared
         if controller != "C2":
-            model = model.without_electromagnetic() if controller == "C1" else None
-    return AxisParts(
+            runs = runs.without_electromagnetic() if controller == "C1" else None
+    parts = AxisParts(
         name,
-        part("encoder", EncoderShape),
-        part("limits", LimitsShape),
-        None if gains is None else Gains(**gains.model_dump()),
-        part("adaptation", AdaptationShape)
-        if isinstance(axis, dict) and "adaptation" in axis
-        else AdaptationShape(),
-        part("homing", HomingShape),
+        part("encoder", Encoder),
+        part("limits", Limits),
+        part("gains", Gains),
+        part("adaptation", Adaptation) if "adaptation" in keys else Adaptation(),
+        part("homing", Homing),
         declared,
-        model,
+        runs,
     )
+    return parts, problems
 
 
-def check_axis(document: Document, parts: AxisParts, rate_hz: float | None) -> None:
-    """Apply every rule whose parts could be read."""
-    path: KeyPath = ("axes", parts.name)
+def check_axis(document: Document, parts: AxisParts, rate_hz: float | None) -> list[Problem]:
+    """Apply every rule whose parts could be read; the rate is the axis' own [Hz]."""
+    path = ("axes", parts.name)
+    return [
+        document.problem((*path, *where), message)
+        for where, message in _findings(document, parts, rate_hz)
+    ]
+
+
+def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> Iterator[Finding]:
+    path = ("axes", parts.name)
     limits, encoder, adaptation = parts.limits, parts.encoder, parts.adaptation
-    check_range(document, (*path, "limits", "travel_m"))
+    # As it is written, so that it is told beside whatever else is wrong with the limits.
+    if message := out_of_order(document.at((*path, "limits", "travel_m"))):
+        yield ("limits", "travel_m"), message
     if limits:
-        check_limits(document, (*path, "limits"), limits)
+        yield from check_limits(limits)
         if parts.homing:
-            check_homing(document, (*path, "homing"), parts.homing, limits, encoder)
+            yield from check_homing(parts.homing, limits, encoder)
         if encoder and rate_hz:
-            check_encoder(document, path, encoder, limits, rate_hz)
+            yield from check_encoder(encoder, limits, rate_hz)
         if parts.model and adaptation:
-            margin = adaptation.monotonicity_margin
-            check_monotonicity(
-                document,
-                path,
+            yield from check_monotonicity(
                 parts.model,
                 parts.estimates,
                 limits.max_voltage_v,
-                margin,
+                adaptation.monotonicity_margin,
                 limits.travel_m,
             )
     if parts.declared:
-        axes = document.at(("axes",))
-        check_other_axes(document, parts.name, parts.declared.declared, axes)
+        keys, axes = document.part((*path, "model")), document.part(("axes",))
+        yield from check_other_axes(parts.name, parts.declared.declared, keys, axes)
     if rate_hz and adaptation:
-        before = len(document.problems)
-        check_adaptation(document, (*path, "adaptation"), adaptation, rate_hz)
-        if parts.model:
-            model_path = (*path, "model")
-            check_timing(document, model_path, parts.model, adaptation.input_delay_s, rate_hz)
-        if parts.gains and parts.model:
-            sound = check_gains(document, (*path, "gains"), parts.gains, rate_hz)
-            if sound and len(document.problems) == before:
-                check_stability(
-                    document,
-                    (*path, "gains"),
-                    parts.model,
-                    parts.estimates,
-                    parts.gains,
-                    1.0 / rate_hz,
-                    adaptation.input_delay_s,
-                )
+        yield from _sampling_findings(parts, adaptation, rate_hz)
+
+
+def _sampling_findings(
+    parts: AxisParts, adaptation: Adaptation, rate_hz: float
+) -> Iterator[Finding]:
+    """Apply the rules of the sampling; margins are computed where these leave nothing to say."""
+    found = list(check_adaptation(adaptation, rate_hz))
+    if parts.model:
+        found += check_timing(parts.model, adaptation.input_delay_s, rate_hz)
+    if parts.gains and parts.model:
+        found += check_gains(parts.gains, rate_hz)
+        if not found:
+            yield from check_stability(
+                parts.model,
+                parts.estimates,
+                parts.gains,
+                1.0 / rate_hz,
+                adaptation.input_delay_s,
+            )
+    yield from found

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from motorctl.config.document import KeyPath
 from motorctl.config.machine import DriverSetup
 from motorctl.errors import MotorctlError, UsageError
 from motorctl.hal import Channel, Driver, RateBudget
+from motorctl.located_yaml import KeyPath
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def _is_number(told: Any) -> bool:
 
 
 def _advice(driver: Driver) -> tuple[str, ...]:
-    """Give its advice; no reason to refuse a configuration, even where there is none to be had."""
+    """Return its advice; where there is none to be had is no reason to refuse a configuration."""
     try:
         told: Iterable[str] = driver.advice()
         return (told,) if isinstance(told, str) else tuple(map(str, told))

@@ -6,16 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from motorctl.config.axis_keys import ConfigurationKeys, Controller
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
-from motorctl.config.document import Document, read_document
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
-from motorctl.config.machine import Controller, Machine
+from motorctl.config.keys import LoopSettings
+from motorctl.config.machine import DriverSetup, Machine
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
-from motorctl.config.shape import ConfigShape, LoopShape
 from motorctl.config.shipped import locate
-from motorctl.config.validation import validate
+from motorctl.config.validation import read_keys, validate
+from motorctl.errors import Problem
+from motorctl.located_yaml import Document, read_document
 
 
 def load(
@@ -49,38 +51,36 @@ def load_resolved(
 def _build(
     document: Document, source: Path, directory: Path, controller: Controller | None, hardware: bool
 ) -> Machine:
+    """Check everything that can be read, and raise all problems or build the machine."""
     _fill_in(document.data, controller)
-    shape = validate(document, (), ConfigShape, document.data)
+    keys, problems = validate(document, (), ConfigurationKeys, document.data)
     rate_hz = loop_rate(document)
-    divisors = read_divisors(document, rate_hz)
-    axes = document.at(("axes",))
-    names = list(axes) if isinstance(axes, dict) else []
-    parts = {name: read_axis(document, name) for name in names}
-    for name, part in parts.items():
-        check_axis(document, part, axis_rate(document, name, rate_hz, divisors))
-    _check_spin(document, rate_hz)
-    check_claims(document)
-    drivers = {}
+    divisors, refused = read_divisors(document, rate_hz)
+    problems += refused
+    parts: dict[str, AxisParts] = {}
+    for name in document.part(("axes",)):
+        parts[name], refused = read_axis(document, name)
+        problems += refused
+        problems += check_axis(document, parts[name], axis_rate(document, name, rate_hz, divisors))
+    problems += _check_spin(document, rate_hz)
+    problems += check_claims(document)
+    drivers: dict[str, DriverSetup] = {}
     if hardware:
-        drivers = build_drivers(document, directory)
+        drivers, refused = build_drivers(document, directory)
+        problems += refused
         wirings = [wiring for part in parts.values() if (wiring := part.wiring(document))]
-        check_rates(document, drivers, wirings, rate_hz, divisors)
-    programs = build_programs(document, directory)
-    _compare(document, parts, programs)
-    for name in names if hardware else ():
-        check_followed(document, name, programs)
-    document.raise_problems()
-    assert shape is not None
-    models = {name: part.declared for name, part in parts.items() if part.declared}
-    return freeze(shape, source, drivers, models, programs, divisors)
-
-
-def _compare(
-    document: Document, parts: Mapping[str, AxisParts], programs: Mapping[str, Any]
-) -> None:
+        problems += check_rates(document, drivers, wirings, rate_hz, divisors)
+    programs, refused = build_programs(document, directory)
+    problems += refused
     limits = {n: known for n, part in parts.items() if (known := part.motion_limits())}
     voltages = {n: need for n, part in parts.items() if (need := part.required_voltage())}
-    check_programs(document, programs, limits, voltages)
+    problems += check_programs(document, programs, limits, voltages)
+    for name in parts if hardware else ():
+        problems += check_followed(document, name, programs)
+    document.refuse(problems)
+    assert keys is not None  # else there were problems
+    models = {name: part.declared for name, part in parts.items() if part.declared}
+    return freeze(keys, source, drivers, models, programs, divisors)
 
 
 def _fill_in(data: dict[str, Any], controller: Controller | None) -> None:
@@ -96,11 +96,12 @@ def _fill_in(data: dict[str, Any], controller: Controller | None) -> None:
             axis["model"] = {name: {} if e is None else e for name, e in model.items()}
 
 
-def _check_spin(document: Document, rate_hz: float | None) -> None:
-    loop = validate(document, ("loop",), LoopShape, document.at(("loop",)) or {}, quiet=True)
+def _check_spin(document: Document, rate_hz: float | None) -> list[Problem]:
+    loop = read_keys(LoopSettings, document.part(("loop",)))
     if rate_hz and loop and loop.spin_s >= 1.0 / rate_hz:
         message = f"found {loop.spin_s:g}, should be below the period of {1.0 / rate_hz:g} s"
-        document.add(("loop", "spin_s"), message)
+        return [document.problem(("loop", "spin_s"), message)]
+    return []
 
 
 def _drop_lost_points(document: Document) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from motorctl.config.analysis import corner_slopes, loop_margins, lowest_slope, smallest_slope
-from motorctl.config.document import Document, KeyPath
-from motorctl.config.machine import Estimate, Gains
+from motorctl.config.axis_keys import Gains
+from motorctl.config.machine import Estimate
+from motorctl.config.validation import Finding
 from motorctl.control import monotonicity_half_planes
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
@@ -15,7 +18,7 @@ from motorctl.model import EffectList
 def parameter_range(
     model: EffectList, estimates: tuple[Estimate, ...], name: str
 ) -> tuple[float, float, float]:
-    """Give (initial, lower, upper) of a parameter, zeros where the list does not have it."""
+    """Return (initial, lower, upper) of a parameter, zeros where the list does not have it."""
     for known, estimate in zip(model.parameter_names, estimates, strict=True):
         if known == name:
             return estimate.initial, estimate.lower, estimate.upper
@@ -23,14 +26,12 @@ def parameter_range(
 
 
 def check_stability(
-    document: Document,
-    path: KeyPath,
     model: EffectList,
     estimates: tuple[Estimate, ...],
     gains: Gains,
     period_s: float,
     input_delay_s: float,
-) -> None:
+) -> Iterator[Finding]:
     """Check that the sampled loop around theta_hat(0) is stable.
 
     The delay is that of the adaptation's alignment and of the list together; the lag is the
@@ -49,8 +50,8 @@ def check_stability(
         lag_s=model.lag_s,
     )
     if not margins.stable:
-        document.add(
-            path,
+        yield (
+            ("gains",),
             f"the sampled closed loop is unstable: ks {gains.ks_v_s_m:g}, k1 {gains.k1_1_s:g}, "
             f"gamma_d {gains.gamma_d:g} around theta1(0) {theta1:g} V*s^2/m, theta2(0) "
             f"{theta2:g} V*s/m at {1.0 / period_s:g} Hz with {margins.delay_s:g} s of delay"
@@ -59,24 +60,21 @@ def check_stability(
 
 
 def check_monotonicity(
-    document: Document,
-    axis: KeyPath,
     model: EffectList,
     estimates: tuple[Estimate, ...],
     u_max: float,
     margin: float,
     travel_m: tuple[float, float],
-) -> None:
+) -> Iterator[Finding]:
     """Check Assumption 2 at theta_hat(0), and that the law can keep it within the bounds."""
-    where = (*axis, "model")
     inputs = [effect.name for effect in model.effects if effect.kind == "input"]
     if not inputs:
         return
     theta = np.array([estimate.initial for estimate in estimates])
     slope, at_u = smallest_slope(model, theta, u_max, travel_m)
     if not slope >= margin:
-        document.add(
-            (*where, inputs[0]),
+        yield (
+            ("model", inputs[0]),
             f"Assumption 2 fails at theta(0): the input map's slope dv/du is {slope:.4g} at "
             f"u = {at_u:.4g} V, should be at least monotonicity_margin {margin:g} over "
             f"|u| <= {u_max:g} V; bring {' and '.join(inputs)} nearer to 0 or lower max_voltage_v",
@@ -93,8 +91,8 @@ def check_monotonicity(
             model, np.where(wide, lower, theta), np.where(wide, upper, theta), u_max, travel_m
         )
         if not least >= margin:
-            document.add(
-                (*where, varying[0]),
+            yield (
+                ("model", varying[0]),
                 f"Assumption 2 may fail within the bounds of {' and '.join(varying)}: somewhere on "
                 f"the travel dv/du can fall to {least:.4g} at u = {at_u:.4g} V, should be at least "
                 f"monotonicity_margin {margin:g}; give it narrower bounds",
@@ -103,4 +101,4 @@ def check_monotonicity(
     try:
         monotonicity_half_planes(model, lower, upper, u_max, margin, travel_m)
     except UsageError as error:
-        document.add((*where, inputs[0]), str(error))
+        yield ("model", inputs[0]), str(error)

@@ -11,7 +11,7 @@ from motorctl.hal import Status
 
 
 def log_metadata(machine: Machine) -> dict[str, object]:
-    """Give the document that a log of this machine carries, JSON-serialisable."""
+    """Return the document that a log of this machine carries, JSON-serialisable."""
     seeds = {name: getattr(setup.options, "seed", None) for name, setup in machine.drivers.items()}
     return {
         "version": __version__,

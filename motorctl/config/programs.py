@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from motorctl.config.document import Document, KeyPath
 from motorctl.config.validation import shown, suggest
-from motorctl.errors import ConfigError, MotorctlError
+from motorctl.errors import ConfigError, MotorctlError, Problem
+from motorctl.located_yaml import Document, KeyPath
 from motorctl.motion import (
     AxisLimits,
     Program,
@@ -31,22 +31,24 @@ _LIMITS = {
 }
 
 
-def build_programs(document: Document, directory: Path) -> dict[str, Program]:
-    """Build every program; those with problems are noted and left out.
+def build_programs(document: Document, directory: Path) -> tuple[dict[str, Program], list[Problem]]:
+    """Build every program.
 
-    `directory` is where the files of points are looked for.
+    Returns
+    -------
+    tuple
+        Those without problems, and the problems of the others. Files of points are looked for in
+        `directory`.
     """
-    parts = document.at(("programs",))
-    axes = document.at(("axes",))
-    names = [str(name) for name in axes] if isinstance(axes, dict) else []
+    names = [str(name) for name in document.part(("axes",))]
     found: dict[str, Program] = {}
-    for name, part in (parts if isinstance(parts, dict) else {}).items():
+    problems: list[Problem] = []
+    for name, part in document.part(("programs",)).items():
         path = ("programs", name)
         if not isinstance(part, dict) or not isinstance(part.get("kind"), str):
             continue
-        before = len(document.problems)
-        _check_numbers(document, path, part)
-        noted = {problem.key for problem in document.problems[before:]}
+        own = _check_numbers(document, path, part)
+        noted = {problem.key for problem in own}
         try:
             program = parse_program(
                 name,
@@ -61,15 +63,17 @@ def build_programs(document: Document, directory: Path) -> dict[str, Program]:
         except ConfigError as error:
             for problem in error.problems:
                 if problem.file != document.file and problem.line is None:
-                    document.add((*path, "file"), f"{problem.file}: {problem.message}")
+                    message = f"{problem.file}: {problem.message}"
+                    own.append(document.problem((*path, "file"), message))
                 elif problem.key not in noted:
-                    document.problems.append(problem)
+                    own.append(problem)
         except MotorctlError as error:
-            document.add(path, str(error))
+            own.append(document.problem(path, str(error)))
         else:
-            if len(document.problems) == before:
+            if not own:
                 found[name] = program
-    return found
+        problems += own
+    return found, problems
 
 
 def _line(document: Document, path: KeyPath, location: KeyPath) -> int | None:
@@ -81,45 +85,51 @@ def check_programs(
     programs: Mapping[str, Program],
     limits: Mapping[str, AxisLimits],
     required_voltage: Mapping[str, RequiredVoltage],
-) -> None:
+) -> list[Problem]:
     """Compare every program with the limits of its axes, where all of these could be read."""
+    problems: list[Problem] = []
     for name, program in programs.items():
         if not all(axis in limits for axis in program.axes):
             continue
+        path = ("programs", name)
         try:
             violations = check_program(program, limits, required_voltage)
         except MotorctlError as error:
-            document.add(("programs", name), str(error))
+            problems.append(document.problem(path, str(error)))
             continue
-        for violation in violations:
-            document.add(("programs", name), _told(violation))
+        problems += [document.problem(path, _told(violation)) for violation in violations]
+    return problems
 
 
-def check_followed(document: Document, axis: str, programs: Mapping[str, Program]) -> None:
+def check_followed(document: Document, axis: str, programs: Mapping[str, Program]) -> list[Problem]:
     """Check that the program that an axis follows, if any, exists and moves this axis."""
     path = ("axes", axis, "program")
     program = document.at(path)
     if not isinstance(program, str):
-        return
-    parts = document.at(("programs",))
-    known = list(parts) if isinstance(parts, dict) else []
+        return []
+    known = list(document.part(("programs",)))
     if program not in known:
-        document.add(path, f"unknown program '{program}'; {suggest(program, known)}")
-    elif program in programs and axis not in programs[program].axes:
+        message = f"unknown program '{program}'; {suggest(program, known)}"
+        return [document.problem(path, message)]
+    if program in programs and axis not in programs[program].axes:
         moves = ", ".join(programs[program].axes)
-        document.add(path, f"program '{program}' moves {moves}, not this axis")
+        return [document.problem(path, f"program '{program}' moves {moves}, not this axis")]
+    return []
 
 
 def _told(violation: Violation) -> str:
     return f"{violation} (axes.{violation.axis}.limits.{_LIMITS[violation.quantity]})"
 
 
-def _check_numbers(document: Document, path: KeyPath, part: Mapping[str, Any]) -> None:
-    """Note text and truth values where numbers belong: only words stand as text in a program."""
+def _check_numbers(document: Document, path: KeyPath, part: Mapping[str, Any]) -> list[Problem]:
+    """Find text and truth values where numbers belong: only words stand as text in a program."""
+    problems = []
     for key, value in part.items():
         if key in _WORDS:
             continue
         for index, item in enumerate(value) if isinstance(value, list) else ((None, value),):
             if isinstance(item, str | bool):
                 where = (*path, key) if index is None else (*path, key, index)
-                document.add(where, f"found {shown(item)}, should be a number")
+                message = f"found {shown(item)}, should be a number"
+                problems.append(document.problem(where, message))
+    return problems

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from motorctl.config.shape import ConfigShape
+from motorctl.config.axis_keys import ConfigurationKeys
 from motorctl.model import Effect, known_effects
 from motorctl.motion import AnyProgram
 
@@ -14,14 +14,14 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def config_schema() -> dict[str, Any]:
-    """Give the schema of the whole file; drivers' own options stay open, they vary by machine."""
-    schema = ConfigShape.model_json_schema()
+    """Return the schema of the whole file; drivers' own options stay open, they vary by machine."""
+    schema = ConfigurationKeys.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
     programs = _programs(definitions)
     (pattern,) = schema["properties"]["programs"]["patternProperties"]
     schema["properties"]["programs"]["patternProperties"][pattern] = programs
-    del definitions["ProgramShape"]
-    definitions["AxisShape"]["properties"]["model"] = _model(definitions)
+    del definitions["ProgramKeys"]
+    definitions["AxisKeys"]["properties"]["model"] = _model(definitions)
     return {"$schema": DIALECT, **schema, "title": "motorctl configuration"}
 
 
@@ -41,12 +41,15 @@ def _programs(definitions: dict[str, Any]) -> dict[str, Any]:
 
 def _model(definitions: dict[str, Any]) -> dict[str, Any]:
     """Describe the list of effects: every known one with its own options, others by `type`."""
-    own = definitions["EffectShape"]
+    own = definitions["EffectKeys"]
     effects = {}
     for name, effect in sorted(known_effects().items()):
         key = f"effect_{name}"
         definitions[key] = _effect(effect, own, definitions)
-        effects[name] = {"anyOf": [{"$ref": f"#/$defs/{key}"}, {"type": "null"}]}
+        effects[name] = {
+            "description": effect.title,
+            "anyOf": [{"$ref": f"#/$defs/{key}"}, {"type": "null"}],
+        }
     own["required"] = ["type"]
     return {
         "description": "effects, in the order of theta",
@@ -54,7 +57,7 @@ def _model(definitions: dict[str, Any]) -> dict[str, Any]:
         "minProperties": 1,
         "required": ["inertia"],
         "properties": effects,
-        "additionalProperties": {"$ref": "#/$defs/EffectShape"},
+        "additionalProperties": {"$ref": "#/$defs/EffectKeys"},
     }
 
 

@@ -11,12 +11,12 @@ SUFFIX = ".yaml"
 
 
 def shipped_configs() -> dict[str, Path]:
-    """Give every shipped configuration by its name."""
+    """Return every shipped configuration by its name."""
     return _by_name(_folder())
 
 
 def shipped_config(name: str) -> Path:
-    """Give the file of a shipped configuration. Raises UsageError, naming those there are."""
+    """Return the file of a shipped configuration. Raises UsageError, naming those there are."""
     known = shipped_configs()
     if name not in known:
         raise UsageError(f"there is no shipped configuration '{name}'; {suggest(name, known)}")

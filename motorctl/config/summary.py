@@ -17,6 +17,7 @@ from motorctl.config.analysis import (
     required_command,
     smallest_slope,
 )
+from motorctl.config.axis_keys import Limits
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.loop_rules import parameter_range
@@ -31,7 +32,7 @@ COVERED_FRICTION = ("viscous_friction", "coulomb_friction")
 
 
 def summarise(machine: Machine) -> dict[str, Any]:
-    """Give everything that `check` shows, fit for JSON; what is infinite becomes null."""
+    """Return everything that `check` shows, fit for JSON; what is infinite becomes null."""
     axes = {n: _axis(axis, machine.period_of(n)) for n, axis in machine.axes.items()}
     drivers = dict(_drivers(machine))
     summary = {
@@ -44,7 +45,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "drivers": drivers,
         "axes": axes,
         "programs": {n: _program(machine, p) for n, p in machine.programs.items()},
-        "loop": asdict(machine.loop),
+        "loop": machine.loop.model_dump(),
         "log_directory": str(machine.log_directory),
         "notes": [
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
@@ -73,7 +74,7 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
             "axes": [channel.axis for channel in channels],
             "supports_virtual_time": setup.cls.supports_virtual_time,
             "rate_hz": 1.0 / period_s,
-            "late": {"hold_ticks": setup.hold_ticks, "predict": setup.predict},
+            "late": setup.late.model_dump(),
         }
         try:
             exchange = ask_exchange(setup, channels, period_s)
@@ -100,17 +101,23 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
         "controller": axis.controller,
         "effects": list(axis.model.names),
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
-        "encoder": asdict(axis.encoder),
-        "limits": asdict(axis.limits),
-        "gains": asdict(axis.gains),
+        "encoder": axis.encoder.model_dump(),
+        "limits": _limits(axis.limits),
+        "gains": axis.gains.model_dump(),
         "parameters": dict(_parameters(axis)),
-        "adaptation": asdict(axis.adaptation),
-        "homing": asdict(axis.homing),
+        "adaptation": axis.adaptation.model_dump(),
+        "homing": {k: 0.0 if v is None else v for k, v in axis.homing},
         "program": axis.program,
         "robust_gain": _robust_gain(axis),
         "margins": _margins(axis, period_s),
         "assumption_2": _assumption_2(axis),
     }
+
+
+def _limits(limits: Limits) -> dict[str, Any]:
+    """The keys as they are, but those of the ramp beside the others."""
+    told = limits.model_dump()
+    return told | {f"stop_{key}": value for key, value in told.pop("stop").items()}
 
 
 def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:

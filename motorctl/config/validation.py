@@ -13,10 +13,13 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from motorctl.config.document import Document, KeyPath, dotted, find, holds
-from motorctl.config.shape import SMALLEST
+from motorctl.config.keys import SMALLEST
+from motorctl.errors import Problem
+from motorctl.located_yaml import Document, KeyPath, dotted, find, holds
 
 M = TypeVar("M", bound=BaseModel)
+Finding = tuple[KeyPath, str]
+"""A place within what was checked, and what is wrong there."""
 
 _EXPECTED = {
     "float_type": "a number",
@@ -37,19 +40,40 @@ _EXPECTED = {
 
 
 def validate(
-    document: Document, path: KeyPath, model: type[M], data: Any, *, quiet: bool = False
-) -> M | None:
-    """Give `data`, which stands at `path`, as a model; None where it does not fit.
+    document: Document, path: KeyPath, model: type[M], data: Any
+) -> tuple[M | None, list[Problem]]:
+    """Check data against a model.
 
-    Problems are noted in the document, unless `quiet`. Types are strict as in JSON: text is no
-    number, 1.0 is no whole number, and a list may fill a tuple.
+    Types are strict as in JSON: text is no number, 1.0 is no whole number, and a list may fill a
+    tuple.
+
+    Parameters
+    ----------
+    document, path
+        Where the data stand; the document only locates them.
+    model
+        What they should be.
+    data
+        Plain data.
+
+    Returns
+    -------
+    tuple
+        The model, None where the data do not fit, and every problem.
     """
     try:
-        return model.model_validate_json(json.dumps(data), strict=True)
+        return model.model_validate_json(json.dumps(data), strict=True), []
     except ValidationError as error:
-        for detail in error.errors(include_url=False) if not quiet else ():
-            _note(document, path, model, data, detail)
-    return None
+        details = error.errors(include_url=False)
+        return None, [_problem(document, path, model, data, detail) for detail in details]
+
+
+def read_keys(model: type[M], data: Any) -> M | None:
+    """Return data as a model, None where they do not fit: whoever checks the whole says why."""
+    try:
+        return model.model_validate_json(json.dumps(data), strict=True)
+    except ValidationError:
+        return None
 
 
 def validate_options(
@@ -59,17 +83,32 @@ def validate_options(
     data: Any,
     also: Iterable[str],
     context: Mapping[str, Any] | None = None,
-) -> M | None:
-    """Give the options of a driver or an effect, which a third party may have written.
-
-    Validators find in `context` the directory of the file, for names of files in the options.
+) -> tuple[M | None, list[Problem]]:
+    """Check the options of a driver or an effect, which a third party may have written.
 
     Its validators may expand what stands in the file, so they are not held to strict types; text
-    and truth values where the file should have numbers are noted all the same. `also` names the
-    keys that may stand beside the options.
+    and truth values where the file should have numbers are problems all the same.
+
+    Parameters
+    ----------
+    document, path
+        Where the options stand; the document only locates them.
+    model
+        The options' own model.
+    data
+        Plain data.
+    also
+        Names of the keys that may stand beside the options.
+    context
+        What validators are told: the directory of the file, for names of files in the options.
+
+    Returns
+    -------
+    tuple
+        The options, None where there is a problem, and every problem.
     """
     text = json.dumps(data)
-    before = len(document.problems)
+    problems: list[Problem] = []
     options: M | None = None
     try:
         options = model.model_validate_json(text, context=context)
@@ -78,10 +117,11 @@ def validate_options(
         for detail in error.errors(include_url=False):
             found = find(data, detail["loc"])
             if options is None or (detail["type"] in _EXPECTED and isinstance(found, str | bool)):
-                _note(document, path, model, data, detail, also)
+                problems.append(_problem(document, path, model, data, detail, also))
     except Exception as error:  # a validator may fail in any way
-        document.add(path, f"cannot be checked: {type(error).__name__}: {error}")
-    return options if len(document.problems) == before else None
+        message = f"cannot be checked: {type(error).__name__}: {error}"
+        problems.append(document.problem(path, message))
+    return None if problems else options, problems
 
 
 def suggest(found: str, known: Iterable[str]) -> str:
@@ -109,15 +149,15 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _note(
+def _problem(
     document: Document,
     path: KeyPath,
     model: type[BaseModel],
     data: Any,
     detail: ErrorDetails,
     also: Iterable[str] = (),
-) -> None:
-    """Note one of pydantic's errors at the place in the file that it is about."""
+) -> Problem:
+    """Return one of pydantic's errors at the place in the file that it is about."""
     loc = tuple(part for part in detail["loc"] if part != "[key]")
     where: list[int | str] = []
     value = data
@@ -132,7 +172,7 @@ def _note(
     message = _message(model, detail, loc, also)
     if loc and (not where or str(where[-1]) != str(loc[-1])):
         message += f" (at {dotted(loc)})"
-    document.add((*path, *where), message)
+    return document.problem((*path, *where), message)
 
 
 def _message(
@@ -164,7 +204,7 @@ def _message(
 
 
 def _fields(model: type[BaseModel], where: KeyPath) -> Mapping[str, Any]:
-    """Give the fields of the model that describes the place `where` within `model`."""
+    """Return the fields of the model that describes the place `where` within `model`."""
     current: Any = model
     for part in where:
         current = _unwrap(current)

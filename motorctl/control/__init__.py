@@ -7,12 +7,13 @@ from motorctl.control.inverse import invert
 from motorctl.control.law import carry_over_gap, law_step, shift_law, start_law
 from motorctl.control.projection import project, violates
 from motorctl.control.records import LawFlag, law_settings, law_state
-from motorctl.control.setup import fill_settings, fill_state, max_input_delay_s
+from motorctl.control.setup import fill_by_name, fill_settings, fill_state, max_input_delay_s
 
 __all__ = [
     "LawFlag",
     "adapt",
     "carry_over_gap",
+    "fill_by_name",
     "fill_settings",
     "fill_state",
     "fixed_slopes",

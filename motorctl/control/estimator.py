@@ -91,8 +91,8 @@ def adapt(
     state.stage1_a += (1.0 - pole) * (acceleration - state.stage1_a)
     state.stage2_a += (1.0 - pole) * (state.stage1_a - state.stage2_a)
     if (
-        abs(state.stage2_v) <= settings.gate_velocity
-        and abs(state.stage2_a) <= settings.gate_acceleration
+        abs(state.stage2_v) <= settings.gate_velocity_m_s
+        and abs(state.stage2_a) <= settings.gate_acceleration_m_s2
     ):
         return 0
 
@@ -115,7 +115,7 @@ def adapt(
             diagonal += U[i, k] * U[i, k] * D[k]
         if diagonal > settings.covariance_limit[i]:
             forgetting = 1.0
-    kappa = ts / (1.0 + settings.nu * spread)
+    kappa = ts / (1.0 + settings.normalisation * spread)
     noise = forgetting / kappa
 
     rate = 0.0
@@ -128,9 +128,9 @@ def adapt(
     rate = math.sqrt(rate) / ts
     if not math.isfinite(rate):
         return 0
-    if rate > settings.rate_limit:
+    if rate > settings.rate_limit_1_s:
         for i in range(n):
-            state.theta[i] += state.gain[i] * settings.rate_limit / rate
+            state.theta[i] += state.gain[i] * settings.rate_limit_1_s / rate
     else:
         for i in range(n):
             state.theta[i] += state.gain[i]

@@ -38,7 +38,7 @@ def start_law(
     state.y1, state.y2, state.xd1, state.vd1, state.t1 = y, y, y, 0.0, t
     _settle_contexts(advance_context, state, y)
     at_rest = _at_rest(feedforward, settings, state, t, y)
-    state.d0 = min(max(at_rest, -settings.d_max), settings.d_max)
+    state.d0 = min(max(at_rest, -settings.d_hat_max_v), settings.d_hat_max_v)
     state.u, state.v, state.flags, state.steps = 0.0, 0.0, 0, 0
     state.lagged = 0.0
     for i in range(settings.n + 1):
@@ -84,7 +84,7 @@ def shift_law(
     state.xd1 += shift
     _settle_contexts(advance_context, state, y + shift)
     after = _at_rest(feedforward, settings, state, t, y + shift)
-    state.d0 = min(max(state.d0 + (after - before), -settings.d_max), settings.d_max)
+    state.d0 = min(max(state.d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
 
 
 @njit(error_model="numpy")
@@ -167,17 +167,17 @@ def law_step(
         acts_x, acts_t, map_x, map_t = xd, t, xd, t
         # Velocity by difference of two positions, against the desired one: as published.
         rate = (y - state.y1) / ts - vd
-    p = rate + settings.k1 * (y - xd)
-    v = va1 - state.d0 - settings.ks * p
-    u = invert(input_map, input_slope, v, map_x, map_t, theta, settings.u_max)
-    flags = SATURATED if abs(u) >= settings.u_max else 0
+    p = rate + settings.k1_1_s * (y - xd)
+    v = va1 - state.d0 - settings.ks_v_s_m * p
+    u = invert(input_map, input_slope, v, map_x, map_t, theta, settings.max_voltage_v)
+    flags = SATURATED if abs(u) >= settings.max_voltage_v else 0
 
     # d0_hat' = Proj(gamma_d p), eqs 18-19; frozen while it would push further into saturation.
     push = settings.gamma_d * p
     if not (flags and push * u < 0.0):
-        state.d0 = min(max(state.d0 + ts * push, -settings.d_max), settings.d_max)
+        state.d0 = min(max(state.d0 + ts * push, -settings.d_hat_max_v), settings.d_hat_max_v)
 
-    if settings.adapt:
+    if settings.enabled:
         if not state.blind:
             flags |= adapt(state_columns, settings, state, y)
         remember_command(input_columns, settings, state, u, acts_x, acts_t)

@@ -19,25 +19,32 @@ class LawFlag(IntFlag):
     PROJECTED = 4
 
 
+LAW_GIVEN = (
+    ("k1_1_s", "f8"),
+    ("ks_v_s_m", "f8"),
+    ("gamma_d", "f8"),
+    ("d_hat_max_v", "f8"),
+    ("max_voltage_v", "f8"),
+    ("enabled", "i8"),  # whether theta is adapted
+    ("normalisation", "f8"),  # nu
+    ("gate_velocity_m_s", "f8"),
+    ("gate_acceleration_m_s2", "f8"),
+    ("rate_limit_1_s", "f8"),
+)
+"""Settings that the law takes as they are given, by these names; the configuration's keys have
+the same ones. Whatever is added here has to be given to `fill_settings`."""
+
+
 def law_settings(parameters: int) -> np.dtype[np.void]:
     """Return the settings record for a theta of at most `parameters` entries."""
     p = parameters
     return np.dtype(
         [
+            *LAW_GIVEN,
             ("n", "i8"),  # entries of theta in use
             ("period_s", "f8"),
-            ("k1", "f8"),
-            ("ks", "f8"),
-            ("gamma_d", "f8"),
-            ("d_max", "f8"),
-            ("u_max", "f8"),
-            ("adapt", "i8"),
             ("forgetting", "f8"),  # lambda = exp(-alpha Ts)
-            ("nu", "f8"),
             ("filter_pole", "f8"),  # exp(-omega Ts), twice
-            ("gate_velocity", "f8"),
-            ("gate_acceleration", "f8"),
-            ("rate_limit", "f8"),
             ("delay_ticks", "i8"),  # whole part of the delay from the command to what acts
             ("delay_fraction", "f8"),
             ("previews", "i8"),  # the list declares a lag or a delay

@@ -58,8 +58,8 @@ class LoopProcess:
     def stop_timeout_s(self) -> float:
         """How long an orderly stop may take: the longest ramp, and some slack."""
         ramps = (
-            limits.max_velocity_m_s / limits.stop_acceleration_m_s2
-            + limits.stop_acceleration_m_s2 / limits.stop_jerk_m_s3
+            limits.max_velocity_m_s / limits.stop.acceleration_m_s2
+            + limits.stop.acceleration_m_s2 / limits.stop.jerk_m_s3
             for limits in (axis.limits for axis in self.machine.axes.values())
         )
         return 2.0 * max(ramps) + STOP_SLACK_S

@@ -117,7 +117,7 @@ class Report:
     def _trouble(self, axis: Axis, status: np.void) -> str | None:
         """Return what the driver reports now; that a sample is missing, once it is for too long."""
         word = int(status["device_status"])
-        if status["held_ticks"] <= self._machine.drivers[axis.driver].hold_ticks:
+        if status["held_ticks"] <= self._machine.drivers[axis.driver].late.hold_ticks:
             word &= ~int(Status.STALE | Status.CORRUPT)
         return device_message(word) or None
 
@@ -132,7 +132,7 @@ class Report:
             "samples": {
                 "missed": int(status["missed_ticks"]),
                 "longest_missed": int(status["longest_missed_ticks"]),
-                "allowed": self._machine.drivers[axis.driver].hold_ticks,
+                "allowed": self._machine.drivers[axis.driver].late.hold_ticks,
             },
             "homed": bool(status["homed"]),
             "controller": axis.controller,

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from motorctl.config import load
-from motorctl.config.machine import Controller
+from motorctl.config.axis_keys import Controller
 from motorctl.identify.compare.pictures import plot_comparison, plot_turnaround
 from motorctl.identify.compare.runs import Comparison, compare
 from motorctl.log import read_recording

@@ -151,7 +151,7 @@ class _Session:
                 continue
             await self._ask("start", name)
             await self._ask("home", name)
-            deadline = time.monotonic() + axis.homing.timeout_s
+            deadline = time.monotonic() + (axis.homing.timeout_s or 0.0)
             while self._state(name) is AxisState.HOMING and time.monotonic() < deadline:
                 self._loop.insist()
                 await self._see_trips()

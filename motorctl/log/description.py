@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -16,8 +14,10 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic_core import ErrorDetails
 
-from motorctl.errors import DataError
+from motorctl.errors import ConfigError, DataError, Problem
+from motorctl.located_yaml import Document, read_document
 from motorctl.log.recording import ForcePerCommand
 from motorctl.log.units import (
     COMMAND_UNITS,
@@ -28,11 +28,6 @@ from motorctl.log.units import (
     PositionUnit,
     usual_spelling,
 )
-
-KeyPath = tuple[str | int, ...]
-
-_MOST_BYTES = 1 << 20
-_MOST_NODES = 10_000
 
 
 def _unit(known: tuple[str, ...]) -> AfterValidator:
@@ -214,68 +209,33 @@ class Description(_Part):
 
 
 def read_description(path: Path) -> Description:
-    """Read a description. Raises DataError with all problems, each with file, line and key."""
-    data, lines = _read_yaml(path)
-    if not isinstance(data, dict):
-        raise DataError(
-            f"{path}:1: must be a mapping with the keys file, axes and sample_rate_hz or time"
-        )
+    """Read a description of a foreign recording.
+
+    Raises
+    ------
+    DataError
+        With all problems, each with file, line and key.
+    """
     try:
-        return Description.model_validate(data)
-    except ValidationError as error:
-        problems = [_told(path, lines, problem) for problem in error.errors()]
-        raise DataError("\n".join(dict.fromkeys(problems))) from error
+        document = read_document(path, such_as="file: measurement.mat", as_text=True)
+        problems: list[Problem] = []
+        try:
+            description = Description.model_validate(document.data)
+        except ValidationError as error:
+            problems = [_told(document, problem) for problem in error.errors()]
+        document.refuse(problems)
+    except ConfigError as error:
+        raise DataError(str(error)) from error
+    return description
 
 
-def _told(path: Path, lines: Mapping[KeyPath, int], problem: Mapping[str, Any]) -> str:
-    key: KeyPath = problem["loc"]
-    line = next(lines[key[:end]] for end in range(len(key), -1, -1) if key[:end] in lines)
-    where = f"{path}:{line}: " + (f"{'.'.join(map(str, key))}: " if key else "")
+def _told(document: Document, problem: ErrorDetails) -> Problem:
+    path = tuple(problem["loc"])
     if problem["type"] == "missing":
-        return f"{where}is missing"
+        return document.problem(path, "is missing")
     if problem["type"] == "extra_forbidden":
-        return f"{where}unknown key"
+        return document.problem(path, "unknown key")
     message = problem["msg"].removeprefix("Value error, ")
     value = problem["input"]
-    return f"{where}{message}" + ("" if isinstance(value, dict) else f" (it is {value!r})")
-
-
-def _read_yaml(path: Path) -> tuple[Any, dict[KeyPath, int]]:
-    try:
-        with path.open("rb") as file:
-            text = file.read(_MOST_BYTES + 1).decode("utf-8-sig")
-        if len(text) > _MOST_BYTES:
-            raise DataError(f"{path}: longer than {_MOST_BYTES} bytes, the limit of a description")
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        lines: dict[KeyPath, int] = {(): 1}
-        return (None if node is None else _plain(path, node, (), lines)), lines
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read as UTF-8 text: {error}") from error
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = "" if mark is None else f":{mark.line + 1}"
-        raise DataError(f"{path}{line}: not valid YAML: {error.problem}") from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise DataError(f"{path}: not valid YAML: {str(error).splitlines()[0]}") from error
-
-
-def _plain(path: Path, node: yaml.Node, key: KeyPath, lines: dict[KeyPath, int]) -> Any:
-    """Return a node as mappings, lists and text: what the text means is the model's business."""
-    lines.setdefault(key, node.start_mark.line + 1)
-    if len(lines) > _MOST_NODES:
-        raise DataError(f"{path}: more than {_MOST_NODES} values, the limit of a description")
-    if isinstance(node, yaml.MappingNode):
-        found: dict[str, Any] = {}
-        for name, value in node.value:
-            line = name.start_mark.line + 1
-            if not isinstance(name, yaml.ScalarNode) or name.value in found:
-                what = f"'{name.value}' twice" if isinstance(name, yaml.ScalarNode) else "no name"
-                raise DataError(f"{path}:{line}: a key is {what}")
-            lines[(*key, name.value)] = line
-            found[name.value] = _plain(path, value, (*key, name.value), lines)
-        return found
-    if isinstance(node, yaml.SequenceNode):
-        return [_plain(path, value, (*key, k), lines) for k, value in enumerate(node.value)]
-    return None if node.tag == "tag:yaml.org,2002:null" else node.value
+    told = "" if isinstance(value, dict) else f" (it is {value!r})"
+    return document.problem(path, message + told)

@@ -12,7 +12,6 @@ from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
 from motorctl.loop.shared import PROGRAM_SEGMENTS
 from motorctl.motion import (
-    AxisLimits,
     PointToPoint,
     Program,
     Trajectory,
@@ -156,11 +155,11 @@ def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:
 
 
 def _approach_acceleration(axis: Axis) -> float:
-    return min(axis.limits.stop_acceleration_m_s2, axis.limits.max_acceleration_m_s2)
+    return min(axis.limits.stop.acceleration_m_s2, axis.limits.max_acceleration_m_s2)
 
 
 def _approach_jerk(axis: Axis) -> float:
-    return min(axis.limits.stop_jerk_m_s3, axis.limits.max_jerk_m_s3)
+    return min(axis.limits.stop.jerk_m_s3, axis.limits.max_jerk_m_s3)
 
 
 def _check(machine: Machine, program: Program, from_m: float | None = None) -> None:
@@ -169,13 +168,7 @@ def _check(machine: Machine, program: Program, from_m: float | None = None) -> N
         low, high = axis.limits.travel_m
         if from_m is not None:
             low, high = min(low, from_m), max(high, from_m)
-        limits[name] = AxisLimits(
-            (low, high),
-            axis.limits.max_velocity_m_s,
-            axis.limits.max_acceleration_m_s2,
-            axis.limits.max_jerk_m_s3,
-            axis.limits.max_voltage_v,
-        )
+        limits[name] = axis.limits.for_motion((low, high))
         if name not in program.axes:
             continue
         theta = np.array([estimate.initial for estimate in axis.estimates])

@@ -9,7 +9,7 @@ import mmap
 import os
 from pathlib import Path
 
-from motorctl.config.machine import LoopSettings
+from motorctl.config.keys import LoopSettings
 from motorctl.loop.vocabulary import Degraded
 
 MCL_CURRENT, MCL_FUTURE = 1, 2

@@ -5,35 +5,42 @@ from __future__ import annotations
 import numpy as np
 
 from motorctl.config.machine import Axis, DriverSetup
+from motorctl.control import fill_by_name
+
+AXIS_GIVEN = (
+    ("offset_m", "f8"),
+    ("max_velocity_m_s", "f8"),
+    ("max_acceleration_m_s2", "f8"),
+    ("max_jerk_m_s3", "f8"),
+    ("max_voltage_v", "f8"),
+    ("following_error_minimum_m", "f8"),
+    ("following_error_per_velocity_s", "f8"),
+    ("stop_acceleration_m_s2", "f8"),
+    ("stop_jerk_m_s3", "f8"),
+    ("search_velocity_m_s", "f8"),
+    ("latch_velocity_m_s", "f8"),
+    ("home_position_m", "f8"),
+    ("hold_ticks", "i8"),  # ticks without a new sample before it trips
+    ("predict", "i8"),  # the model moves the position on meanwhile
+)
+"""Settings that the tick takes as the configuration says them: by the names of its keys, those of
+a part of `limits` with the part's name before them."""
 
 AXIS_SETTINGS = np.dtype(
     [
+        *AXIS_GIVEN,
         ("period_s", "f8"),
         ("metres_per_count", "f8"),  # signed by the direction
-        ("offset_m", "f8"),
         ("counter_span", "i8"),  # 2^bits; 0: as wide as an int64, does not wrap
         ("travel_low_m", "f8"),
         ("travel_high_m", "f8"),
-        ("max_velocity_m_s", "f8"),
-        ("max_acceleration_m_s2", "f8"),
-        ("max_voltage_v", "f8"),
-        ("error_minimum_m", "f8"),
-        ("error_per_velocity_s", "f8"),
         ("error_ticks", "i8"),  # trip when exceeded for more than these
-        ("stop_acceleration_m_s2", "f8"),
-        ("stop_jerk_m_s3", "f8"),
-        ("max_jerk_m_s3", "f8"),
         ("absolute", "i8"),  # no homing: the encoder knows its position
         ("home_on_switch", "i8"),
         ("home_on_index", "i8"),
-        ("search_velocity_m_s", "f8"),
-        ("latch_velocity_m_s", "f8"),
-        ("home_position_m", "f8"),
         ("homing_ticks", "i8"),  # timeout
         ("divisor", "i8"),  # ticks of the loop in one of the axis
         ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
-        ("hold_ticks", "i8"),  # ticks without a new sample before it trips
-        ("predict", "i8"),  # the model moves the position on meanwhile
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
@@ -140,32 +147,22 @@ def fill_axis_settings(
         How much older than the tick the driver's sample is [periods of the axis].
     """
     limits, homing, encoder = axis.limits, axis.homing, axis.encoder
+    asked = {key: 0.0 if value is None else value for key, value in homing}  # None: not searched
+    given = limits.flat() | encoder.flat() | setup.late.flat() | asked
+    fill_by_name(record, (name for name, _ in AXIS_GIVEN), given)
     period_s = tick_s * axis.divisor
     record["period_s"] = period_s
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
-    record["hold_ticks"], record["predict"] = setup.hold_ticks, setup.predict
     record["exchange"] = exchange_delay >= 1.0
     record["asked"] = exchange_delay == round(exchange_delay)
     estimates = dict(zip(axis.model.parameter_names, axis.estimates, strict=True))
     fullest_m_s2 = limits.max_voltage_v / estimates["inertia"].initial
     record["possible_acceleration_m_s2"] = max(fullest_m_s2, limits.max_acceleration_m_s2)
     record["metres_per_count"] = encoder.direction * encoder.resolution_m
-    record["offset_m"] = encoder.offset_m
     record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0
     record["travel_low_m"], record["travel_high_m"] = limits.travel_m
-    record["max_velocity_m_s"] = limits.max_velocity_m_s
-    record["max_acceleration_m_s2"] = limits.max_acceleration_m_s2
-    record["max_voltage_v"] = limits.max_voltage_v
-    record["error_minimum_m"] = limits.following_error.minimum_m
-    record["error_per_velocity_s"] = limits.following_error.per_velocity_s
     record["error_ticks"] = round(limits.following_error.filter_time_s / period_s)
-    record["stop_acceleration_m_s2"] = limits.stop_acceleration_m_s2
-    record["stop_jerk_m_s3"] = limits.stop_jerk_m_s3
-    record["max_jerk_m_s3"] = limits.max_jerk_m_s3
     record["absolute"] = homing.method == "absolute"
     record["home_on_switch"] = homing.method in ("switch", "switch_index")
     record["home_on_index"] = homing.method in ("index", "switch_index")
-    record["search_velocity_m_s"] = homing.search_velocity_m_s
-    record["latch_velocity_m_s"] = homing.latch_velocity_m_s
-    record["home_position_m"] = homing.home_position_m
-    record["homing_ticks"] = round(homing.timeout_s / period_s)
+    record["homing_ticks"] = round(asked["timeout_s"] / period_s)

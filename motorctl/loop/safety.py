@@ -134,14 +134,18 @@ def set_soft_limits(settings: Any, axis: Any) -> None:
     References never leave the travel. The axis itself may, by what its error may be at rest, or
     it could not stand at an end.
     """
-    axis.soft_low_m = min(settings.travel_low_m, axis.position_m) - settings.error_minimum_m
-    axis.soft_high_m = max(settings.travel_high_m, axis.position_m) + settings.error_minimum_m
+    axis.soft_low_m = (
+        min(settings.travel_low_m, axis.position_m) - settings.following_error_minimum_m
+    )
+    axis.soft_high_m = (
+        max(settings.travel_high_m, axis.position_m) + settings.following_error_minimum_m
+    )
 
 
 @njit
 def _tighten_soft_limits(settings: Any, axis: Any) -> None:
     """Let the limits follow an axis that comes back from outside its travel."""
-    x, slack = axis.position_m, settings.error_minimum_m
+    x, slack = axis.position_m, settings.following_error_minimum_m
     axis.soft_low_m = max(axis.soft_low_m, min(settings.travel_low_m, x) - slack)
     axis.soft_high_m = min(axis.soft_high_m, max(settings.travel_high_m, x) + slack)
 
@@ -168,7 +172,7 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     elif axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0:
         trip(axis, CAUSE_LIMIT_SWITCH, x, settings.travel_high_m, t)
     error = x - axis.reference_m
-    allowed = settings.error_minimum_m + settings.error_per_velocity_s * abs(
+    allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
         axis.reference_velocity_m_s
     )
     axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0

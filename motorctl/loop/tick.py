@@ -85,30 +85,16 @@ class Tick:
             fill_axis_settings(self.settings[i], axis, setup, machine.period_s, delay)
             self.axes[i]["slot"] = -1
             self.axes[i]["homed"] = self.settings[i]["absolute"]
-            adaptation, estimates = axis.adaptation, axis.estimates
+            estimates = axis.estimates
             covariance = [e.covariance for e in estimates]
             fill_settings(
                 self.law_settings[i],
                 axis.model,
                 period_s=machine.period_of(axis.name),
-                k1_1_s=axis.gains.k1_1_s,
-                ks_v_s_m=axis.gains.ks_v_s_m,
-                gamma_d=axis.gains.gamma_d,
-                d_hat_max_v=axis.gains.d_hat_max_v,
-                max_voltage_v=axis.limits.max_voltage_v,
                 lower=[e.lower for e in estimates],
                 upper=[e.upper for e in estimates],
                 covariance=covariance,
-                adapt=adaptation.enabled,
-                forgetting_1_s=adaptation.forgetting_1_s,
-                normalisation=adaptation.normalisation,
-                filter_rad_s=adaptation.filter_rad_s,
-                covariance_limit=adaptation.covariance_limit,
-                rate_limit_1_s=adaptation.rate_limit_1_s,
-                gate_velocity_m_s=adaptation.gate_velocity_m_s,
-                gate_acceleration_m_s2=adaptation.gate_acceleration_m_s2,
-                input_delay_s=adaptation.input_delay_s,
-                monotonicity_margin=adaptation.monotonicity_margin,
+                given=axis.gains.flat() | axis.limits.flat() | axis.adaptation.flat(),
                 travel_m=axis.limits.travel_m,
             )
             theta = (learned or {}).get(axis.name, [e.initial for e in estimates])

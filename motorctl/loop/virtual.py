@@ -124,7 +124,7 @@ class VirtualMachine:
         for name, axis in self.machine.axes.items():
             if axis.homing.method != "absolute":
                 self.order(Verb.HOME, name)
-                timeout = round(axis.homing.timeout_s * self.machine.rate_hz)
+                timeout = round((axis.homing.timeout_s or 0.0) * self.machine.rate_hz)
                 self._wait_for(name, AxisState.HOMING, timeout)
 
     def follow(self, trajectories: Mapping[str, Trajectory]) -> None:

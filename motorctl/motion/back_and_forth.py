@@ -11,7 +11,7 @@ from math import ceil, sqrt
 from typing import Literal
 
 import numpy as np
-from pydantic import ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from motorctl.motion.move import NEGLIGIBLE_M
 from motorctl.motion.program import Coordinate, Cycles, OneAxisProgram, Positive, check_cycles
@@ -52,14 +52,16 @@ def smoothed_trapezoid(
 class BackAndForth(OneAxisProgram):
     """Forth over `distance_m`, dwell, back, dwell; each half lasts half of `period_s`."""
 
-    kind: Literal["back_and_forth"] = "back_and_forth"
-    start_m: Coordinate
-    distance_m: Coordinate
-    max_velocity_m_s: Positive
-    max_acceleration_m_s2: Positive
-    jerk_time_s: Positive
-    period_s: Positive
-    cycles: Cycles = 1
+    kind: Literal["back_and_forth"] = Field(
+        default="back_and_forth", description="between two points, with dwells"
+    )
+    start_m: Coordinate = Field(description="first of the two points")
+    distance_m: Coordinate = Field(description="signed: from the first point to the second")
+    max_velocity_m_s: Positive = Field(description="speed that is not exceeded")
+    max_acceleration_m_s2: Positive = Field(description="acceleration that is not exceeded")
+    jerk_time_s: Positive = Field(description="duration of each change of acceleration")
+    period_s: Positive = Field(description="there and back, dwells included")
+    cycles: Cycles = Field(default=1, description="how many times it is repeated")
 
     @field_validator("distance_m")
     @classmethod

@@ -25,15 +25,21 @@ class Circle(ProgramModel):
     The limits hold for the vectors of acceleration and jerk, centripetal parts included.
     """
 
-    kind: Literal["circle"] = "circle"
-    axes: tuple[str, str]
-    center_m: tuple[Coordinate, Coordinate]
-    radius_m: Positive
-    speed_m_s: Positive
-    max_acceleration_m_s2: Positive
-    max_jerk_m_s3: Positive
-    turns: Annotated[float, Field(ge=-1000, le=1000)] = 1.0
-    start_angle_rad: Coordinate = 0.0
+    kind: Literal["circle"] = Field(
+        default="circle", description="turns about a centre, of two axes"
+    )
+    axes: tuple[str, str] = Field(
+        description="names of the two axes; the angle counts from the first towards the second"
+    )
+    center_m: tuple[Coordinate, Coordinate] = Field(description="of each axis")
+    radius_m: Positive = Field(description="of the circle")
+    speed_m_s: Positive = Field(description="along the circle")
+    max_acceleration_m_s2: Positive = Field(description="acceleration that is not exceeded")
+    max_jerk_m_s3: Positive = Field(description="jerk that is not exceeded")
+    turns: Annotated[float, Field(ge=-1000, le=1000)] = Field(
+        default=1.0, description="how many; negative: clockwise"
+    )
+    start_angle_rad: Coordinate = Field(default=0.0, description="where on the circle it begins")
 
     @property
     def cycles(self) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import yaml
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from motorctl.errors import ConfigError, Problem
+from motorctl.located_yaml import read_document
 from motorctl.motion.back_and_forth import BackAndForth
 from motorctl.motion.circle import Circle
 from motorctl.motion.move import PointToPoint
@@ -104,71 +104,16 @@ def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
     """
     if path.suffix.lower() == ".csv":
         return Points(name=path.stem, axes=axes_of_header(path, axis_names), file=path)
-    file = str(path)
-    try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-        keys = None if node is None else _construct(node)
-    except OSError as error:
-        raise ConfigError([Problem(file, None, "", str(error.strerror))]) from error
-    except UnicodeDecodeError as error:
-        raise ConfigError([Problem(file, None, "", f"is not text in UTF-8: {error}")]) from error
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = None if mark is None else mark.line + 1
-        raise ConfigError(
-            [Problem(file, line, "", f"is not valid YAML: {error.problem}")]
-        ) from error
-    except yaml.YAMLError as error:
-        raise ConfigError([Problem(file, None, "", f"is not valid YAML: {error}")]) from error
-    _refuse_doubled_keys(node, file)
+    document = read_document(path, such_as=f"kind: {', '.join(KINDS)}")
+    document.refuse(())
     return parse_program(
         path.stem,
-        keys,
+        document.data,
         directory=path.parent,
         axis_names=axis_names,
-        file=file,
-        line_of=lambda location: _line(node, location),
+        file=document.file,
+        line_of=document.line,
     )
-
-
-def _construct(node: yaml.Node) -> Any:
-    loader = yaml.SafeLoader("")
-    try:
-        return loader.construct_document(node)
-    finally:
-        loader.dispose()
-
-
-def _refuse_doubled_keys(node: yaml.Node | None, file: str) -> None:
-    """Raise ConfigError where a key stands twice: YAML would silently take the last."""
-    if not isinstance(node, yaml.MappingNode):
-        return
-    names = [key.value for key, _ in node.value]
-    problems = [
-        Problem(file, key.start_mark.line + 1, str(key.value), "this key is there already")
-        for k, (key, _) in enumerate(node.value)
-        if key.value in names[:k]
-    ]
-    if problems:
-        raise ConfigError(problems)
-
-
-def _line(node: yaml.Node | None, location: Location) -> int | None:
-    """Find the line of a key or list entry, or of the nearest thing around it."""
-    line = None if node is None else node.start_mark.line + 1
-    for step in location:
-        if isinstance(node, yaml.MappingNode):
-            pairs = {key.value: (key, value) for key, value in node.value}
-            if step not in pairs:
-                break
-            key, node = pairs[step]
-            line = key.start_mark.line + 1
-        elif isinstance(node, yaml.SequenceNode) and isinstance(step, int):
-            if step >= len(node.value):
-                break
-            node = node.value[step]
-            line = node.start_mark.line + 1
-    return line
 
 
 def _located(detail: ErrorDetails) -> tuple[Location, str]:

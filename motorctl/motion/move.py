@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 import ruckig
+from pydantic import Field
 
 from motorctl.errors import UsageError
 from motorctl.motion.program import Coordinate, OneAxisProgram, Positive
@@ -92,12 +93,14 @@ def _no_move(
 class PointToPoint(OneAxisProgram):
     """One move from rest at `start_m` to rest at `target_m`, as fast as the limits allow."""
 
-    kind: Literal["point_to_point"] = "point_to_point"
-    start_m: Coordinate
-    target_m: Coordinate
-    max_velocity_m_s: Positive
-    max_acceleration_m_s2: Positive
-    max_jerk_m_s3: Positive
+    kind: Literal["point_to_point"] = Field(
+        default="point_to_point", description="one jerk-limited move"
+    )
+    start_m: Coordinate = Field(description="position at its begin, at rest")
+    target_m: Coordinate = Field(description="position at its end, at rest")
+    max_velocity_m_s: Positive = Field(description="speed that is not exceeded")
+    max_acceleration_m_s2: Positive = Field(description="acceleration that is not exceeded")
+    max_jerk_m_s3: Positive = Field(description="jerk that is not exceeded")
 
     @property
     def cycles(self) -> int:

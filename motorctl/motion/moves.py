@@ -29,20 +29,24 @@ class Move(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    target_m: StrictCoordinate
-    max_velocity_m_s: StrictPositive
-    max_acceleration_m_s2: StrictPositive
-    max_jerk_m_s3: StrictPositive
-    dwell_s: Duration = 0.0
+    target_m: StrictCoordinate = Field(description="position at its end, at rest")
+    max_velocity_m_s: StrictPositive = Field(description="speed that is not exceeded")
+    max_acceleration_m_s2: StrictPositive = Field(description="acceleration that is not exceeded")
+    max_jerk_m_s3: StrictPositive = Field(description="jerk that is not exceeded")
+    dwell_s: Duration = Field(default=0.0, description="rest after it")
 
 
 class Moves(OneAxisProgram):
     """Moves from rest to rest, one after the other; repeated only where they end at `start_m`."""
 
-    kind: Literal["moves"] = "moves"
-    start_m: StrictCoordinate
-    moves: tuple[Move, ...]
-    cycles: Cycles = Field(default=1, validate_default=True)
+    kind: Literal["moves"] = Field(
+        default="moves", description="a list of jerk-limited moves with dwells"
+    )
+    start_m: StrictCoordinate = Field(description="position at its begin, at rest")
+    moves: tuple[Move, ...] = Field(description="one after the other")
+    cycles: Cycles = Field(
+        default=1, validate_default=True, description="how many times the list is repeated"
+    )
 
     @field_validator("moves")
     @classmethod

@@ -21,12 +21,18 @@ class Points(ProgramModel):
     lead-out to rest of that duration, outside the points.
     """
 
-    kind: Literal["points"] = "points"
-    axes: Annotated[tuple[str, ...], Field(min_length=1)]
-    file: Path
-    """Relative to the folder of the file that describes the program."""
-    ease_s: Positive | None = None
-    cycles: Cycles = 1
+    kind: Literal["points"] = Field(default="points", description="recorded points from a CSV file")
+    axes: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="names of the axes that it moves"
+    )
+    file: Path = Field(
+        description="CSV with time_s and <axis>_m; from the folder of the file that names it"
+    )
+    ease_s: Positive | None = Field(
+        default=None,
+        description="lead-in from rest and lead-out to rest of this duration, outside the points",
+    )
+    cycles: Cycles = Field(default=1, description="how many times it is repeated")
     _one_cycle: dict[str, Trajectory] = PrivateAttr(default_factory=dict)
 
     @field_validator("axes")

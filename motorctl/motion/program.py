@@ -44,7 +44,7 @@ class ProgramModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str
+    name: str = Field(description="its key in the configuration, or its file's name")
 
 
 def check_cycles(cycles: int, segments: int) -> None:
@@ -59,7 +59,7 @@ def check_cycles(cycles: int, segments: int) -> None:
 class OneAxisProgram(ProgramModel):
     """Base of the kinds that move a single axis."""
 
-    axis: str
+    axis: str = Field(description="name of the axis that it moves")
 
     @property
     def axes(self) -> tuple[str, ...]:

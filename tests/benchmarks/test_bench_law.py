@@ -20,7 +20,7 @@ STEPS = 600
 
 def _with_adaptation(machine: Machine, **changes: float) -> Machine:
     axes = {
-        name: dataclasses.replace(axis, adaptation=dataclasses.replace(axis.adaptation, **changes))
+        name: axis.model_copy(update={"adaptation": axis.adaptation.model_copy(update=changes)})
         for name, axis in machine.axes.items()
     }
     return dataclasses.replace(machine, axes=axes)

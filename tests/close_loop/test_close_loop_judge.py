@@ -27,7 +27,7 @@ def with_theta(machine, share):
             dataclasses.replace(e, initial=e.initial + share * (truth - e.initial))
             for e, truth in zip(axis.estimates, THETA[name], strict=True)
         )
-        axes[name] = dataclasses.replace(axis, estimates=estimates)
+        axes[name] = axis.model_copy(update={"estimates": estimates})
     return dataclasses.replace(machine, axes=axes)
 
 

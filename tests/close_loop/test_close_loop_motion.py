@@ -24,7 +24,7 @@ def limits_of(machine):
 
 
 def without_programs(machine):
-    axes = {n: dataclasses.replace(axis, program=None) for n, axis in machine.axes.items()}
+    axes = {n: axis.model_copy(update={"program": None}) for n, axis in machine.axes.items()}
     return dataclasses.replace(machine, axes=axes, programs={})
 
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from config_bench import line_of, machine, problems, write
+from law_bench import fill_law
 
 from motorctl.config import load, load_resolved, summarise
 from motorctl.config.analysis import loop_margins, required_command
-from motorctl.control import fill_settings, law_settings, max_input_delay_s
+from motorctl.control import law_settings, max_input_delay_s
 from motorctl.errors import UsageError
 from motorctl.loop.tick import axes_beside
 from motorctl.model import EffectList, effect_class, make_effect
@@ -196,7 +197,7 @@ def test_the_history_bounds_lag_and_delay_together() -> None:
     }
     record = np.zeros(1, law_settings(1))[0]
     assert max_input_delay_s(1.0 / 2000.0) == pytest.approx(0.03)
-    fill_settings(record, model, **settings, input_delay_s=0.02 - 1e-9)
+    fill_law(record, model, {**settings, "input_delay_s": 0.02 - 1e-9})
     assert record["delay_ticks"] == 59
     with pytest.raises(UsageError, match="input delay"):
-        fill_settings(record, model, **settings, input_delay_s=0.0201)
+        fill_law(record, model, {**settings, "input_delay_s": 0.0201})

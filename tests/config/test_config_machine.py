@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -16,7 +15,10 @@ from motorctl.config import (
     shipped_configs,
     summarise,
 )
+from motorctl.control import fill_by_name
+from motorctl.control.records import LAW_GIVEN
 from motorctl.errors import ConfigError, UsageError
+from motorctl.loop.records import AXIS_GIVEN
 from motorctl.model import known_effects
 
 SHIPPED = sorted(shipped_configs())
@@ -53,7 +55,7 @@ def test_numbers_arrive_where_the_loop_looks_for_them(bench):
     assert bench.rate_hz == 2000.0
     assert bench.period_s == 0.0005
     assert axis.limits.travel_m == (-0.1, 0.3)
-    assert axis.limits.stop_jerk_m_s3 == 1000.0
+    assert axis.limits.stop.jerk_m_s3 == 1000.0
     assert axis.gains.ks_v_s_m == 40.0
     assert axis.model.parameter_names[-1] == "em_cubic"
     assert [e.initial for e in axis.estimates] == [0.2, 0.2, 0.1, -0.01, -0.0005]
@@ -66,7 +68,7 @@ def test_numbers_arrive_where_the_loop_looks_for_them(bench):
 def test_what_is_left_out_has_its_default(bench):
     axis = bench.axes["x"]
     assert axis.encoder.direction == 1
-    assert math.isinf(axis.adaptation.rate_limit_1_s)
+    assert axis.adaptation.rate_limit_1_s is None
     assert axis.estimates[1].covariance == 50.0
     assert bench.loop.overrun_policy == "count"
 
@@ -115,8 +117,8 @@ def test_every_shipped_configuration_is_valid_with_either_controller(name, contr
 
 def test_the_published_gantry_has_the_published_numbers():
     x, y = load("published_gantry").axes.values()
-    assert asdict(x.gains) == asdict(y.gains)
-    assert asdict(x.gains) == {
+    assert x.gains == y.gains
+    assert x.gains.model_dump() == {
         "k1_1_s": 250.0,
         "ks_v_s_m": 95.0,
         "gamma_d": 500.0,
@@ -212,6 +214,25 @@ def test_a_broken_resolved_document_is_told_by_key_without_a_line(bench):
     assert (told.file, told.line, told.key) == ("run.parquet", None, "axes.x.gains.ks_v_s_m")
 
 
+def test_what_the_records_are_given_are_keys_of_an_axis():
+    axis = load("published_gantry").axes["x"]
+    late = load("published_gantry").drivers["gantry"].late
+    learning = axis.gains.flat() | axis.limits.flat() | axis.adaptation.flat()
+    moving = axis.limits.flat() | axis.encoder.flat() | axis.homing.flat() | late.flat()
+    for fields, given in ((LAW_GIVEN, learning), (AXIS_GIVEN, moving)):
+        assert {name for name, _ in fields} <= set(given)
+    assert moving["stop_jerk_m_s3"] == axis.limits.stop.jerk_m_s3
+    assert moving["following_error_minimum_m"] == axis.limits.following_error.minimum_m
+
+
+def test_a_field_that_nobody_gives_is_no_silent_zero():
+    record = np.zeros(1, [("gain", "f8"), ("limit", "f8"), ("forgotten", "f8")])[0]
+    fill_by_name(record, ("gain", "limit"), {"gain": 2.0, "limit": None, "other": 1.0})
+    assert (record["gain"], record["limit"]) == (2.0, math.inf)
+    with pytest.raises(KeyError, match="forgotten"):
+        fill_by_name(record, ("forgotten",), {"gain": 2.0})
+
+
 def test_the_shipped_schema_is_up_to_date():
     shipped = json.loads((shipped_config(SHIPPED[0]).parent / "motorctl.schema.json").read_text())
     assert shipped == config_schema(), "motorctl check --schema > configs/motorctl.schema.json"
@@ -219,13 +240,26 @@ def test_the_shipped_schema_is_up_to_date():
 
 def test_the_schema_knows_every_effect_and_refuses_its_misspellings():
     schema = config_schema()
-    model = schema["$defs"]["AxisShape"]["properties"]["model"]
+    model = schema["$defs"]["AxisKeys"]["properties"]["model"]
     assert set(model["properties"]) == set(known_effects())
-    assert model["additionalProperties"] == {"$ref": "#/$defs/EffectShape"}
-    assert schema["$defs"]["EffectShape"]["required"] == ["type"]
+    assert model["additionalProperties"] == {"$ref": "#/$defs/EffectKeys"}
+    assert schema["$defs"]["EffectKeys"]["required"] == ["type"]
     friction = schema["$defs"]["effect_coulomb_friction"]
     assert "slope_s_m" in friction["properties"]
     assert friction["additionalProperties"] is False
+
+
+def test_every_key_of_the_schema_is_described():
+    def undescribed(part, where):
+        if isinstance(part, list):
+            part = dict(enumerate(part))
+        if isinstance(part, dict):
+            for key, value in part.items():
+                if key == "properties":
+                    yield from (f"{where}.{k}" for k, v in value.items() if "description" not in v)
+                yield from undescribed(value, f"{where}.{key}")
+
+    assert list(undescribed(config_schema(), "")) == []
 
 
 def test_every_reference_in_the_schema_leads_somewhere():

@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorctl.config import Machine, load, load_resolved, summarise
-from motorctl.config.document import find
 from motorctl.errors import ConfigError
+from motorctl.located_yaml import find
 
 QUICK = settings(
     deadline=None,

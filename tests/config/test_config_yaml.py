@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorctl.config import load
-from motorctl.config.document import read_document
 from motorctl.errors import ConfigError
+from motorctl.located_yaml import read_document
 
 
 def data_of(tmp_path, text):
     document = read_document(write(tmp_path, text))
-    document.raise_problems()
+    document.refuse(())
     return document.data
 
 

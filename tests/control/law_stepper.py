@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from law_bench import fill_law
 
-from motorctl.control import fill_settings, fill_state, law_settings, law_state
+from motorctl.control import fill_state, law_settings, law_state
 from motorctl.kernels import load_generated, source_digest
 from motorctl.model import Effect, EffectList, effect_class, make_effect
 
@@ -66,7 +67,7 @@ class Stepper:
             "filter_rad_s": 300.0,
             **settings,
         }
-        fill_settings(self.settings[0], model, **given)
+        fill_law(self.settings[0], model, given)
         fill_state(self.state[0], theta, given["covariance"])
         source = SOURCE.format(effects=model.kernels.__name__)
         self._kernels = load_generated(f"law_stepper_{source_digest(source)}", source)

@@ -140,7 +140,7 @@ def test_the_first_virtual_command_at_rest_is_zero_wherever_it_starts() -> None:
 
 
 def test_new_coordinates_change_no_command() -> None:
-    law = stepper(adapt=False)
+    law = stepper(enabled=False)
     law.record["theta"][10] = 2.0
     law.start(0.0, 0.1)
     rest = (0.1, 0.0, 0.0)

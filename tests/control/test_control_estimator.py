@@ -205,6 +205,6 @@ def test_nothing_is_learned_while_the_position_is_not_known(model):
 
 
 def test_with_adaptation_off_the_estimate_is_what_was_configured(model):
-    run = Law(model, adapt=False).track(multisine(1.0), resolution_m=1e-9)
+    run = Law(model, enabled=False).track(multisine(1.0), resolution_m=1e-9)
     assert (run.theta == X_START).all()
     assert not (run.rows["flags"] & LawFlag.ADAPTED).any()

@@ -29,7 +29,7 @@ def sf(v):
 
 def test_the_virtual_command_is_the_sum_of_the_published_terms(c2):
     reference = multisine(2.0)
-    law = Law(c2, adapt=False)
+    law = Law(c2, enabled=False)
     run = law.track(reference, resolution_m=0.5e-6)
     y, (xd, vd, ad) = run.rows["y"], reference.T
     t1, t2, t3, t4, t5, t6 = X_START
@@ -45,14 +45,14 @@ def test_the_virtual_command_is_the_sum_of_the_published_terms(c2):
 def test_c1_is_c2_with_its_electromagnetic_parameters_at_zero(c1, c2):
     reference = multisine(1.0)
     theta = (*X_START[:4], 0.0, 0.0)
-    one = Law(c1, adapt=False, theta=theta[:4]).track(reference, resolution_m=0.5e-6)
-    two = Law(c2, adapt=False, theta=theta).track(reference, resolution_m=0.5e-6)
+    one = Law(c1, enabled=False, theta=theta[:4]).track(reference, resolution_m=0.5e-6)
+    two = Law(c2, enabled=False, theta=theta).track(reference, resolution_m=0.5e-6)
     assert (one.rows == two.rows).all()
 
 
 def test_c2_compensates_what_c1_does_not(c1, c2):
     # Fast enough a loop that what the hold adds does not hide the rest.
-    fast = {"period_s": 20e-6, "adapt": False}
+    fast = {"period_s": 20e-6, "enabled": False}
     reference = multisine(1.6, 20e-6)
     errors = []
     for law in (Law(c1, theta=X_TRUTH[:4], **fast), Law(c2, theta=X_TRUTH, **fast)):
@@ -70,7 +70,7 @@ def test_the_command_never_leaves_its_range_and_says_so(c2):
 
 
 def test_the_fast_adaptation_does_not_push_further_into_saturation(c2):
-    law = Law(c2, max_voltage_v=4.0, d_hat_max_v=50.0, adapt=False)
+    law = Law(c2, max_voltage_v=4.0, d_hat_max_v=50.0, enabled=False)
     reference = multisine(1.5)
     run = law.track(reference, resolution_m=0.5e-6)
     steps = np.diff(run.rows["d0"])
@@ -87,7 +87,7 @@ def test_the_fast_adaptation_does_not_push_further_into_saturation(c2):
 
 
 def test_the_fast_adaptation_stays_within_its_bound(c2):
-    run = Law(c2, adapt=False).track(multisine(1.5), push=3.0, resolution_m=0.5e-6)
+    run = Law(c2, enabled=False).track(multisine(1.5), push=3.0, resolution_m=0.5e-6)
     assert np.abs(run.rows["d0"]).max() == 1.0
 
 
@@ -116,7 +116,7 @@ def test_settings_that_cannot_work_are_refused(c2, setting, value):
 
 
 def test_the_longest_input_delay_is_learned_through(c2):
-    law = Law(c2, input_delay_s=max_input_delay_s(TS), adapt=True)
+    law = Law(c2, input_delay_s=max_input_delay_s(TS), enabled=True)
     run = law.track(multisine(1.0), resolution_m=1e-9)
     assert np.isfinite(run.theta).all()
     assert (run.rows["flags"] & LawFlag.ADAPTED).any()

@@ -59,7 +59,7 @@ def bound(vs0: float, error: np.ndarray, reference: np.ndarray) -> np.ndarray:
 def lyapunov(model, reference, truth, *, ks, adapt, d_max=D_MAX) -> np.ndarray:
     law = Law(
         model, period_s=TS, k1_1_s=K1, ks_v_s_m=ks, gamma_d=300.0, d_hat_max_v=d_max,
-        max_voltage_v=U_MAX, lower=LOWER, upper=UPPER, theta=MIDDLE, adapt=adapt,
+        max_voltage_v=U_MAX, lower=LOWER, upper=UPPER, theta=MIDDLE, enabled=adapt,
     )  # fmt: skip
     start = tuple(reference[0, :2] + START)
     run = law.track(reference, truth, start=start, slope=SLOPE, substeps=2, estimates=False)

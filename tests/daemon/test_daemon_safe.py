@@ -56,7 +56,7 @@ def test_each_drivers_outputs_are_told_as_they_are(
     (tmp_path / "bench.yaml").write_text(bench_config())
     machine = load(str(tmp_path / "bench.yaml"))
     good = machine.drivers["gantry"]
-    axes = {**machine.axes, "x": replace(machine.axes["x"], driver="other")}
+    axes = {**machine.axes, "x": machine.axes["x"].model_copy(update={"driver": "other"})}
     machine = replace(machine, drivers={"other": replace(good, cls=broken), "gantry": good})
     loop = LoopProcess(replace(machine, axes=axes))
     try:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from motorctl.config.document import read_document
 from motorctl.hal import Channel, Driver, driver_class
+from motorctl.located_yaml import read_document
 from motorctl_devices.load import load_device
 
 PAGES = Path(__file__).parents[2] / "docs/drivers"

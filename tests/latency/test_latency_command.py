@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from motorctl.cli.latency import register
 from motorctl.config import load
+from motorctl.config.keys import LateSamples
 from motorctl.errors import RunError, UsageError
 from motorctl.latency import LatencyOptions, measure_latency
 from motorctl.latency.cyclictest import INSTALL
@@ -111,7 +112,8 @@ def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, m
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     machine = load("published_gantry")
     drivers = {
-        n: dataclasses.replace(d, cls=Device, hold_ticks=1000) for n, d in machine.drivers.items()
+        n: dataclasses.replace(d, cls=Device, late=LateSamples(hold_ticks=1000))
+        for n, d in machine.drivers.items()
     }
     machine = dataclasses.replace(machine, drivers=drivers)
     assert Device.supports_virtual_time  # which says nothing of what moves
@@ -134,7 +136,8 @@ def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatc
     message = r"^axis y tripped: the amplifier reports a fault, at .* s; every axis was stopped$"
     machine = with_sim(gantry(), faults=[fault])
     drivers = {
-        n: dataclasses.replace(d, cls=Device, hold_ticks=1000) for n, d in machine.drivers.items()
+        n: dataclasses.replace(d, cls=Device, late=LateSamples(hold_ticks=1000))
+        for n, d in machine.drivers.items()
     }
     with pytest.raises(RunError, match=message):
         measure_latency(dataclasses.replace(machine, drivers=drivers), options, _ignore)

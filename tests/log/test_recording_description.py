@@ -173,7 +173,7 @@ def test_csv_and_parquet_can_be_described_too(tmp_path):
         ("data.mat", "none.mat", r"none\.mat: no such file"),
         ("data.mat", "run.yaml", r"should be a CSV, Parquet or MAT file"),
         ("file:", "file: [", r"not valid YAML"),
-        ("  x:\n", "  x:\n  x:\n", r"yaml:5: a key is 'x' twice"),
+        ("  x:\n", "  x:\n  x:\n", r"yaml:5: axes\.x: stands twice, first on line 4"),
     ],
 )
 def test_a_wrong_description_is_told_with_line_key_and_value(described, old, new, message):

@@ -58,8 +58,8 @@ def test_a_stop_with_room_uses_the_gentle_limits() -> None:
         rig.move("x", 0.4, 0.5)
         rows = stopped_after(rig, "x", 0.2)
         peak = np.abs(rows["reference_acceleration_m_s2"]).max()
-        assert peak == pytest.approx(limits.stop_acceleration_m_s2, rel=0.6)
-        assert peak <= limits.stop_acceleration_m_s2
+        assert peak == pytest.approx(limits.stop.acceleration_m_s2, rel=0.6)
+        assert peak <= limits.stop.acceleration_m_s2
 
 
 def test_an_axis_that_still_moves_is_not_enabled() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from loop_bench import TS, Hand, Rig, gantry, with_axes, with_sim
 
+from motorctl.config.keys import LateSamples
 from motorctl.hal import Inputs, Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
@@ -43,7 +44,9 @@ class Deaf(SimDriver):
 def rig_of(*, predict: bool = False, hold_ticks: int = HOLD, faults=()) -> Rig:
     machine = with_sim(gantry(), faults=list(faults))
     setup = dataclasses.replace(
-        machine.drivers["gantry"], cls=Deaf, hold_ticks=hold_ticks, predict=predict
+        machine.drivers["gantry"],
+        cls=Deaf,
+        late=LateSamples(hold_ticks=hold_ticks, predict=predict),
     )
     return Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
 
@@ -144,7 +147,9 @@ def test_an_axis_that_never_had_a_sample_is_not_started():
 
 def test_a_pause_that_may_hide_a_turn_of_the_counter_is_a_fault():
     machine = with_axes(with_sim(gantry()), ["x"], encoder={"counter_bits": 12})
-    setup = dataclasses.replace(machine.drivers["gantry"], cls=Deaf, hold_ticks=10_000)
+    setup = dataclasses.replace(
+        machine.drivers["gantry"], cls=Deaf, late=LateSamples(hold_ticks=10_000)
+    )
     rig = Rig(dataclasses.replace(machine, drivers={"gantry": setup}))
     with rig:
         rig.start()
@@ -168,7 +173,9 @@ class Paused(Deaf):
 
 def test_a_pause_between_waking_and_reading_is_no_speed():
     machine = with_sim(gantry())
-    setup = dataclasses.replace(machine.drivers["gantry"], cls=Paused, hold_ticks=500, predict=True)
+    setup = dataclasses.replace(
+        machine.drivers["gantry"], cls=Paused, late=LateSamples(hold_ticks=500, predict=True)
+    )
     with Hand(dataclasses.replace(machine, drivers={"gantry": setup})) as hand:
         hand.steps(5)
         assert hand.ask(Verb.START) is Reply.OK
@@ -319,7 +326,7 @@ def test_overspeed_is_found_as_soon_as_if_nothing_were_ever_doubted():
     trips_s = []
     for predict in (True, False):
         with rig_of(predict=predict, hold_ticks=40, faults=[push]) as rig:
-            rig.tick.settings["error_minimum_m"] = 1.0
+            rig.tick.settings["following_error_minimum_m"] = 1.0
             rig.start()
             rig.seconds(0.2)
             assert rig.fault_of("x") is FaultCause.OVERSPEED
@@ -329,7 +336,9 @@ def test_overspeed_is_found_as_soon_as_if_nothing_were_ever_doubted():
 
 def test_a_loop_that_was_stopped_for_too_long_is_the_cause_itself():
     machine = with_sim(gantry())
-    setup = dataclasses.replace(machine.drivers["gantry"], cls=Paused, hold_ticks=5, predict=True)
+    setup = dataclasses.replace(
+        machine.drivers["gantry"], cls=Paused, late=LateSamples(hold_ticks=5, predict=True)
+    )
     with Hand(dataclasses.replace(machine, drivers={"gantry": setup})) as hand:
         hand.steps(5)
         assert hand.ask(Verb.START) is Reply.OK

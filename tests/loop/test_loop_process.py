@@ -120,7 +120,7 @@ def test_the_loop_ends_by_itself_when_the_supervisor_falls_silent():
 def test_without_real_time_the_loop_refuses_where_it_shall():
     # No machine has this CPU, so it cannot be pinned to it.
     machine = slow_gantry()
-    settings = dataclasses.replace(machine.loop, without_realtime="refuse", cpu=4095)
+    settings = machine.loop.model_copy(update={"without_realtime": "refuse", "cpu": 4095})
     with Process(dataclasses.replace(machine, loop=settings)) as loop:
         assert loop.wait_until_ended() == 1
         assert loop.phase is Phase.FAILED

@@ -162,7 +162,7 @@ def test_a_driver_may_have_a_whole_part_of_the_loops_rate(tmp_path):
     assert machine.axes["x"].divisor == 10
     assert machine.period_of("x") == pytest.approx(2e-3)
     setup = machine.drivers["gantry"]
-    assert (setup.hold_ticks, setup.predict) == (7, True)
+    assert (setup.late.hold_ticks, setup.late.predict) == (7, True)
 
 
 @pytest.mark.parametrize("rate", [3000, 10_000, 4999.9])

@@ -10,7 +10,7 @@ from motorctl.loop.realtime import NEEDED
 
 ENTER = """
 import gc, os, resource, sys
-from motorctl.config.machine import LoopSettings
+from motorctl.config.keys import LoopSettings
 from motorctl.loop.realtime import enter_realtime
 
 if sys.argv[1] == "unprivileged":
@@ -21,7 +21,7 @@ if sys.argv[1] == "unprivileged":
         os.setgid(65534)
         os.setuid(65534)
 cpu = int(sys.argv[2]) if len(sys.argv) > 2 else None
-settings = LoopSettings(cpu, 10, 60e-6, "degrade", "count", 10)
+settings = LoopSettings(cpu=cpu, priority=10)
 degraded = enter_realtime(settings)
 policy, cpus = os.sched_getscheduler(0), len(os.sched_getaffinity(0))
 locked = next(int(l.split()[1]) for l in open("/proc/self/status") if l.startswith("VmLck"))

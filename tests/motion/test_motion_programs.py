@@ -97,7 +97,8 @@ def test_problems_of_points_name_the_csv_file(tmp_path):
     [
         (("distance_m: 0.4", "distance_m: far"), 4, "distance_m", "(given: 'far')"),
         (("distance_m: 0.4", "distance_m: 0"), 4, "distance_m", "must not be 0 (given: 0)"),
-        (("distance_m: 0.4", "distance_m: .nan"), 4, "distance_m", "finite"),
+        (("distance_m: 0.4", "distance_m: .inf"), 4, "distance_m", "finite"),
+        (("distance_m: 0.4", "distance_m: .nan"), 4, "distance_m", "(given: '.nan')"),
         (
             ("jerk_time_s: 8.6e-3", "jerk_time_s: -1"),
             7,
@@ -118,8 +119,8 @@ def test_problems_of_points_name_the_csv_file(tmp_path):
         (("kind: back_and_forth\n", ""), 1, "kind", "this key is missing; it is one of: point"),
         (("axis: x", "axis: z"), 2, "axis", "unknown axis 'z'; known: x, y"),
         (("cycles: 12", "name: me"), 9, "name", "unknown key: the name of a program"),
-        (("cycles: 12", "axis: y"), 9, "axis", "this key is there already"),
-        (("cycles: 12", "- 12"), 9, "", "is not valid YAML"),
+        (("cycles: 12", "axis: y"), 9, "axis", "stands twice, first on line 2"),
+        (("cycles: 12", "- 12"), 9, "", "not valid YAML"),
     ],
 )
 def test_a_wrong_program_is_told_with_line_and_key(tmp_path, change, line, key, message):
@@ -141,14 +142,14 @@ def test_all_problems_are_told_at_once(tmp_path):
 @pytest.mark.parametrize("text", ["", "- 1\n", "fast\n"])
 def test_a_file_that_is_no_mapping_is_told(tmp_path, text):
     ((_, _, message),) = problems_of(tmp_path, text)
-    assert message.startswith("must be a mapping with kind: point_to_point, back_and_forth")
+    assert "such as kind: point_to_point, back_and_forth" in message
 
 
 def test_a_missing_or_binary_file_is_told(tmp_path):
-    with pytest.raises(ConfigError, match="No such file"):
+    with pytest.raises(ConfigError, match="no such file"):
         load_program_file(tmp_path / "motion.yaml", AXES)
     (tmp_path / "motion.yaml").write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match="is not text in UTF-8"):
+    with pytest.raises(ConfigError, match="is not UTF-8 text"):
         load_program_file(tmp_path / "motion.yaml", AXES)
 
 

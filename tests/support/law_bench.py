@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from motorctl.config.axis_keys import Adaptation
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.kernels import kernels_cached, load_generated, source_digest
 from motorctl.model import EffectList, effect_class, make_effect
@@ -84,6 +85,13 @@ class Run:
     gamma: np.ndarray
 
 
+def fill_law(record: np.void, model: EffectList, settings: dict[str, Any]) -> None:
+    """Fill the law's record; what the settings leave out is as the configuration has it."""
+    lists = ("period_s", "lower", "upper", "covariance")
+    named = {key: settings[key] for key in lists}
+    fill_settings(record, model, **named, given=Adaptation().flat() | settings)
+
+
 class Law:
     """The law over a list of effects, its records filled; the published X by default."""
 
@@ -109,7 +117,7 @@ class Law:
         self.period_s: float = given["period_s"]
         self.settings = np.zeros(1, law_settings(n))
         self.state = np.zeros(1, law_state(n))
-        fill_settings(self.settings[0], model, **given)
+        fill_law(self.settings[0], model, given)
         fill_state(self.state[0], theta, given["covariance"])
 
     def track(

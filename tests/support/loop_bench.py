@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 from law_bench import multisine
+from pydantic import BaseModel
 
 from motorctl.config import load
-from motorctl.config.machine import Axis, DriverSetup, Homing, Machine
+from motorctl.config.axis_keys import Homing
+from motorctl.config.machine import Axis, DriverSetup, Machine
 from motorctl.hal import Channel, Driver, DriverOptions, Inputs, Outputs, RateBudget
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Reply, Verb, VirtualMachine
@@ -33,11 +35,12 @@ def gantry() -> Machine:
 
 
 def changed(part: Any, **changes: Any) -> Any:
-    """Give a frozen record with changes, nested ones as records of changes."""
+    """Give frozen keys with changes, nested ones as keys of changes."""
     for key, value in changes.items():
-        if isinstance(value, dict) and dataclasses.is_dataclass(getattr(part, key)):
-            changes[key] = changed(getattr(part, key), **value)
-    return dataclasses.replace(part, **changes)
+        before = getattr(part, key)
+        if isinstance(value, dict) and isinstance(before, BaseModel):
+            changes[key] = changed(before, **value)
+    return part.model_copy(update=changes)
 
 
 def with_axes(machine: Machine, names: Sequence[str] = ("x", "y"), **changes: Any) -> Machine:

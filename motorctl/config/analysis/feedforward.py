@@ -32,7 +32,7 @@ class CommandPeak:
 def required_command(
     model: EffectList, theta: Array, u_max: float
 ) -> Callable[[Array, Array, Array], Array]:
-    """Give the function (x [m], v [m/s], a [m/s^2]), all (N,) -> u [V], (N,) of an axis.
+    """Return the function (x [m], v [m/s], a [m/s^2]), all (N,) -> u [V], (N,) of an axis.
 
     theta (n,). The sum of theta_i psi_i over the state effects at the desired motion (va1, our
     reconstruction of Chen, Yao, Wang 2013, eq. 13), through the inverse of the input map (eq. 9).

@@ -32,7 +32,7 @@ class CornerSlope:
 def smallest_slope(
     model: EffectList, theta: Array, u_max: float, travel_m: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, float]:
-    """Give the smallest dv/du over |u| <= u_max [V], and the u [V] at which it stands.
+    """Return the smallest dv/du over |u| <= u_max [V], and the u [V] at which it stands.
 
     theta (n,) as in the list. A map that varies counts at its worst over travel and time. Chen,
     Yao, Wang 2013, Assumption 2.
@@ -43,7 +43,7 @@ def smallest_slope(
 def lowest_slope(
     model: EffectList, lower: Array, upper: Array, u_max: float, travel_m: tuple[float, float]
 ) -> tuple[float, float]:
-    """Give the smallest dv/du that any theta between lower and upper (n,) has, and its u [V]."""
+    """Return the smallest dv/du that any theta between lower and upper (n,) has, and its u [V]."""
     grid = _grid(u_max)
     slopes = fixed_slopes(model, grid)
     least = 1.0 + np.minimum(slopes * lower, slopes * upper).sum(axis=1)
@@ -59,7 +59,7 @@ def corner_slopes(
     u_max: float,
     travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> list[CornerSlope]:
-    """Give the smallest dv/du at every corner of the input map's parameters, worst first.
+    """Return the smallest dv/du at every corner of the input map's parameters, worst first.
 
     lower, upper (n,): bounds of theta. Corners are those of the parameters whose effects stand
     still; effects that vary count at their worst over travel, time and their own bounds, and are

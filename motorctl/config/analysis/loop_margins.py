@@ -45,7 +45,7 @@ def loop_margins(
     delay_s: float = 0.0,
     lag_s: float = 0.0,
 ) -> LoopMargins:
-    """Give the margins of the loop around theta1 [V s^2/m], theta2 [V s/m].
+    """Return the margins of the loop around theta1 [V s^2/m], theta2 [V s/m].
 
     Plant 1/(theta1 s^2 + theta2 s) behind a zero-order hold, `delay_s` of any length and a
     first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the
@@ -113,7 +113,7 @@ class _DelayedPlant:
         self.phi = self.phi @ before
 
     def response(self, w: Array) -> NDArray[np.complex128]:
-        """Give the transfer from command to position at frequencies w [rad/s]."""
+        """Return the transfer from command to position at frequencies w [rad/s]."""
         z = np.exp(1j * w * self._period_s)
         drive = (self.late[:, None] / z + self.prompt[:, None]) / z**self.whole
         # phi is upper triangular: solved from its last row up.
@@ -125,7 +125,7 @@ class _DelayedPlant:
 
 
 def _held(theta1: float, theta2: float, lag_s: float, duration_s: float) -> tuple[Array, Array]:
-    """Give transition and input vector of the plant over a held command."""
+    """Return transition and input vector of the plant over a held command."""
     states = 3 if lag_s else 2
     system = np.zeros((states + 1, states + 1))
     system[0, 1] = 1.0
@@ -139,7 +139,7 @@ def _held(theta1: float, theta2: float, lag_s: float, duration_s: float) -> tupl
 def _closed_loop(
     plant: _DelayedPlant, k1_1_s: float, ks_v_s_m: float, gamma_d: float, period_s: float
 ) -> Array:
-    """Give the transition matrix of [the plant's states, last position, d0, past commands]."""
+    """Return the transition matrix of [the plant's states, last position, d0, past commands]."""
     states, past = len(plant.phi), plant.whole + 1
     last, d0, first = states, states + 1, states + 2
     size = first + past

@@ -25,7 +25,7 @@ class GainCondition:
 
 
 def required_ks1(theta1: float, k1_1_s: float, friction_slope: Range) -> float:
-    """Give theta1 k1 - G + G^2 / (2 theta1 k1), at the worse end of G's range.
+    """Return theta1 k1 - G + G^2 / (2 theta1 k1), at the worse end of G's range.
 
     theta1 [V s^2/m]; G = theta2 + theta3 g [V s/m] lies in `friction_slope`. Our reconstruction:
     with this ks1 the error dynamics of eq. 16 have the lambda of eq. 24. Convex in G, so its

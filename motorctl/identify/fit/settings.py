@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from motorctl.config.document import read_document
 from motorctl.config.validation import suggest, validate
 from motorctl.errors import UsageError
 from motorctl.identify.columns.filters import Derivative, FilterKind
+from motorctl.located_yaml import read_document
 
 SETTINGS_FOLDER = Path(__file__).parent / "shipped"
 """Here ``default.yaml`` says what every key means."""
@@ -117,8 +117,8 @@ def load_settings(name_or_path: str) -> FitOptions:
         raise UsageError(
             f"--settings {name_or_path}: there is no such file, and no such name; {hint}"
         )
-    document = read_document(path)
-    options = validate(document, (), FitOptions, document.data)
-    document.raise_problems()
+    document = read_document(path, such_as="filter_hz: 80")
+    options, problems = validate(document, (), FitOptions, document.data)
+    document.refuse(problems)
     assert options is not None
     return options

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config import Machine, load
-from motorctl.config.document import read_document
 from motorctl.config.freeze import decode
 from motorctl.config.shipped import locate
 from motorctl.errors import ConfigError, UsageError
@@ -19,6 +18,7 @@ from motorctl.identify.refine.axis import AxisRefinement, current_model, keep_ax
 from motorctl.identify.refine.header import header_lines, with_header
 from motorctl.identify.refine.model_text import text_of, write_model
 from motorctl.identify.refine.yaml_text import YamlText
+from motorctl.located_yaml import read_document
 
 PASSES = 3
 """A change of what an alias names changes other axes too; the next pass writes theirs out."""

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import yaml
 
+from motorctl.located_yaml import CoreLoader
+
 KeyPath = tuple[str, ...]
 
 COMMENT_GAP = 2
@@ -52,7 +54,7 @@ class YamlText:
     def __init__(self, text: str) -> None:
         self._text = text
         self._newline = "\r\n" if "\r\n" in text else "\n"
-        loader = _Composer(text)
+        loader = CoreLoader(text)
         try:
             self._root = loader.get_single_node()
         finally:
@@ -235,20 +237,6 @@ class YamlText:
         found = re.compile(r"\r?\n|\Z").search(self._text, index)
         assert found is not None
         return found.start()
-
-
-class _Composer(yaml.SafeLoader):
-    """Notes where the aliases stand that are values of keys."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self.aliases: dict[int, tuple[int, int]] = {}
-
-    def compose_node(self, parent: yaml.Node | None, index: object) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent) and isinstance(index, yaml.Node):
-            event = self.peek_event()  # type: ignore[no-untyped-call]
-            self.aliases[id(index)] = (event.start_mark.index, event.end_mark.index)
-        return super().compose_node(parent, index)  # type: ignore[arg-type]
 
 
 def block(item: Item, indent: int) -> list[str]:

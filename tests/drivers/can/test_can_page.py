@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from can_bench import options
 
-from motorctl.config.document import read_document
 from motorctl.hal import Channel
+from motorctl.located_yaml import read_document
 from motorctl_can import CanDriver, CanOptions
 from motorctl_can.budget import Wire, slcan_characters
 from motorctl_can.layout import Means

@@ -1,13 +1,14 @@
-"""A YAML file as plain data, with the line on which every key stands.
+"""The one reader of YAML files: plain data, and the line on which every key stands.
 
 Scalars follow YAML 1.2's core schema, so ``60e-6`` is a number and ``yes`` is text. Keys are
-always text. A key that stands twice, an unknown tag or an alias of itself is a problem.
+always text. A key that stands twice, an unknown tag or an alias of itself is a problem. Why it
+stands on PyYAML and not on ruamel.yaml: docs/decisions/0006-one-yaml-reader-on-pyyaml.md.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,10 +33,28 @@ _KINDS: dict[type[yaml.Node], tuple[str, ...]] = {
 }
 
 
-class _CoreLoader(yaml.SafeLoader):
-    """PyYAML's reader with the implicit types of YAML 1.2's core schema; no .nan."""
+class CoreLoader(yaml.SafeLoader):
+    """PyYAML's reader with the implicit types of YAML 1.2's core schema; no .nan.
+
+    Attributes
+    ----------
+    aliases
+        Where the aliases stand that are values of keys, begin and end in characters, by the `id`
+        of the key's node.
+    """
 
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.aliases: dict[int, tuple[int, int]] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: object) -> yaml.Node | None:
+        """Compose a node, and note where it is an alias."""
+        if self.check_event(yaml.AliasEvent) and isinstance(index, yaml.Node):
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            self.aliases[id(index)] = (event.start_mark.index, event.end_mark.index)
+        return super().compose_node(parent, index)  # type: ignore[arg-type]
 
 
 for _name, _pattern, _first in (
@@ -49,37 +68,49 @@ for _name, _pattern, _first in (
     ),
     ("merge", r"<<", ["<"]),
 ):
-    _CoreLoader.add_implicit_resolver(_TAG + _name, re.compile(rf"^(?:{_pattern})$"), _first)
+    CoreLoader.add_implicit_resolver(_TAG + _name, re.compile(rf"^(?:{_pattern})$"), _first)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Document:
-    """A configuration as plain data, and where in which file it stands."""
+    """A YAML file, or plain data that stand for one, and where in it everything stands."""
 
     file: str
     data: dict[str, Any]
     lines: Mapping[KeyPath, int] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
+    problems: tuple[Problem, ...] = ()
+    """What is wrong with the text itself, such as keys that stand twice."""
 
     def line(self, path: KeyPath) -> int | None:
-        """Give the line of a key, or of the nearest key around it that is in the file."""
+        """Return the line of a key, or of the nearest key around it that is in the file."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.lines:
                 return self.lines[path[:end]]
         return None
 
-    def add(self, path: KeyPath, message: str) -> None:
-        """Note a problem with the value at `path`."""
-        self.problems.append(Problem(self.file, self.line(path), dotted(path), message))
+    def problem(self, path: KeyPath, message: str) -> Problem:
+        """Return a problem with the value at `path`, located."""
+        return Problem(self.file, self.line(path), dotted(path), message)
 
     def at(self, path: KeyPath) -> Any:
-        """Give the value at `path`, None where there is none."""
+        """Return the value at `path`, None where there is none."""
         return find(self.data, path)
 
-    def raise_problems(self) -> None:
-        """Raise ConfigError with every problem, if there is one: this file's first, by lines."""
-        if self.problems:
-            unique = dict.fromkeys(self.problems)
+    def part(self, path: KeyPath) -> dict[str, Any]:
+        """Return the mapping at `path`, an empty one where there is none."""
+        found = self.at(path)
+        return found if isinstance(found, dict) else {}
+
+    def refuse(self, problems: Iterable[Problem]) -> None:
+        """Raise the problems of the text and those given, if there is one: all at once.
+
+        Raises
+        ------
+        ConfigError
+            With every problem once: this file's first, by lines.
+        """
+        unique = dict.fromkeys((*self.problems, *problems))
+        if unique:
             here = self.file
             raise ConfigError(sorted(unique, key=lambda p: (p.file != here, p.line or 0, p.key)))
 
@@ -92,7 +123,7 @@ def holds(value: Any, part: str | int) -> bool:
 
 
 def find(data: Any, path: KeyPath) -> Any:
-    """Give the value at `path` within plain data, None where there is none."""
+    """Return the value at `path` within plain data, None where there is none."""
     for part in path:
         if not holds(data, part):
             return None
@@ -108,15 +139,35 @@ def dotted(path: KeyPath) -> str:
     return text
 
 
-def read_document(path: Path) -> Document:
+def read_document(
+    path: Path, *, such_as: str = "name: my-machine", as_text: bool = False
+) -> Document:
     """Read a YAML file whose top level is a mapping.
 
-    Raises ConfigError where it cannot be read, is no text or no YAML; problems in a part of it
-    (a key that stands twice) are kept in the document, so that they can be told with the others.
+    Parameters
+    ----------
+    path
+        The file, UTF-8, of at most MAX_BYTES.
+    such_as
+        A key and a value of such a file, for who gave another one.
+    as_text
+        Leave scalars as they are written, for models that decide by themselves what is a number:
+        a column of a table may be called 007. Nothing stays None.
+
+    Returns
+    -------
+    Document
+        With the problems of parts of the text, such as a key that stands twice, so that they can
+        be told with the others.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read, is no text, no YAML or no mapping.
     """
     text = _read_text(path)
     try:
-        node = yaml.compose(text, Loader=_CoreLoader)
+        node = yaml.compose(text, Loader=CoreLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         what = " ".join(part for part in (error.problem, error.context) if part)
@@ -128,16 +179,16 @@ def read_document(path: Path) -> Document:
     except RecursionError as error:
         raise ConfigError([Problem(str(path), None, "", "nested too deeply")]) from error
     if node is None:
-        raise ConfigError([Problem(str(path), None, "", "the file is empty")])
-    document = Document(str(path), {}, {}, [])
+        message = f"the file is empty; should have keys and values, such as {such_as}"
+        raise ConfigError([Problem(str(path), None, "", message)])
     if not isinstance(node, yaml.MappingNode):
         line = node.start_mark.line + 1
-        message = "should be a mapping of keys to values, such as 'name: my-machine'"
+        message = f"should be a mapping of keys to values, such as {such_as}"
         raise ConfigError([Problem(str(path), line, "", message)])
-    reader = _Reader(document)
-    document.data = reader.value(node, ())
-    document.lines = reader.lines
-    return document
+    reader = _Reader(str(path), as_text)
+    reader.lines[()] = node.start_mark.line + 1
+    data = reader.value(node, ())
+    return Document(str(path), data, reader.lines, tuple(reader.problems))
 
 
 def _read_text(path: Path) -> str:
@@ -168,14 +219,16 @@ def _read_text(path: Path) -> str:
 class _Reader:
     """Turns nodes into plain data and notes where each key stands."""
 
-    def __init__(self, document: Document) -> None:
-        self._document = document
+    def __init__(self, file: str, as_text: bool) -> None:
+        self._file = file
+        self._as_text = as_text
         self.lines: dict[KeyPath, int] = {}
+        self.problems: list[Problem] = []
         self._left = MAX_VALUES
         self._open: list[yaml.Node] = []
 
     def value(self, node: yaml.Node, path: KeyPath) -> Any:
-        """Give the data of a node."""
+        """Return the data of a node."""
         self._left -= 1
         if self._left < 0 or len(self._open) > MAX_DEPTH or node in self._open:
             if self._left >= 0:
@@ -225,7 +278,7 @@ class _Reader:
     def _entries(
         self, node: yaml.MappingNode, path: KeyPath, depth: int = 0
     ) -> Iterator[tuple[yaml.Node, yaml.Node, bool]]:
-        """Give the entries of a mapping, its own first, then those that it merges with <<."""
+        """Yield the entries of a mapping, its own first, then those that it merges with <<."""
         merges: list[yaml.Node] = []
         for key, item in node.value:
             if key.tag == _TAG + "merge":
@@ -241,6 +294,8 @@ class _Reader:
     def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
         text: str = node.value
         kind = node.tag.removeprefix(_TAG)
+        if self._as_text:
+            return None if kind == "null" else text
         try:
             if kind == "int":
                 # A whole number beyond 64 bits is a number all the same.
@@ -258,4 +313,4 @@ class _Reader:
 
     def _problem(self, node: yaml.Node, path: KeyPath, message: str) -> None:
         line = node.start_mark.line + 1
-        self._document.problems.append(Problem(self._document.file, line, dotted(path), message))
+        self.problems.append(Problem(self._file, line, dotted(path), message))

@@ -1,0 +1,193 @@
+"""The keys of one axis, and of the whole file around its axes."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from motorctl.config.keys import (
+    AxisName,
+    DriverKeys,
+    Keys,
+    LoopSettings,
+    Name,
+    NotNegative,
+    Number,
+    OpenKeys,
+    Positive,
+    ProgramKeys,
+    Range,
+    Rate,
+    RecordingKeys,
+)
+from motorctl.motion import AxisLimits
+
+Controller = Literal["C1", "C2"]
+HomingMethod = Literal["absolute", "switch", "switch_index", "index"]
+
+
+class Encoder(Keys):
+    """How counts become metres: x = direction * (counts * resolution) + offset."""
+
+    resolution_m: Positive = Field(description="metres a count")
+    counter_bits: Annotated[int, Field(ge=8, le=64)] = Field(
+        default=32, description="width at which the device's counter wraps"
+    )
+    direction: Literal[-1, 1] = Field(
+        default=1, description="1 where the position grows with positive volts and counts"
+    )
+    offset_m: Number = Field(default=0.0, description="position at count zero")
+
+
+class FollowingErrorLimit(Keys):
+    """Trip where |e| > minimum_m + per_velocity_s |reference velocity| for filter_time_s."""
+
+    minimum_m: Positive = Field(description="limit at standstill")
+    per_velocity_s: NotNegative = Field(default=0.0, description="growth with the speed")
+    filter_time_s: NotNegative = Field(default=0.0, description="how long it may be exceeded")
+
+
+class StopRamp(Keys):
+    """The ramp that stops the axis."""
+
+    acceleration_m_s2: Positive = Field(
+        description="deceleration of the ramp, at most max_acceleration_m_s2"
+    )
+    jerk_m_s3: Positive = Field(description="jerk of the ramp, at most max_jerk_m_s3")
+
+
+class Limits(Keys):
+    """What an axis may never exceed."""
+
+    travel_m: Range = Field(description="soft limits, lower then upper; in force once homed")
+    max_velocity_m_s: Positive = Field(description="top speed; 1.2 times as much trips the axis")
+    max_acceleration_m_s2: Positive = Field(description="most that a program or a move may ask")
+    max_jerk_m_s3: Positive = Field(description="most that a program or a move may ask")
+    max_voltage_v: Positive = Field(description="uM: command at which the law saturates")
+    following_error: FollowingErrorLimit = Field(
+        description="how far the position may be from the reference, and for how long"
+    )
+    stop: StopRamp = Field(description="the ramp of `stop`, and of a fault that may still brake")
+
+    def for_motion(self, travel_m: tuple[float, float] | None = None) -> AxisLimits:
+        """Return what a program may ask of the axis, or of one with another travel [m]."""
+        named = {field.name: getattr(self, field.name) for field in dataclasses.fields(AxisLimits)}
+        return AxisLimits(**named | {"travel_m": travel_m or self.travel_m})
+
+
+class Gains(Keys):
+    """Gains of the robust part: p = de/dt + k1 e, vs = -ks p."""
+
+    k1_1_s: Positive = Field(description="k1, 1/s")
+    ks_v_s_m: Positive = Field(description="ks = ks1 + ks2, V*s/m")
+    gamma_d: NotNegative = Field(description="rate of the fast adaptation of d0, V/m")
+    d_hat_max_v: NotNegative = Field(description="bound of d0, V")
+
+
+class ParameterKeys(Keys):
+    """Start value, bounds and initial covariance of one parameter; the effect has defaults."""
+
+    initial: Number | None = Field(default=None, description="theta_hat(0)")
+    bounds: Range | None = Field(default=None, description="lower, upper")
+    covariance: Positive | None = Field(default=None, description="diagonal of Gamma(0)")
+
+
+class EffectKeys(ParameterKeys, OpenKeys):
+    """One effect: its parameter or parameters, and the effect's own options."""
+
+    type: str | None = Field(default=None, description="package.module:Class of one's own effect")
+    parameters: dict[str, ParameterKeys] | None = Field(
+        default=None, description="for an effect with several parameters, by their names"
+    )
+
+
+class Adaptation(Keys):
+    """How the parameters are learned while running."""
+
+    enabled: bool = Field(default=True, description="learn while running; else theta_hat stays")
+    forgetting_1_s: NotNegative = Field(default=0.0, description="alpha")
+    normalisation: NotNegative = Field(default=0.0, description="nu")
+    filter_rad_s: Positive = Field(default=200.0, description="both poles of Hf")
+    covariance_limit: Annotated[float, Field(ge=1, le=1e9)] = Field(
+        default=10.0, description="forgetting stops beyond this many times Gamma(0)"
+    )
+    rate_limit_1_s: Positive | None = Field(
+        default=None, description="bound on |d theta/dt| / sqrt(Gamma(0)); null: none"
+    )
+    gate_velocity_m_s: NotNegative = Field(default=0.02, description="learn above this speed")
+    gate_acceleration_m_s2: NotNegative = Field(default=1.0, description="or this acceleration")
+    input_delay_s: NotNegative = Field(
+        default=0.0, description="known delay from the command to the force"
+    )
+    monotonicity_margin: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.05, description="Assumption 2: smallest dv/du that the estimate may have"
+    )
+    keep_learned: bool = Field(
+        default=False,
+        description="save the estimate at stop, and go on from it at the daemon's next start",
+    )
+
+
+class Homing(Keys):
+    """How the axis finds its zero."""
+
+    method: HomingMethod = Field(
+        description="absolute: the encoder knows its position at power-on; else what is searched: "
+        "the home switch's edge, the next index mark after it, or the next index mark"
+    )
+    search_velocity_m_s: Number | None = Field(
+        default=None, description="signed: towards the switch"
+    )
+    latch_velocity_m_s: Number | None = Field(
+        default=None, description="signed: at which the edge or the index mark is latched"
+    )
+    home_position_m: Number | None = Field(
+        default=None, description="position of the edge or of the index mark"
+    )
+    timeout_s: Positive | None = Field(
+        default=None, description="homing that takes longer is a fault"
+    )
+
+
+class AxisSettings(Keys):
+    """Everything that an axis' keys say but its list of effects."""
+
+    driver: str = Field(description="name of the driver that serves the axis")
+    channel: Annotated[int, Field(ge=0, le=1023)] = Field(
+        description="which of the device's channels it is, from 0"
+    )
+    controller: Controller = Field(
+        default="C2", description="C1: without the electromagnetic effects; C2: with them"
+    )
+    encoder: Encoder = Field(description="how counts become metres")
+    limits: Limits = Field(description="what the axis may never exceed")
+    gains: Gains = Field(description="gains of the robust part")
+    adaptation: Adaptation = Field(
+        default_factory=Adaptation, description="how the parameters are learned while running"
+    )
+    homing: Homing = Field(description="how the axis finds its zero")
+    program: str | None = Field(default=None, description="followed after start; null: hold")
+
+
+class AxisKeys(AxisSettings):
+    """One axis."""
+
+    model: dict[str, EffectKeys] = Field(min_length=1, description="effects, in order of theta")
+
+
+class ConfigurationKeys(Keys):
+    """A machine."""
+
+    name: Name = Field(description="what the machine is called, in logs and messages")
+    rate_hz: Rate = Field(description="ticks a second")
+    drivers: dict[Name, DriverKeys] = Field(min_length=1, description="the devices, by name")
+    axes: dict[AxisName, AxisKeys] = Field(min_length=1, description="the axes, by name")
+    programs: dict[Name, ProgramKeys] = Field(
+        default_factory=dict, description="motions that axes can follow, by name"
+    )
+    recording: RecordingKeys = Field(default_factory=RecordingKeys, description="where logs go")
+    loop: LoopSettings = Field(
+        default_factory=LoopSettings, description="how the loop asks for real time"
+    )
