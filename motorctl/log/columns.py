@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from motorctl.log.sample import TICK_SAMPLE, axis_sample
+from motorctl.log.sample import AXIS_FIELDS, TICK_FIELDS, Signal
 
 METADATA_KEY = b"motorctl"
-THETA = "theta_hat"
-AXIS_SIGNALS = tuple(name for name in axis_sample(1).names or () if name != THETA)
+AXIS_SIGNALS = tuple(field.name for field in AXIS_FIELDS if not field.per_parameter)
 """Signals of an axis that are one number a tick each."""
-TICK_SIGNALS = tuple(TICK_SAMPLE.names or ())
+(THETA,) = (field.name for field in AXIS_FIELDS if field.per_parameter)
+TICK_SIGNALS = tuple(field.name for field in TICK_FIELDS)
 
 
 @dataclass(frozen=True)
@@ -30,34 +30,56 @@ class Column:
     """One column of a log, and where in the sample its values stand."""
 
     name: str
-    dtype: np.dtype[np.generic]
-    field: str
-    axis: int | None
+    field: Signal
+    axis: int | None = None
     """Which axis of the samples; None for what is once a tick."""
     entry: int | None = None
     """Which entry of theta_hat."""
 
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """Type of its values."""
+        return np.dtype(self.field.dtype)
+
 
 def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
     """Return the columns of a log of `axes`, in the order in which they stand in the file."""
-    columns = [Column(name, TICK_SAMPLE[name], name, None) for name in TICK_SIGNALS]
-    record = axis_sample(1)
+    columns = [Column(field.name, field) for field in TICK_FIELDS]
     for j, axis in enumerate(axes):
-        for name in record.names or ():
-            if name == THETA:
-                columns += [
-                    Column(f"{axis.name}.{THETA}_{theta}", np.dtype("f8"), THETA, j, k)
-                    for k, theta in enumerate(axis.theta_names)
-                ]
+        for field in AXIS_FIELDS:
+            name = f"{axis.name}.{field.name}"
+            if field.per_parameter:
+                thetas = enumerate(axis.theta_names)
+                columns += [Column(f"{name}_{theta}", field, j, k) for k, theta in thetas]
             else:
-                columns.append(Column(f"{axis.name}.{name}", record[name], name, j))
+                columns.append(Column(name, field, j))
     return tuple(columns)
 
 
 def log_schema(axes: Sequence[LogAxis], metadata: bytes) -> pa.Schema:
-    """Return the Arrow schema of a log; `metadata` is the JSON document under the key motorctl."""
+    """Return the Arrow schema of a log.
+
+    Parameters
+    ----------
+    axes
+        Whose columns follow those of the tick.
+    metadata
+        The JSON document under the key `motorctl`.
+
+    Returns
+    -------
+    pa.Schema
+        Each column carries its description, and its unit where it has one.
+    """
     fields = [
-        pa.field(column.name, pa.from_numpy_dtype(column.dtype), nullable=False)
+        pa.field(
+            column.name,
+            pa.from_numpy_dtype(column.dtype),
+            nullable=False,
+            metadata={
+                key: told for key in ("unit", "description") if (told := getattr(column.field, key))
+            },
+        )
         for column in log_columns(axes)
     ]
     return pa.schema(fields, metadata={METADATA_KEY: metadata})

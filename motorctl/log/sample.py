@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 import numpy as np
@@ -64,38 +65,58 @@ class FaultCause(IntEnum):
     """The driver had no new sample for more ticks than the configuration allows."""
 
 
-TICK_SAMPLE = np.dtype(
-    [
-        ("tick", "i8"),  # counts periods; a gap is a skipped period
-        ("time_s", "f8"),  # scheduled time since the first tick
-        ("lateness_s", "f8"),  # wake-up after the scheduled time
-        ("turnaround_s", "f8"),  # wake-up to the end of the write
-        ("read_s", "f8"),  # parts of it
-        ("compute_s", "f8"),
-        ("write_s", "f8"),
-    ],
-    align=True,
+@dataclass(frozen=True)
+class Signal:
+    """One field of the sample: in the records, and as a column of the log."""
+
+    name: str
+    dtype: str
+    unit: str
+    """Empty: a count, or a code."""
+    description: str
+    per_parameter: bool = False
+    """One value for each parameter of theta."""
+
+
+TICK_FIELDS = (
+    Signal("tick", "i8", "", "number of the period; a gap is a skipped period"),
+    Signal("time_s", "f8", "s", "scheduled time since the first tick"),
+    Signal("lateness_s", "f8", "s", "wake-up after the scheduled time"),
+    Signal("turnaround_s", "f8", "s", "from the wake-up to the end of the write"),
+    Signal("read_s", "f8", "s", "of the turnaround: reading"),
+    Signal("compute_s", "f8", "s", "of the turnaround: computing"),
+    Signal("write_s", "f8", "s", "of the turnaround: writing"),
 )
+"""What is sampled once a tick. A new field stands here, and is written in `loop.publish`."""
+
+AXIS_FIELDS = (
+    Signal("reference_m", "f8", "m", "desired position"),
+    Signal("reference_velocity_m_s", "f8", "m/s", "desired velocity"),
+    Signal("reference_acceleration_m_s2", "f8", "m/s^2", "desired acceleration"),
+    Signal("position_m", "f8", "m", "measured position"),
+    Signal("velocity_m_s", "f8", "m/s", "difference of two measured positions"),
+    Signal("following_error_m", "f8", "m", "position - reference"),
+    Signal("command_v", "f8", "V", "as written to the driver, after every limit"),
+    Signal("virtual_command_v", "f8", "V", "v, before the inverse of the input map"),
+    Signal("d0_hat_v", "f8", "V", "fast estimate of the lumped disturbance"),
+    Signal("theta_hat", "f8", "", "estimate of a parameter, in its own unit", per_parameter=True),
+    Signal("state", "i4", "", "AxisState"),
+    Signal("fault", "i4", "", "FaultCause"),
+    Signal("flags", "u4", "", "SampleFlag"),
+    Signal("device_status", "u4", "", "motorctl.hal.Status, as the driver gave it"),
+)
+"""What is sampled of each axis in each tick. A new field stands here, and is written in
+`loop.axis.axis_step`; the ring, the log's columns and its metadata follow."""
+
+TICK_SAMPLE = np.dtype([(field.name, field.dtype) for field in TICK_FIELDS], align=True)
 
 
 def axis_sample(parameters: int) -> np.dtype[np.void]:
     """Return the record of one axis in one tick, for a theta of at most `parameters` entries."""
     return np.dtype(
         [
-            ("reference_m", "f8"),
-            ("reference_velocity_m_s", "f8"),
-            ("reference_acceleration_m_s2", "f8"),
-            ("position_m", "f8"),
-            ("velocity_m_s", "f8"),  # difference of two positions
-            ("following_error_m", "f8"),  # position - reference
-            ("command_v", "f8"),  # as written to the driver, after every limit
-            ("virtual_command_v", "f8"),  # v, before the inverse of the input map
-            ("d0_hat_v", "f8"),
-            ("theta_hat", "f8", (parameters,)),
-            ("state", "i4"),  # AxisState
-            ("fault", "i4"),  # FaultCause
-            ("flags", "u4"),  # SampleFlag
-            ("device_status", "u4"),  # motorctl.hal.Status, as the driver gave it
+            (field.name, field.dtype, (parameters,) if field.per_parameter else ())
+            for field in AXIS_FIELDS
         ],
         align=True,
     )

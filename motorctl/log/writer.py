@@ -107,11 +107,11 @@ class LogWriter:
         rows = slice(self._staged, self._staged + len(ticks))
         for stage, column in zip(self._stage, self._columns, strict=True):
             if column.axis is None:
-                stage[rows] = ticks[column.field]
+                stage[rows] = ticks[column.field.name]
             elif column.entry is None:
-                stage[rows] = samples[column.field][:, column.axis]
+                stage[rows] = samples[column.field.name][:, column.axis]
             else:
-                stage[rows] = samples[column.field][:, column.axis, column.entry]
+                stage[rows] = samples[column.field.name][:, column.axis, column.entry]
 
     def _write_batch(self) -> None:
         count, self._staged = self._staged, 0

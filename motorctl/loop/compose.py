@@ -75,8 +75,8 @@ STEP = """    volts[{c}] = axis_step(
     )
 """
 
-BETWEEN = """    last = samples[row - 1, {i}]
-    axis_between(axes[{i}], last, law_settings[{i}].n, samples[row, {i}])
+BETWEEN = """    samples[row, {i}] = samples[row - 1, {i}]
+    axis_between(axes[{i}], samples[row, {i}])
 """
 
 REPORT = """    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}

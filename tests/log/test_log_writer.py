@@ -42,6 +42,13 @@ def test_an_axis_has_columns_for_its_own_parameters_only(tmp_path):
     assert "y.theta_hat_offset" not in names
 
 
+def test_every_column_says_what_it_is_and_its_unit_where_it_has_one(tmp_path):
+    schema = pq.read_schema(write_log(tmp_path / "run.parquet", make_rows(20)))
+    assert all(schema.field(name).metadata[b"description"] for name in schema.names)
+    assert schema.field("x.reference_velocity_m_s").metadata[b"unit"] == b"m/s"
+    assert b"unit" not in schema.field("x.state").metadata
+
+
 def test_append_copies_so_that_the_ring_may_be_overwritten(tmp_path):
     ticks, samples = make_rows(100)
     writer = LogWriter(tmp_path / "run.parquet", {}, AXES)
