@@ -11,13 +11,13 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from motorctl.cli.bench import register
 from typer.testing import CliRunner
 
 from motorctl.config import load_resolved
 from motorctl.errors import RunError, UsageError
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
+from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.diagnosis import run_case
 from motorctl_benchmarks.diagnosis.answer import Answer, Named
 from motorctl_benchmarks.diagnosis.campaign import CampaignOptions, run_campaign, tasks_of
@@ -398,7 +398,7 @@ def test_memory_is_the_most_that_was_resident(tmp_path):
 )
 def test_options_that_contradict_each_other_are_refused(arguments, words):
     app = typer.Typer()
-    register(app)
+    app.command()(bench)
     app.callback()(lambda: None)
     result = CliRunner().invoke(app, ["bench", *arguments])
     assert isinstance(result.exception, UsageError)

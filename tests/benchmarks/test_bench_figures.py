@@ -9,12 +9,12 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from motorctl.cli.bench import register
 from typer.testing import CliRunner
 
 from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target, missed
 from motorctl_benchmarks import law_figures, tick_figures, virtual_figures
+from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.gantries import gantry_with
 from motorctl_benchmarks.interleave import interleaved, median_ratio
 from motorctl_benchmarks.subject import measure
@@ -105,7 +105,7 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     monkeypatch.setattr(virtual_figures, "SPANS", 2)
     monkeypatch.setattr(virtual_figures, "SPAN_S", 0.2)
     app = typer.Typer()
-    register(app)
+    app.command()(bench)
     answer = CliRunner().invoke(app, ["speed", "--json"])
     assert answer.exit_code == 0
     document = json.loads(answer.stdout)
