@@ -15,10 +15,10 @@ import pytest
 from buses_bench import BUSES, END_S, Bus, DeviceProcess, device_file, free_port, host_file
 from daemon_rig import START_TIMEOUT_S, Daemon, wait_until
 from gantry_device_bench import from_wire, to_wire
-from motorctl.daemon.faults import device_message
 
 from motorctl.daemon.client import DaemonRefusedError
 from motorctl.hal import Status
+from motorctl.loop.faults import device_message
 
 pytestmark = pytest.mark.slow
 
