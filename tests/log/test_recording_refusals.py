@@ -172,6 +172,15 @@ def test_random_bytes_are_refused_and_never_a_traceback(tmp_path_factory, data, 
     assert len(message) < 3000
 
 
+def test_a_damage_that_would_end_the_process_in_scipy_is_refused_before(tmp_path):
+    path = write_table(tmp_path / "damaged.mat", columns())
+    whole = path.read_bytes()
+    array_class = 145  # in the first array's flags; scipy 1.17 ends with SIGSEGV on 255
+    path.write_bytes(whole[:array_class] + b"\xff" + whole[array_class + 1 :])
+    with pytest.raises(DataError, match=r"damaged\.mat: a damaged MAT file"):
+        read_recording(path)
+
+
 @settings(max_examples=150, deadline=None)
 @given(
     suffix=st.sampled_from(["csv", "parquet", "mat"]),
