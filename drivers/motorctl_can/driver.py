@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import ClassVar
 
 import can
@@ -32,7 +31,7 @@ from motorctl_can.link import Link, now_s
 from motorctl_can.options import CanOptions
 from motorctl_can.records import channels_of, frames_of, signals_of
 
-with kernels_cached(Path(__file__).parent):
+with kernels_cached():
     from motorctl_can import kernels
 
 AGE_PERIODS = 10

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +23,7 @@ from motorctl.hal import (
     specialise,
 )
 
-with kernels_cached(Path(__file__).parent):
+with kernels_cached():
     from motorctl_serial import frames, receiver
 from motorctl_serial import budget, session
 from motorctl_serial.options import SerialOptions

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -25,7 +24,7 @@ from motorctl_sim import compose
 from motorctl_sim.options import SimOptions
 from motorctl_sim.pace import Pace
 
-with kernels_cached(Path(__file__).parent):
+with kernels_cached():
     from motorctl_sim.physics import advance as physics
 
 # Measured on one core of a virtual machine (1.5 us and 60 ns with the published plants), rounded

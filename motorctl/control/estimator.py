@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
-
 from motorctl.control.projection import project, violates
 from motorctl.control.records import HISTORY, LawFlag
+from motorctl.kernels import inner_kernel
 
 ADAPTED = int(LawFlag.ADAPTED)
 PROJECTED = int(LawFlag.PROJECTED)
@@ -17,7 +16,7 @@ WARM_UP = 3
 """Steps until two past positions are known."""
 
 
-@njit
+@inner_kernel
 def remember_command(
     input_columns: Callable[..., None], settings: Any, state: Any, u: float, x: float, t: float
 ) -> None:
@@ -36,7 +35,7 @@ def remember_command(
     entry[n] = u
 
 
-@njit
+@inner_kernel
 def _align_inputs(settings: Any, state: Any) -> None:
     """Put the delayed mean of the last two commands' columns into state.row.
 
@@ -53,7 +52,7 @@ def _align_inputs(settings: Any, state: Any) -> None:
         state.row[i] += 0.5 * ((1.0 - part) * now[i] + before[i] + part * oldest[i])
 
 
-@njit
+@inner_kernel
 def _low_pass(pole: float, stage1: Any, stage2: Any, i: int, value: float) -> float:
     """Pass a value through two equal poles and return the filtered one."""
     stage1[i] += (1.0 - pole) * (value - stage1[i])
@@ -61,7 +60,7 @@ def _low_pass(pole: float, stage1: Any, stage2: Any, i: int, value: float) -> fl
     return stage2[i]  # type: ignore[no-any-return]
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def adapt(
     state_columns: Callable[..., None],
     settings: Any,
@@ -141,7 +140,7 @@ def adapt(
     return ADAPTED
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def _update_covariance(settings: Any, state: Any, noise: float, forgetting: float) -> None:
     """Bierman's measurement update of U and D, then the forgetting."""
     U, D, f, g, b = state.U, state.D, state.f, state.g, state.gain

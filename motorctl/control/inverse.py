@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
+from motorctl.kernels import inner_kernel
 
 MAX_ITERATIONS = 60
 
 
-@njit
+@inner_kernel
 def invert(
     input_map: Callable[..., float],
     input_slope: Callable[..., float],

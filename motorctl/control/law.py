@@ -12,16 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
-
 from motorctl.control.estimator import adapt, remember_command
 from motorctl.control.inverse import invert
 from motorctl.control.records import LawFlag
+from motorctl.kernels import inner_kernel
 
 SATURATED = int(LawFlag.SATURATED)
 
 
-@njit
+@inner_kernel
 def start_law(
     feedforward: Callable[..., float],
     advance_context: Callable[..., None],
@@ -46,7 +45,7 @@ def start_law(
     state.stage1_v, state.stage2_v, state.stage1_a, state.stage2_a = 0.0, 0.0, 0.0, 0.0
 
 
-@njit
+@inner_kernel
 def _settle_contexts(advance_context: Callable[..., None], state: Any, y: float) -> None:
     """Let the effects' memories begin at rest at position y: a first motion has dt = 0."""
     for i in range(state.context.size):
@@ -55,7 +54,7 @@ def _settle_contexts(advance_context: Callable[..., None], state: Any, y: float)
     advance_context(y, 0.0, 0.0, 0.0, state.others, state.context1)
 
 
-@njit
+@inner_kernel
 def _at_rest(
     feedforward: Callable[..., float], settings: Any, state: Any, t: float, y: float
 ) -> float:
@@ -64,7 +63,7 @@ def _at_rest(
     return feedforward(y, 0.0, 0.0, 0.0, acts, state.context, state.theta)
 
 
-@njit
+@inner_kernel
 def shift_law(
     feedforward: Callable[..., float],
     advance_context: Callable[..., None],
@@ -87,7 +86,7 @@ def shift_law(
     state.d0 = min(max(state.d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def carry_over_gap(
     advance_context: Callable[..., None],
     settings: Any,
@@ -111,7 +110,7 @@ def carry_over_gap(
     state.steps = 0
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def law_step(
     state_columns: Callable[..., None],
     input_columns: Callable[..., None],
@@ -186,4 +185,4 @@ def law_step(
     state.y2, state.y1, state.xd1, state.vd1, state.t1 = state.y1, y, xd, vd, t
     state.steps += 1
     state.u, state.v, state.flags = u, v, flags
-    return u  # type: ignore[no-any-return]
+    return u

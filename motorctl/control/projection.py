@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
+from motorctl.kernels import inner_kernel
 
 TOLERANCE = 1e-13
 """Violation, in standard deviations of the estimate, that counts as none."""
@@ -13,7 +13,7 @@ DEPENDENT = 1e-11
 """Share of a normal's length, squared, outside the active normals' span that counts as none."""
 
 
-@njit
+@inner_kernel
 def form_covariance(settings: Any, state: Any) -> None:
     """Form state.gamma = U diag(D) U^T."""
     U, D, gamma = state.U, state.D, state.gamma
@@ -26,7 +26,7 @@ def form_covariance(settings: Any, state: Any) -> None:
             gamma[j, i] = total
 
 
-@njit
+@inner_kernel
 def violates(settings: Any, theta: Any) -> bool:
     """Return whether theta lies outside the box or a half-plane."""
     n = settings.n
@@ -42,7 +42,7 @@ def violates(settings: Any, theta: Any) -> bool:
     return False
 
 
-@njit
+@inner_kernel
 def _load_constraint(settings: Any, index: int, normal: Any) -> float:
     """Fill `normal` and return the bound of constraint `index`, read as normal . theta <= bound."""
     n = settings.n
@@ -60,7 +60,7 @@ def _load_constraint(settings: Any, index: int, normal: Any) -> float:
     return -settings.plane_offset[plane]  # type: ignore[no-any-return]
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def _solve(matrix: Any, m: int, out: Any) -> None:
     """Solve the positive definite m x m system whose right side is column m of `matrix`."""
     for k in range(m):
@@ -76,7 +76,7 @@ def _solve(matrix: Any, m: int, out: Any) -> None:
         out[k] = total / matrix[k, k]
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def _most_violated(settings: Any, state: Any, m: int) -> int:
     """Return the constraint that state.z violates by most standard deviations, or -1."""
     n, gamma, z = settings.n, state.gamma, state.z
@@ -103,7 +103,7 @@ def _most_violated(settings: Any, state: Any, m: int) -> int:
     return chosen
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def _take_in(settings: Any, state: Any, m: int, chosen: int) -> int:
     """Make constraint `chosen` tight, dropping active ones that push the wrong way.
 
@@ -169,7 +169,7 @@ def _take_in(settings: Any, state: Any, m: int, chosen: int) -> int:
         m -= 1
 
 
-@njit
+@inner_kernel
 def project(settings: Any, state: Any) -> None:
     """Move state.theta to argmin (z - theta)^T Gamma^-1 (z - theta) over box and half-planes.
 

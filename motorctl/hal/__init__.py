@@ -14,7 +14,7 @@ from motorctl.hal.contract import (
     serial_line,
 )
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
-from motorctl.kernels import kernels_cached, specialise
+from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
 __all__ = [
     "FAULT_BITS",
@@ -29,6 +29,7 @@ __all__ = [
     "RunError",
     "Status",
     "driver_class",
+    "inner_kernel",
     "installed_drivers",
     "kernels_cached",
     "serial_line",

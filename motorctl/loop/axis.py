@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
-
 from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.held import (
     counter_step,
@@ -66,13 +65,13 @@ DEVICE_HOME_SWITCH = int(Status.HOME_SWITCH)
 DEVICE_INDEX = int(Status.INDEX_LATCHED)
 
 
-@njit
+@inner_kernel
 def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
     """Set the position from the count."""
     axis.position_m = place_of(correct, settings, axis, axis.counts)
 
 
-@njit
+@inner_kernel
 def jump(settings: Any, axis: Any, step: int, t: float) -> None:
     """Note that the count went where no motion leads."""
     if axis.state != OFF:
@@ -80,7 +79,7 @@ def jump(settings: Any, axis: Any, step: int, t: float) -> None:
     axis.homed = settings.absolute
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def read_position(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int, t: float
 ) -> None:
@@ -109,7 +108,7 @@ def read_position(
     locate(correct, settings, axis)
 
 
-@njit
+@inner_kernel
 def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
     """Hold the last position where the count cannot be trusted, and know what that costs."""
     axis.blind_ticks += elapsed
@@ -120,13 +119,13 @@ def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
         axis.homed = 0
 
 
-@njit
+@inner_kernel
 def forget_pause(axis: Any) -> None:
     """Note that a sample came."""
     axis.held_ticks, axis.held_status, axis.doubted_ticks = 0, 0, 0
 
 
-@njit
+@inner_kernel
 def axis_inputs(
     correct: Callable[..., float],
     feedforward: Callable[..., float],
@@ -169,7 +168,7 @@ def axis_inputs(
             believe(correct, feedforward, settings, axis, law, raw, elapsed, unexpected, t)
 
 
-@njit
+@inner_kernel
 def believe(
     correct: Callable[..., float],
     feedforward: Callable[..., float],
@@ -216,7 +215,7 @@ def believe(
     axis.doubt_level = max(0, axis.doubt_level - elapsed)
 
 
-@njit
+@inner_kernel
 def axis_reference(
     correct: Callable[..., float],
     feedforward: Callable[..., float],
@@ -259,7 +258,7 @@ def axis_reference(
         hold_where_it_is(axis)
 
 
-@njit
+@inner_kernel
 def axis_step(
     state_columns: Callable[..., None],
     input_columns: Callable[..., None],
@@ -361,7 +360,7 @@ def axis_step(
     return u
 
 
-@njit
+@inner_kernel
 def axis_between(axis: Any, sample: Any) -> None:
     """Change a copy of the axis' last row to that of a tick that is none of its own."""
     sample.state = axis.state
@@ -369,7 +368,7 @@ def axis_between(axis: Any, sample: Any) -> None:
     sample.flags |= BETWEEN
 
 
-@njit
+@inner_kernel
 def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     """Copy all that `status` shows of an axis; the row is announced when the tick is published."""
     status.state = axis.state

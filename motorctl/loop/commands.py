@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.homing import begin_homing
@@ -45,7 +44,7 @@ AT_START_M = 1e-6
 """How near the reference must be to a program's start."""
 
 
-@njit
+@inner_kernel
 def take_commands(
     watch: Any,
     status: Any,
@@ -82,7 +81,7 @@ def take_commands(
     status[0].mail_taken = last
 
 
-@njit
+@inner_kernel
 def stop(axis: Any, cause: int, t: float) -> None:
     """Let an enabled axis ramp down and switch off; with a cause it ends in FAULT."""
     if axis.state in (IDLE, RUNNING, HOMING):
@@ -95,11 +94,11 @@ def stop(axis: Any, cause: int, t: float) -> None:
             axis.fault_status = axis.status
 
 
-@njit
+@inner_kernel
 def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: float) -> int:
     verb = command.verb
     if verb == START:
-        return _enable(settings, axis)  # type: ignore[no-any-return]
+        return _enable(settings, axis)
     if verb == STOP:
         if axis.state == FAULT:
             return WRONG_STATE
@@ -118,7 +117,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
         if axis.state == OFF:
             answer = _enable(settings, axis)
             if answer != OK:
-                return answer  # type: ignore[no-any-return]
+                return answer
         if axis.state != IDLE:
             return WRONG_STATE
         axis.state = HOMING
@@ -141,7 +140,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
     return WRONG_STATE
 
 
-@njit
+@inner_kernel
 def _enable(settings: Any, axis: Any) -> int:
     if axis.state != OFF:
         return WRONG_STATE

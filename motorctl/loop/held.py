@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
-
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState
 from motorctl.loop.records import (
     DOUBT_ACCELERATION_RATIO,
@@ -24,7 +23,7 @@ HOMING = int(AxisState.HOMING)
 FAULT = int(AxisState.FAULT)
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def predict_motion(
     feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
 ) -> tuple[float, float]:
@@ -45,7 +44,7 @@ def predict_motion(
     return x + dt * (v + 0.5 * dt * a), v + dt * a
 
 
-@njit
+@inner_kernel
 def counter_step(settings: Any, before: int, raw: int) -> int:
     """Return how far the counter went, its wrap undone."""
     step = raw - before
@@ -55,7 +54,7 @@ def counter_step(settings: Any, before: int, raw: int) -> int:
     return step
 
 
-@njit
+@inner_kernel
 def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: int) -> float:
     """Return the position that a count means, without the declared errors of the measurement.
 
@@ -65,7 +64,7 @@ def place_of(correct: Callable[..., float], settings: Any, axis: Any, counts: in
     return correct(y) if axis.homed else y
 
 
-@njit
+@inner_kernel
 def is_unexpected(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int
 ) -> bool:
@@ -92,7 +91,7 @@ def is_unexpected(
     return abs(y - expected) > reach  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
     """Return whether a sample may be left out: one between two that are believed, and not often.
 
@@ -104,7 +103,7 @@ def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
     return seldom and known and elapsed <= longest  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def just_left_out(axis: Any) -> bool:
     """Return whether the last sample came in the last tick, and was left out."""
     return (  # type: ignore[no-any-return]
@@ -112,14 +111,14 @@ def just_left_out(axis: Any) -> bool:
     )
 
 
-@njit
+@inner_kernel
 def predicts(settings: Any, axis: Any) -> bool:
     """Return whether the model stands in for samples that do not come."""
     moving = axis.state not in (OFF, FAULT) and not axis.fresh
     return settings.predict and axis.have_counts and moving
 
 
-@njit
+@inner_kernel
 def hold_position(
     feedforward: Callable[..., float], settings: Any, axis: Any, law: Any, elapsed: int, t: float
 ) -> None:
@@ -136,7 +135,7 @@ def hold_position(
         axis.held_ticks = max(axis.held_ticks, settings.hold_ticks + 1)
 
 
-@njit
+@inner_kernel
 def leave_out(
     correct: Callable[..., float],
     feedforward: Callable[..., float],

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
 from motorctl.hal import Status
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.reference import ramp
 from motorctl.loop.safety import LIMIT_NEGATIVE, LIMIT_POSITIVE, trip
@@ -25,7 +24,7 @@ LATCH_INDEX = 5
 SETTLE = 6  # stop, then set the zero
 
 
-@njit
+@inner_kernel
 def begin_homing(settings: Any, axis: Any) -> None:
     """Start the sequence from rest."""
     axis.homed = 0
@@ -33,7 +32,7 @@ def begin_homing(settings: Any, axis: Any) -> None:
     axis.phase = BACK_OFF if settings.home_on_switch else LATCH_INDEX
 
 
-@njit
+@inner_kernel
 def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float) -> bool:
     """Move the reference for one tick; set the zero, and return True, once it is found.
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState
 from motorctl.motion import advance, evaluate, velocity_ramp_step
 
@@ -14,7 +13,7 @@ RUNNING = int(AxisState.RUNNING)
 STOPPING = int(AxisState.STOPPING)
 
 
-@njit
+@inner_kernel
 def fill_motion(
     law_settings: Any,
     laws: Any,
@@ -45,7 +44,7 @@ def fill_motion(
         _look_ahead(tick_s, axes[j], segments[j], counts[j], tick, ahead_s, law.others_far[k])
 
 
-@njit
+@inner_kernel
 def _look_ahead(
     tick_s: float, axis: Any, segments: Any, counts: Any, tick: int, ahead_s: float, motion: Any
 ) -> None:

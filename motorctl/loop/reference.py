@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
-
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState
 from motorctl.motion import advance, evaluate, velocity_ramp_distance, velocity_ramp_step
 
@@ -17,7 +16,7 @@ STOPPING = int(AxisState.STOPPING)
 UNDECIDED, GENTLE, HARD = 0, 1, 2
 
 
-@njit
+@inner_kernel
 def hold_where_it_is(axis: Any) -> None:
     """Make the present position the reference, at rest."""
     axis.reference_m = axis.position_m
@@ -25,14 +24,14 @@ def hold_where_it_is(axis: Any) -> None:
     axis.reference_acceleration_m_s2 = 0.0
 
 
-@njit
+@inner_kernel
 def ramp(settings: Any, axis: Any, velocity: float, elapsed: int) -> bool:
     """Move the reference's velocity towards `velocity`; return whether it is reached."""
     acceleration, jerk = settings.stop_acceleration_m_s2, settings.stop_jerk_m_s3
-    return _ramp(settings, axis, velocity, acceleration, jerk, elapsed)  # type: ignore[no-any-return]
+    return _ramp(settings, axis, velocity, acceleration, jerk, elapsed)
 
 
-@njit
+@inner_kernel
 def brake(settings: Any, axis: Any, elapsed: int) -> bool:
     """Ramp down to rest; return whether the axis has come to it.
 
@@ -43,12 +42,12 @@ def brake(settings: Any, axis: Any, elapsed: int) -> bool:
     if axis.brake == UNDECIDED:
         axis.brake = GENTLE if _stops_gently(settings, axis) else HARD
     if axis.brake == GENTLE:
-        return ramp(settings, axis, 0.0, elapsed)  # type: ignore[no-any-return]
+        return ramp(settings, axis, 0.0, elapsed)
     acceleration, jerk = settings.max_acceleration_m_s2, settings.max_jerk_m_s3
-    return _ramp(settings, axis, 0.0, acceleration, jerk, elapsed)  # type: ignore[no-any-return]
+    return _ramp(settings, axis, 0.0, acceleration, jerk, elapsed)
 
 
-@njit
+@inner_kernel
 def _stops_gently(settings: Any, axis: Any) -> bool:
     x, v = axis.reference_m, axis.reference_velocity_m_s
     a, jerk = axis.reference_acceleration_m_s2, settings.stop_jerk_m_s3
@@ -60,7 +59,7 @@ def _stops_gently(settings: Any, axis: Any) -> bool:
     return min(settings.travel_low_m, x) <= end <= max(settings.travel_high_m, x)  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def _ramp(
     settings: Any, axis: Any, velocity: float, acceleration: float, jerk: float, elapsed: int
 ) -> bool:
@@ -82,7 +81,7 @@ def _ramp(
     return reached and axis.reference_acceleration_m_s2 == 0.0  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elapsed: int) -> None:
     """Advance the program by the periods that passed; at its end the axis holds."""
     if tick < axis.start_tick:

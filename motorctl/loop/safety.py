@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
 from motorctl.hal import FAULT_BITS, Status
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.records import (
     JUMP_SPEED_RATIO,
@@ -41,7 +40,7 @@ CAUSE_ESTOP = int(FaultCause.ESTOP)
 CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
 
 
-@njit
+@inner_kernel
 def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
     """Put the axis into FAULT, keeping the first cause with its value and limit.
 
@@ -58,7 +57,7 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
         axis.slot = -1
 
 
-@njit
+@inner_kernel
 def check_device(axis: Any, t: float) -> None:
     """Trip on what the driver reports."""
     status = axis.status
@@ -72,7 +71,7 @@ def check_device(axis: Any, t: float) -> None:
         trip(axis, CAUSE_AMPLIFIER, float(status), 0.0, t)
 
 
-@njit
+@inner_kernel
 def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip where no new sample has come for longer than the configuration allows.
 
@@ -86,19 +85,19 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
         trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
 
 
-@njit
+@inner_kernel
 def is_overdue(settings: Any, axis: Any) -> bool:
     """Return whether the last sample is older than an axis may be driven by."""
     return ticks_without(axis) > settings.hold_ticks  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def ticks_without(axis: Any) -> int:
     """Return for how many ticks no sample has come; those that were doubted came all the same."""
     return axis.held_ticks - axis.doubted_ticks  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> bool:
     """Return whether a step of the counter is too large to be motion, or may hide whole turns.
 
@@ -120,14 +119,14 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
     return abs(step) * unit > reach + 8.0 * unit  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def still_moves(settings: Any, axis: Any) -> bool:
     """Return whether the axis moves too fast to be enabled: holding it would be a jolt."""
     noise = 8.0 * abs(settings.metres_per_count) / settings.period_s
     return abs(axis.velocity_m_s) > STANDSTILL_RATIO * settings.max_velocity_m_s + noise  # type: ignore[no-any-return]
 
 
-@njit
+@inner_kernel
 def set_soft_limits(settings: Any, axis: Any) -> None:
     """Put the soft limits in force; outside its travel an axis may move back, not further out.
 
@@ -142,7 +141,7 @@ def set_soft_limits(settings: Any, axis: Any) -> None:
     )
 
 
-@njit
+@inner_kernel
 def _tighten_soft_limits(settings: Any, axis: Any) -> None:
     """Let the limits follow an axis that comes back from outside its travel."""
     x, slack = axis.position_m, settings.following_error_minimum_m
@@ -150,7 +149,7 @@ def _tighten_soft_limits(settings: Any, axis: Any) -> None:
     axis.soft_high_m = min(axis.soft_high_m, max(settings.travel_high_m, x) + slack)
 
 
-@njit
+@inner_kernel
 def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip on speed, soft limits, limit switches and following error."""
     x, v = axis.position_m, axis.velocity_m_s
@@ -180,7 +179,7 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
         trip(axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
 
 
-@njit
+@inner_kernel
 def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> float:
     """Return the command that may leave: within the voltage limit, zero where the axis tripped.
 

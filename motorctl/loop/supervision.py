@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.commands import stop
 from motorctl.loop.fences import load_acquire
@@ -28,7 +28,7 @@ WATCH = np.dtype(
 )
 
 
-@njit
+@inner_kernel
 def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t: float) -> None:
     """Stop all axes where the supervisor is silent or the bucket of overruns is full.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from numba import njit
 from pydantic import AfterValidator, Field
 
+from motorctl.kernels import inner_kernel
 from motorctl.model.knowledge import Spans
 
 FEWEST, MOST = 4, 48
@@ -47,7 +47,7 @@ def finer_knots(knots: Knots | None, spans: Spans) -> list[Knots]:
     return [(*spans.position_m, count) for count in COUNTS if count > now]
 
 
-@njit(error_model="numpy")
+@inner_kernel(error_model="numpy")
 def basis(j: int, x: float, low: float, cells_per_m: float, count: float) -> float:
     """Give the j-th of `count` cubic B-splines at x [m]; constant beyond the ends.
 

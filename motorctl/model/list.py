@@ -136,27 +136,29 @@ class EffectList:
     @cached_property
     def _source(self) -> str:
         lines = [f'"""Model of an axis: {", ".join(self.names)}. Generated; do not edit."""', ""]
-        lines += ["from numba import njit", "", *map(_import, self.effects)]
-        lines += ["", "", "@njit", "def state_columns(x, v, a, vs, t, context, out):"]
+        lines += ["from numba import njit", "", "from motorctl.kernels import inner_kernel"]
+        lines += map(_import, self.effects)
+        lines += ["", "", "@inner_kernel", "def state_columns(x, v, a, vs, t, context, out):"]
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "state"]
         lines += [f"    out[{i}] = {call}" for i, call in self._state_calls("x, v, a, vs, t")]
         lines += zeros or ["    pass"]
-        lines += ["", "", "@njit", "def input_columns(u, x, t, out):"]
+        lines += ["", "", "@inner_kernel", "def input_columns(u, x, t, out):"]
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "input"]
         lines += [f"    out[{i}] = -({call})" for i, call in self._input_calls("column")]
         lines += zeros or ["    pass"]
-        lines += ["", "", "@njit", "def feedforward(x, v, a, vs, t, context, theta):"]
+        lines += ["", "", "@inner_kernel", "def feedforward(x, v, a, vs, t, context, theta):"]
         lines += ["    total = 0.0"]
         state = self._state_calls("x, v, a, vs, t")
         lines += [f"    total += theta[{i}] * {call}" for i, call in state] + ["    return total"]
         for name, kernel, start in (("map", "column", "u"), ("slope", "slope", "1.0")):
-            lines += ["", "", "@njit", f"def input_{name}(u, x, t, theta):", f"    total = {start}"]
+            lines += ["", "", "@inner_kernel", f"def input_{name}(u, x, t, theta):"]
+            lines += [f"    total = {start}"]
             calls = self._input_calls(kernel)
             lines += [f"    total += theta[{i}] * {call}" for i, call in calls]
             lines += ["    return total"]
-        lines += ["", "", "@njit", "def advance_context(x, v, a, dt, others, context):"]
+        lines += ["", "", "@inner_kernel", "def advance_context(x, v, a, dt, others, context):"]
         lines += self._advances() or ["    pass"]
-        lines += ["", "", "@njit", "def correct(y):", "    corrected = y"]
+        lines += ["", "", "@inner_kernel", "def correct(y):", "    corrected = y"]
         lines += [
             f"    corrected = {effect.name}_correct(corrected, {_tuple(effect.constants)})"
             for effect in self.effects

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from motorctl.kernels import inner_kernel
 from motorctl.motion.segments import Segments
 
 
-@njit()
+@inner_kernel
 def evaluate(segments: Segments, count: int, index: int, s: float) -> tuple[float, float, float]:
     """Return x [m], v [m/s], a [m/s^2] at the time s [s] within segment `index` of `count` >= 1.
 
@@ -23,7 +22,7 @@ def evaluate(segments: Segments, count: int, index: int, s: float) -> tuple[floa
     return x, v, a
 
 
-@njit()
+@inner_kernel
 def advance(
     segments: Segments, count: int, index: int, s: float, dt: float
 ) -> tuple[int, float, bool]:

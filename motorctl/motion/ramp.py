@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from math import sqrt
 
-from numba import njit
+from motorctl.kernels import inner_kernel
 
 
-@njit()
+@inner_kernel
 def _phases(
     v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float
 ) -> tuple[float, float, float, float, float]:
@@ -39,7 +39,7 @@ def _phases(
     return first, side * first_jerk, hold, peak / max_jerk, -side * max_jerk
 
 
-@njit()
+@inner_kernel
 def velocity_ramp_distance(
     v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float
 ) -> float:
@@ -53,7 +53,7 @@ def velocity_ramp_distance(
     return distance
 
 
-@njit()
+@inner_kernel
 def velocity_ramp_step(
     v: float, a: float, v_target: float, max_acceleration: float, max_jerk: float, dt: float
 ) -> tuple[float, float, float]:

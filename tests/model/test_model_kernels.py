@@ -1,11 +1,17 @@
-"""Generated kernels are kept between runs, and what cannot be kept is said."""
+"""Compiled kernels are kept between starts, never used when stale, and not kept for ever."""
 
+import os
 import subprocess
 import sys
+import time
+from textwrap import dedent
 
+import numpy as np
 import pytest
 
-from motorctl.kernels import kernel_folder, load_generated, source_digest
+from motorctl.kernels import inner_kernel, load_generated, source_digest
+from motorctl.kernels.cache import UNUSED_DAYS
+from motorctl.kernels.digest import digest_of_file
 
 SOURCE = '''"""A generated module."""
 
@@ -27,6 +33,53 @@ except RunError as error:
 else:
     print(module.twice(4.0), sum(module.twice.stats.cache_hits.values()))
 """
+PLANT = {
+    "plant/__init__.py": "from plant.force import force\n",
+    "plant/force.py": '''
+        """What pulls."""
+        from motorctl.kernels import inner_kernel
+        from plant.friction import friction
+
+        @inner_kernel
+        def force(v: float) -> float:
+            """Sum up."""
+            return friction(v) + 1.0
+        ''',
+    "plant/friction.py": """
+        from motorctl.kernels import inner_kernel
+        from plant.options import Options
+
+        LEVEL = Options().level
+
+        @inner_kernel
+        def friction(v):
+            return LEVEL * v
+        """,
+    "plant/options.py": """
+        from dataclasses import dataclass
+
+        @dataclass
+        class Options:
+            level: float = 2.0
+        """,
+    "plant/unused.py": "ANYTHING = 1\n",
+    "plant/other.py": "from plant.friction import friction as force\n",
+    "plant/kernels.py": """
+        from numba import njit
+        from plant import force
+
+        @njit(cache=True)
+        def pull(v):
+            return force(v)
+        """,
+}
+"""A package outside of motorctl whose kernel uses a constant four imports away."""
+PULL = """
+from motorctl.kernels import kernels_cached
+with kernels_cached():
+    from plant.kernels import pull
+print(pull(3.0), sum(pull.stats.cache_hits.values()))
+"""
 
 
 def keep(folder) -> str:
@@ -37,6 +90,46 @@ def keep(folder) -> str:
         input=SOURCE, capture_output=True, text=True, check=True, env=environment,
     )  # fmt: skip
     return done.stdout.strip()
+
+
+class Plant:
+    """A package with a kernel, and a cache; `pull` calls it in a process of its own."""
+
+    def __init__(self, folder):
+        self._folder = folder
+        for name, source in PLANT.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(dedent(source))
+
+    def edit(self, name, old, new):
+        path = self._folder / "plant" / name
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+
+    def digest(self) -> str:
+        """Give what its compiled code depends on."""
+        return digest_of_file("plant.kernels", self._folder / "plant" / "kernels.py")
+
+    def pull(self, folder=None) -> str:
+        """Give the force at 3 m/s and how often the cache had the code."""
+        environment = {
+            "XDG_CACHE_HOME": str(self._folder),
+            "PATH": "/usr/bin",
+            "PYTHONPATH": str(folder or self._folder),
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", PULL], capture_output=True, text=True, check=True,
+            env=environment,
+        )  # fmt: skip
+        return done.stdout.strip()
+
+
+@pytest.fixture
+def plant(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    yield Plant(tmp_path)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "plant"]:
+        del sys.modules[name]
 
 
 def test_a_compiled_kernel_is_there_at_the_next_start(tmp_path):
@@ -52,18 +145,83 @@ def test_a_cache_that_cannot_be_written_is_told_in_one_message(tmp_path):
     assert "\n" not in said
 
 
-def test_a_module_with_another_source_has_another_name():
-    assert source_digest(SOURCE) != source_digest(SOURCE + "\n")
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        pytest.param("kernels.py", "force(v)", "force(v) + 1", id="the kernel"),
+        pytest.param("force.py", "+ 1.0", "+ 2.0", id="a function it calls"),
+        pytest.param("friction.py", "* v", "* v * v", id="a function two imports away"),
+        pytest.param("friction.py", "Options()", "Options(3.0)", id="a constant"),
+        pytest.param("options.py", "2.0", "3.0", id="an option's default"),
+        pytest.param("__init__.py", ".force import", ".other import", id="where a name comes from"),
+    ],
+)
+def test_a_change_of_what_a_kernel_uses_gives_it_another_digest(plant, name, old, new):
+    before = plant.digest()
+    plant.edit(name, old, new)
+    assert plant.digest() != before
 
 
-def test_kernels_of_other_sources_are_kept_apart(tmp_path):
-    (tmp_path / "physics.py").write_text("A = 1\n")
-    assert kernel_folder(tmp_path) != kernel_folder()
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        pytest.param("kernels.py", "@njit", "# how it pulls\n\n\n@njit", id="a comment"),
+        pytest.param("friction.py", "LEVEL =", "\n\n\nLEVEL =  ", id="lines that move"),
+        pytest.param("force.py", "Sum up.", "The sum of what pulls.", id="a docstring"),
+        pytest.param("force.py", "What pulls.", "What pulls it.", id="a module's docstring"),
+        pytest.param("force.py", "v: float", "v: 'speed'", id="an annotation"),
+        pytest.param("unused.py", "1", "2", id="a module it does not use"),
+    ],
+)
+def test_a_change_that_compiled_code_does_not_show_leaves_the_digest(plant, name, old, new):
+    before = plant.digest()
+    plant.edit(name, old, new)
+    assert plant.digest() == before
+
+
+def test_a_fresh_copy_of_the_same_sources_is_not_compiled(plant, tmp_path):
+    assert plant.pull() == "7.0 0"
+    copy = tmp_path / "elsewhere"
+    copy.mkdir()
+    (tmp_path / "plant").rename(copy / "plant")
+    for path in copy.rglob("*.py"):
+        os.utime(path, (0, 0))
+    assert plant.pull(copy) == "7.0 1"
+
+
+def test_a_generated_module_has_another_name_where_it_does_something_else():
+    assert source_digest(SOURCE) != source_digest(SOURCE.replace("2.0", "3.0"))
+    assert source_digest(SOURCE) == source_digest(SOURCE.replace("A generated", "Another"))
+
+
+def test_a_changed_option_is_compiled_and_what_nobody_used_for_a_month_removed(plant, tmp_path):
+    assert plant.pull() == "7.0 0"
+    (used,) = (tmp_path / "motorctl" / "compiled").iterdir()
+    ages_days = {"recent": UNUSED_DAYS - 1.0, "old": UNUSED_DAYS + 1.0}
+    for name, days in ages_days.items():
+        (used.parent / name).mkdir()
+        then = time.time() - days * 86400.0
+        os.utime(used.parent / name, (then, then))
+    plant.edit("options.py", "2.0", "3.0")
+    assert plant.pull() == "10.0 0"
+    left = {folder.name for folder in used.parent.iterdir()}
+    assert {used.name, "recent"} < left
+    assert "old" not in left
 
 
 def test_a_module_that_fails_is_tried_afresh():
-    name = "fails_test"
     for _ in range(2):
         with pytest.raises(ZeroDivisionError):
-            load_generated(name, "1 / 0\n")
-    (kernel_folder() / f"motorctl_generated_{name}.py").unlink()
+            load_generated("fails_test", "1 / 0\n")
+
+
+@inner_kernel
+def shifted(values, by):
+    values[0] += by
+    return values[0]
+
+
+def test_a_kernel_for_other_kernels_can_be_called_from_python():
+    values = np.zeros(1)
+    assert shifted(values, 2) == 2.0
+    assert shifted(values, 0.5) == 2.5

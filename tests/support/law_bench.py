@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.kernels import kernels_cached, load_generated, source_digest
 from motorctl.model import EffectList, effect_class, make_effect
 
-with kernels_cached(Path(__file__).parent / "law_kernels"):
+with kernels_cached():
     from law_kernels.closed_loop import project_all, violating
 
 __all__ = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 from motorctl_sim.physics.records import DELAY_LINE, FROZEN
 from motorctl_sim.physics.shapes import dahl, harmonics
 
@@ -13,7 +13,7 @@ INPUT_DELAY = FROZEN["INPUT_DELAY"]
 THRUST_HYSTERESIS = FROZEN["THRUST_HYSTERESIS"]
 
 
-@njit
+@inner_kernel
 def amplifier_level(plant: Any, state: Any) -> float:
     """Give the voltage that the amplifier answers to over this period, V."""
     if state.enable == 0 or state.output_off != 0 or not math.isfinite(state.command):
@@ -25,7 +25,7 @@ def amplifier_level(plant: Any, state: Any) -> float:
     return float(level - min(max(level, -dead), dead))
 
 
-@njit
+@inner_kernel
 def _delayed(plant: Any, state: Any) -> float:
     # Mean of the delayed command over this substep: a delay of n + f substeps takes the share f
     # from one substep earlier, so the impulse of any delay is exact.
@@ -37,7 +37,7 @@ def _delayed(plant: Any, state: Any) -> float:
     return float(newer + plant.delay_part * (older - newer))
 
 
-@njit
+@inner_kernel
 def thrust(plant: Any, state: Any, x: float) -> float:
     """Advance the actuator by a substep and give its mean thrust over it, V.
 

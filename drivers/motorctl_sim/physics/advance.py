@@ -30,8 +30,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from motorctl.hal import inner_kernel
 from motorctl_sim.physics.actuator import amplifier_level, thrust
-from motorctl_sim.physics.compiled import njit
 from motorctl_sim.physics.friction import friction
 from motorctl_sim.physics.noise import normal_pair
 from motorctl_sim.physics.observation import (
@@ -56,7 +56,7 @@ WANDERING = FROZEN["WANDERING"]
 KEEP = np.uint32(~int(INDEX_LATCHED) & 0xFFFFFFFF)
 
 
-@njit
+@inner_kernel
 def _hold(plant: Any, state: Any, tick: int) -> None:
     """Set what stays constant over the period `tick`."""
     terms = plant.terms
@@ -76,7 +76,7 @@ def _hold(plant: Any, state: Any, tick: int) -> None:
     state.held_force = force
 
 
-@njit
+@inner_kernel
 def _accelerate(plant: Any, states: Any, i: int, t: float, h: float) -> None:
     """Compute the acceleration at the middle of a substep; t [s] is the time there."""
     state = states[i]
@@ -109,7 +109,7 @@ def _accelerate(plant: Any, states: Any, i: int, t: float, h: float) -> None:
     state.next_acceleration = acceleration
 
 
-@njit
+@inner_kernel
 def _move(state: Any, h: float) -> None:
     acceleration = state.next_acceleration
     state.position += h * (state.velocity + 0.5 * h * acceleration)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 from motorctl_sim.physics.records import FROZEN
 from motorctl_sim.physics.shapes import dahl, profile
 
@@ -18,7 +18,7 @@ FRICTION_BUMP = FROZEN["FRICTION_BUMP"]
 LEVEL_CHANGES = STRIBECK | POSITION_FRICTION | FRICTION_PATCH | FRICTION_BUMP
 
 
-@njit
+@inner_kernel
 def sliding_level(plant: Any, x: float, v: float) -> float:
     """Give the force of steady sliding, V, apart from viscous friction; never negative."""
     terms = plant.terms
@@ -43,7 +43,7 @@ def sliding_level(plant: Any, x: float, v: float) -> float:
     return max(level, 0.0)
 
 
-@njit
+@inner_kernel
 def friction(plant: Any, state: Any, x: float, v: float, moved: float) -> float:
     """Advance presliding by the motion `moved` [m] and give the force against motion, V.
 

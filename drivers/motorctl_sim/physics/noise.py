@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 
 _17 = np.uint64(17)
 _23 = np.uint64(23)
@@ -20,7 +20,7 @@ _19 = np.uint64(19)
 _11 = np.uint64(11)
 
 
-@njit
+@inner_kernel
 def uniform(s: NDArray[np.uint64]) -> float:
     """Draw from [0, 1) and step the state s, shape (4,)."""
     total = s[0] + s[3]
@@ -35,7 +35,7 @@ def uniform(s: NDArray[np.uint64]) -> float:
     return float(drawn >> _11) * 2.0**-53
 
 
-@njit
+@inner_kernel
 def normal_pair(s: NDArray[np.uint64]) -> tuple[float, float]:
     """Draw two independent standard normal numbers (Marsaglia's polar method)."""
     while True:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from motorctl.hal import Status
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import Status, inner_kernel
 from motorctl_sim.physics.noise import normal_pair
 
 LIMIT_NEGATIVE = np.uint32(Status.LIMIT_NEGATIVE)
@@ -17,7 +16,7 @@ HOME_SWITCH = np.uint32(Status.HOME_SWITCH)
 INDEX_LATCHED = np.uint32(Status.INDEX_LATCHED)
 
 
-@njit
+@inner_kernel
 def encoder_position(plant: Any, x: float) -> float:
     """Give what the encoder's interpolation makes of a position, m."""
     if plant.error_amplitude == 0.0:
@@ -26,7 +25,7 @@ def encoder_position(plant: Any, x: float) -> float:
     return x + error
 
 
-@njit
+@inner_kernel
 def to_count(plant: Any, state: Any, y: float) -> int:
     """Give the counter's value at an encoder position, wrapped in two's complement."""
     count: int = plant.sign * math.floor(y / plant.resolution + 0.5) + state.zero_count
@@ -36,7 +35,7 @@ def to_count(plant: Any, state: Any, y: float) -> int:
     return count
 
 
-@njit
+@inner_kernel
 def apply_faults(plants: Any, states: Any, faults: Any, tick: int) -> None:
     """Find which faults are in force in the period `tick`, and make the counters' jumps."""
     for i in range(len(states)):
@@ -61,7 +60,7 @@ def apply_faults(plants: Any, states: Any, faults: Any, tick: int) -> None:
                 state.zero_count += plant.sign * round(fault.jump / plant.resolution)
 
 
-@njit
+@inner_kernel
 def observe(plant: Any, state: Any) -> None:
     """Take the count, latch an index mark passed since the last time, read the switches."""
     x = state.position

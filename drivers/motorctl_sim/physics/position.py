@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 from motorctl_sim.physics.records import FROZEN
 from motorctl_sim.physics.shapes import dahl, harmonics, profile
 
@@ -14,7 +14,7 @@ END_EFFECT = FROZEN["END_EFFECT"]
 CABLE = FROZEN["CABLE"]
 
 
-@njit
+@inner_kernel
 def position_force(plant: Any, state: Any, x: float, moved: float) -> float:
     """Give the force of position on the carriage, V; `moved` [m] drives the cable's hysteresis."""
     terms = plant.terms
@@ -36,7 +36,7 @@ def position_force(plant: Any, state: Any, x: float, moved: float) -> float:
     return force
 
 
-@njit
+@inner_kernel
 def end_stop_force(plant: Any, x: float, v: float) -> float:
     """Give the force of the rubber at the ends, V; it pushes inwards or not at all."""
     if x > plant.upper_end:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 from motorctl_sim.physics.records import PROFILE_CELLS
 
 
-@njit
+@inner_kernel
 def harmonics(series: Any, x: float) -> float:
     """Sum amplitude sin(wave_number x + phase); `series` is a record of HARMONICS."""
     total = 0.0
@@ -18,7 +18,7 @@ def harmonics(series: Any, x: float) -> float:
     return total
 
 
-@njit
+@inner_kernel
 def profile(table: Any, x: float) -> float:
     """Interpolate a record of PROFILE by cubic Hermite polynomials; constant beyond its ends."""
     if table.cells_per_m == 0.0:
@@ -33,7 +33,7 @@ def profile(table: Any, x: float) -> float:
     return float(y0 + s * (m0 + s * bent))
 
 
-@njit
+@inner_kernel
 def dahl(h: float, moved: float, length: float) -> float:
     """Advance h, in -1 to 1, over a motion: dh/dx = (sgn - h)/length, exactly.
 

@@ -12,10 +12,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from motorctl_sim.physics.compiled import njit
+from motorctl.hal import inner_kernel
 
 
-@njit
+@inner_kernel
 def sprung_force(part: Any, state: NDArray[Any], h: float) -> float:
     """Give the force on the carriage half a substep h on, V; state is (r, r')."""
     r = state[0] + 0.5 * h * state[1]
@@ -28,7 +28,7 @@ def sprung_force(part: Any, state: NDArray[Any], h: float) -> float:
     return float(part.inertia * pushed)
 
 
-@njit
+@inner_kernel
 def advance_sprung(
     part: Any, state: NDArray[Any], force: float, acceleration: float, h: float
 ) -> None:

@@ -1,0 +1,14 @@
+"""Compiled kernels: how they are compiled, and where compiled code is kept between starts."""
+
+from motorctl.kernels.cache import cache_root, kernels_cached
+from motorctl.kernels.generated import load_generated, source_digest, specialise
+from motorctl.kernels.inner import inner_kernel
+
+__all__ = [
+    "cache_root",
+    "inner_kernel",
+    "kernels_cached",
+    "load_generated",
+    "source_digest",
+    "specialise",
+]

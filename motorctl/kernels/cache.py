@@ -1,0 +1,149 @@
+"""Where compiled kernels are kept, and for how long.
+
+Numba's own cache looks at one file: a touched file is compiled again though nothing changed, and
+a change in a file that it imports goes unnoticed. Here each module with kernels has a folder
+named after the digest of all that they depend on, so that what is found there is right.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
+
+import numba
+from numba.core.caching import _CacheLocator
+
+from motorctl.errors import RunError
+from motorctl.kernels.digest import digest_of_file
+
+UNUSED_DAYS = 30.0
+"""Compiled code that no start has asked for so long is removed."""
+LARGEST_BYTES = 1 << 30
+"""Beyond this size what was unused for longest is removed first. A machine's kernels take about
+2 MB; the whole test suite's 300 MB."""
+KEPT_DAYS = 1.0
+"""Nothing is removed that was used so recently: another process may be working with it."""
+DAY_S = 86400.0
+
+
+def cache_root() -> Path:
+    """Return the folder for compiled kernels: systemd's CacheDirectory=, else the user's cache."""
+    if directory := os.environ.get("CACHE_DIRECTORY"):
+        return Path(directory.split(":")[0])
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "motorctl"
+
+
+def generated_folder() -> Path:
+    """Return the folder of generated modules, made.
+
+    Raises RunError where nothing can be written there.
+    """
+    return _made(cache_root() / "generated")
+
+
+def compiled_folder() -> Path:
+    """Return the folder that holds a folder for each module with kernels, made.
+
+    Raises RunError where nothing can be written there.
+    """
+    return _made(cache_root() / "compiled")
+
+
+@contextmanager
+def kernels_cached() -> Iterator[None]:
+    """Let functions that are decorated with ``njit(cache=True)`` inside keep their code here.
+
+    Import the module that defines them inside this context. Raises RunError where nothing can be
+    written there.
+    """
+    compiled_folder()
+    settings: Any = numba.config
+    before = settings.CACHE_LOCATOR_CLASSES
+    settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByDigest.__name__}"
+    try:
+        yield
+    finally:
+        settings.CACHE_LOCATOR_CLASSES = before
+
+
+class ByDigest(_CacheLocator):
+    """Tells numba where a function's compiled code is, by all that it depends on."""
+
+    def __init__(self, function: FunctionType, file: str) -> None:
+        self._py_file = file
+        said = repr(_said(function.__code__, function.__doc__))
+        self._name = hashlib.sha256(said.encode()).hexdigest()[:8]
+        self._folder, self._digest = _folder_of(function.__module__, Path(file))
+
+    def get_cache_path(self) -> str:
+        """Return the folder of the function's module."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return what the compiled code must agree with."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of the same name in a module apart."""
+        return self._name
+
+    @classmethod
+    def from_function(cls, function: FunctionType, file: str) -> ByDigest | None:
+        """Make the locator of a function that comes from a file."""
+        return cls(function, file) if Path(file).exists() else None
+
+
+def _said(code: CodeType, docstring: str | None = None) -> tuple[Any, ...]:
+    """Return what a function's code says, without its lines and its docstring."""
+    constants = [
+        _said(constant) if isinstance(constant, CodeType) else constant
+        for constant in code.co_consts
+        if docstring is None or constant != docstring
+    ]
+    return (code.co_code, code.co_names, code.co_varnames, constants)
+
+
+@cache
+def _folder_of(module: str, file: Path) -> tuple[Path, str]:
+    digest = digest_of_file(module, file)
+    folder = compiled_folder() / f"{module}-{digest}"
+    with suppress(OSError):
+        if not folder.exists():
+            _remove_unused(compiled_folder())
+            _remove_unused(generated_folder())
+            folder.mkdir(exist_ok=True)
+        os.utime(folder)
+    return folder, digest
+
+
+def _remove_unused(parent: Path) -> None:
+    """Keep a folder of caches from growing without end."""
+    now, total = time.time(), 0
+    used = sorted(((entry.stat().st_mtime, entry) for entry in parent.iterdir()), reverse=True)
+    for last_used, entry in used:
+        files = entry.rglob("*") if entry.is_dir() else [entry]
+        total += sum(file.stat().st_size for file in files)
+        age_days = (now - last_used) / DAY_S
+        if age_days > UNUSED_DAYS or (total > LARGEST_BYTES and age_days > KEPT_DAYS):
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+
+def _made(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = f"{error.strerror}; let XDG_CACHE_HOME name a folder that can be written"
+        raise RunError(f"compiled kernels cannot be kept in {folder}: {why}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        why = "no permission to write; let XDG_CACHE_HOME name a folder that can be written"
+        raise RunError(f"compiled kernels cannot be kept in {folder}: {why}")
+    return folder

@@ -1,0 +1,208 @@
+"""What compiled code depends on: a digest of a module's syntax and of all that it imports.
+
+Numba freezes what a kernel uses of other modules: functions, and constants by their values. So
+the digest goes over the syntax trees of the module and, through its imports, of every module that
+may have given it one. Comments, docstrings, annotations of functions and line numbers do not
+count. Libraries (numba, numpy and others that are installed and state a version) count by their
+version.
+
+A constant that a module reads from elsewhere while it is imported, from a file or the
+environment, is not seen: kernels must not use any.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import platform
+import sys
+import sysconfig
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite  # type: ignore[import-untyped]
+import numba
+import numpy as np
+
+FORM = 1
+"""To be raised when what is compiled depends on changes outside of the kernels' sources."""
+COMPILER = (
+    FORM,
+    numba.__version__,
+    llvmlite.__version__,
+    np.__version__,
+    platform.python_implementation(),
+    platform.python_version(),
+)
+INSTALLED = tuple({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
+OWN = ("motorctl",)
+"""Beginnings of the names of packages that count by their sources, however they are installed."""
+
+
+@dataclass(frozen=True)
+class _Import:
+    """One imported name: of a module, or of something in it."""
+
+    bound: str
+    module: str
+    name: str = ""
+    """What of the module; "" for the module itself, "*" for all that is in it."""
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What a module's source says."""
+
+    digest: bytes
+    imports: tuple[_Import, ...]
+    used: frozenset[str]
+    """Names that stand in the code, annotations of functions aside."""
+    hands_on: bool
+    """Whether it does nothing but import names for others."""
+
+
+def digest_of_source(source: str) -> str:
+    """Return 16 hexadecimal digits for a source and all that it imports."""
+    return _Followed("").digest("", _read(source.encode(), ""))
+
+
+def digest_of_file(name: str, path: Path) -> str:
+    """Return 16 hexadecimal digits for the module of this name in this file, and its imports."""
+    return _Followed(name).digest(name, _read(path.read_bytes(), _package(name, path)))
+
+
+class _Followed:
+    """The modules that one module reaches through imports."""
+
+    def __init__(self, name: str) -> None:
+        self._home = name.partition(".")[0]
+        self._found: dict[str, bytes] = {}
+        self._asked: set[tuple[str, str]] = set()
+
+    def digest(self, name: str, source: _Source) -> str:
+        """Return the digest of a module and of what it reaches."""
+        self._take(name, source, "*")
+        whole = hashlib.sha256(repr(COMPILER).encode())
+        for found in sorted(self._found):
+            whole.update(found.encode() + b"\0" + self._found[found])
+        return whole.hexdigest()[:16]
+
+    def _follow(self, module: str, name: str) -> None:
+        """Take what gives a module's name, or with "*" all of the module."""
+        if (module, name) in self._asked:
+            return
+        self._asked.add((module, name))
+        path = self._source_of(module)
+        if path is None:
+            self._found[module.partition(".")[0]] = _version_of(module).encode()
+            return
+        source = _read(path.read_bytes(), _package(module, path))
+        if name == "*" or not source.hands_on:
+            self._take(module, source, name)
+            return
+        givers = [entry for entry in source.imports if entry.bound == name]
+        for entry in givers:
+            self._follow(entry.module, entry.name or "*")
+        if not givers:
+            self._follow(f"{module}.{name}", "*")
+
+    def _take(self, module: str, source: _Source, name: str) -> None:
+        self._found[module] = source.digest
+        for entry in source.imports:
+            if name in ("*", entry.bound) or entry.name == "*" or entry.bound in source.used:
+                self._follow(entry.module, entry.name or "*")
+        if name != "*" and _file_of(f"{module}.{name}"):
+            self._follow(f"{module}.{name}", "*")
+
+    def _source_of(self, module: str) -> Path | None:
+        """Return the file of a module that counts by its source."""
+        root = module.partition(".")[0]
+        if root in sys.stdlib_module_names:
+            return None
+        path = _file_of(module)
+        if path is None or path.suffix != ".py":
+            return None
+        if root == self._home or root.startswith(OWN) or not str(path).startswith(INSTALLED):
+            return path
+        return None if _version_of(module) else path
+
+
+def _version_of(module: str) -> str:
+    """Return the version that a library states, "" where it has none."""
+    root = module.partition(".")[0]
+    if root in sys.stdlib_module_names:
+        return platform.python_version()
+    return str(getattr(sys.modules.get(root), "__version__", ""))
+
+
+def _file_of(module: str) -> Path | None:
+    """Return where a module's code is; None where there is no such module."""
+    loaded = sys.modules.get(module)
+    if loaded is not None:
+        file = getattr(loaded, "__file__", None)
+        return Path(file) if file else None
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec and spec.has_location and spec.origin else None
+
+
+def _package(name: str, path: Path) -> str:
+    return name if path.name == "__init__.py" else name.rpartition(".")[0]
+
+
+@cache
+def _read(content: bytes, package: str) -> _Source:
+    tree = _Plain().visit(ast.parse(content))
+    return _Source(
+        digest=hashlib.sha256(ast.dump(tree).encode()).digest(),
+        imports=tuple(_imports(tree, package)),
+        used=frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)),
+        hands_on=all(isinstance(node, ast.ImportFrom) or _names_all(node) for node in tree.body),
+    )
+
+
+class _Plain(ast.NodeTransformer):
+    """Leaves out what does not change compiled code."""
+
+    def visit(self, node: ast.AST) -> Any:
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            del node.body[: ast.get_docstring(node, clean=False) is not None]
+        if isinstance(node, ast.FunctionDef):
+            node.returns = None
+        elif isinstance(node, ast.arg):
+            node.annotation = None
+        return self.generic_visit(node)
+
+
+def _imports(tree: ast.AST, package: str) -> Iterator[_Import]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield _Import(alias.asname or alias.name.partition(".")[0], alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            module = _absolute(node, package)
+            for alias in node.names:
+                yield _Import(alias.asname or alias.name, module, alias.name)
+
+
+def _absolute(node: ast.ImportFrom, package: str) -> str:
+    if not node.level:
+        return node.module or ""
+    base = package.split(".")
+    base = base[: len(base) - node.level + 1]
+    return ".".join([*base, *([node.module] if node.module else [])])
+
+
+def _names_all(node: ast.stmt) -> bool:
+    return (
+        isinstance(node, ast.Assign)
+        and len(node.targets) == 1
+        and isinstance(node.targets[0], ast.Name)
+        and node.targets[0].id == "__all__"
+    )

@@ -1,0 +1,111 @@
+"""Kernels that only other kernels call: analysed once, optimised and translated with the caller.
+
+Numba optimises every function with all that it calls, and makes machine code and an entry for
+Python of it. Of a tick's hundred functions only the outermost is ever called from Python, so the
+rest of that work is thrown away: it is two thirds of what a first start takes. The functions here
+stop at LLVM's unoptimised code; the kernel that is called from Python, an ordinary
+``njit(cache=True)``, takes it in and is optimised as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, TypeVar, overload
+
+import numba
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import NativeLowering
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """Code that waits, as it was written, for the library that links it."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class _Entry:
+    """What numba knows a compiled function by; nobody can call it."""
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerInner(NativeLowering):
+    _name = "inner_kernel_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_cpython_wrapper = True
+        state.flags.no_cfunc_wrapper = True
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered, entry = state["cr"], _Entry()
+        state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=entry)
+        return True
+
+
+class _InnerCompiler(CompilerBase):
+    def define_pipelines(self) -> list[Any]:
+        usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes = PassManager("inner kernel")
+        for step, title in usual.passes:
+            passes.add_pass(_LowerInner if step is NativeLowering else step, title)
+        passes.finalize()
+        return [passes]
+
+
+class _InnerKernel(CPUDispatcher):
+    def add_overload(self, cres: Any) -> None:
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        # One copy for all values of a constant: the optimiser knows them where it inlines.
+        plain = tuple(types.unliteral(arg) for arg in args)
+        return super().get_call_template(
+            plain, {name: types.unliteral(arg) for name, arg in kws.items()}
+        )
+
+    @cached_property
+    def _alone(self) -> Any:
+        options = {name: value for name, value in self.targetoptions.items() if name != "nopython"}
+        return numba.njit(self.py_func, **options)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self._alone(*args, **kwargs)
+
+
+@overload
+def inner_kernel(function: Function, /) -> Function: ...
+@overload
+def inner_kernel(*, error_model: str) -> Callable[[Function], Function]: ...
+def inner_kernel(function: Any = None, /, **options: Any) -> Any:
+    """Compile a function that other kernels call.
+
+    A call from Python, as tests make, compiles it once more, for itself.
+
+    Parameters
+    ----------
+    function : callable
+        What numba can compile.
+    **options
+        Numba's, such as ``error_model="numpy"``.
+    """
+    if function is None:
+        return lambda decorated: inner_kernel(decorated, **options)
+    options = {"nopython": True, "boundscheck": None, **options}
+    return _InnerKernel(function, targetoptions=options, pipeline_class=_InnerCompiler)
