@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+# Tests start hundreds of interpreters: without bytecode each would compile every source again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-slow lint setup clean
 
 setup: $(STAMP)

@@ -3,9 +3,11 @@
 from motorctl.kernels.cache import cache_root, kernels_cached
 from motorctl.kernels.generated import load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
+from motorctl.kernels.telling import compiling_told
 
 __all__ = [
     "cache_root",
+    "compiling_told",
     "inner_kernel",
     "kernels_cached",
     "load_generated",

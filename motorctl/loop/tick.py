@@ -14,7 +14,7 @@ from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.errors import RunError
 from motorctl.hal import Driver, Inputs, Outputs
-from motorctl.kernels import kernels_cached, specialise
+from motorctl.kernels import compiling_told, kernels_cached, specialise
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
 from motorctl.loop.records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
@@ -23,6 +23,9 @@ from motorctl.loop.supervision import WATCH
 
 with kernels_cached():
     from motorctl.loop.publish import publish
+
+COMPILED_S, AXIS_COMPILED_S = 12.0, 2.0
+"""What compiling takes on one core of a virtual machine: the common part, and each axis' own."""
 
 Step = Callable[[int, int, bool, int, int], bool]
 """step(number, elapsed, overran, scheduled_ns, woke_ns) -> whether the loop may end.
@@ -131,8 +134,9 @@ class Tick:
             writes.append((driver.write, outputs, divisor))
             advances.append((driver.advance, divisor))
             first = last
+        lists = [axis.model for axis in axes]
         module = compose_tick(
-            [axis.model for axis in axes],
+            lists,
             [place[name] for name in self.machine.axes],
             [axis.divisor for axis in axes],
         )
@@ -153,7 +157,13 @@ class Tick:
             *programs,
             memory.samples,
         )
-        kernel = specialise(module.tick, *before, 0, memory.axis_status_rows)
+        count = len(lists)
+        told = (
+            f"compiling the kernels of {count} {'axis' if count == 1 else 'axes'}, once for this "
+            f"configuration: about {COMPILED_S + count * AXIS_COMPILED_S:.0f} s"
+        )
+        with compiling_told(told):
+            kernel = specialise(module.tick, *before, 0, memory.axis_status_rows)
         rows_out = (memory.status, memory.ticks, self.measured_s)
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
         watch, status, mailbox, replies = commands

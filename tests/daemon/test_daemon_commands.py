@@ -15,6 +15,8 @@ from daemon_rig import Daemon, wait_until
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
 
+pytestmark = pytest.mark.wall_clock
+
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:

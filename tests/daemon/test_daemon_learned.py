@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from motorctl.config import Machine, load
 from motorctl.daemon.learned import save, take_up
 
+pytestmark = pytest.mark.wall_clock
+
 THETA = {
     "x": np.array([0.2, 0.3, 0.1, 0.05, -0.004, -0.0004]),
     "y": np.array([0.7, 0.3, 0.2, 0.0, -0.01, -0.0002, 99.0]),  # longer than its model: the rest

@@ -21,6 +21,8 @@ from motorctl.errors import RunError
 from motorctl.log import recover
 from motorctl.log.sample import AxisState, FaultCause
 
+pytestmark = pytest.mark.wall_clock
+
 TESTS = Path(__file__).parent
 
 

@@ -14,6 +14,8 @@ from motorctl.config import load
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl_sim import SimDriver
 
+pytestmark = pytest.mark.wall_clock
+
 released = threading.Event()
 
 

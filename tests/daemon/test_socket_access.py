@@ -19,6 +19,8 @@ from motorctl.daemon.places import client_socket, daemon_socket, state_file
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import RunError, UsageError
 
+pytestmark = pytest.mark.wall_clock
+
 ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become somebody else")
 NOBODY = 65534
 

@@ -21,6 +21,8 @@ from gantry_device_frames import (
 from motorctl.errors import ConfigError
 from motorctl_devices import load_device
 
+pytestmark = pytest.mark.wall_clock
+
 _NAMES = iter(range(10**6))
 
 

@@ -10,6 +10,8 @@ import pytest
 from motorctl.hal import Driver, DriverOptions, RateBudget
 from motorctl_devices.machine import PHASE, Machine
 
+pytestmark = pytest.mark.wall_clock
+
 PERIOD_S = 1e-3
 PERIOD_NS = 1_000_000
 

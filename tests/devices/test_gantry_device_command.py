@@ -20,6 +20,8 @@ from motorctl.errors import ConfigError, RunError, UsageError
 from motorctl_devices import load_device
 from motorctl_devices.orders import KEYS
 
+pytestmark = pytest.mark.wall_clock
+
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 
 

@@ -26,6 +26,8 @@ from motorctl_devices.line import Line, flip_bits
 from motorctl_devices.orders import FaultOrder
 from motorctl_devices.schedule import Schedule
 
+pytestmark = pytest.mark.wall_clock
+
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 SERIAL: dict[str, Any] = {"serial": {}}
 MS = 1_000_000

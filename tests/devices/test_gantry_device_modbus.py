@@ -18,6 +18,8 @@ from gantry_device_bench import (
     until,
 )
 
+pytestmark = pytest.mark.wall_clock
+
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 RTU = {"modbus": {"rtu": {}, **MODBUS}}
 COUPLER = {

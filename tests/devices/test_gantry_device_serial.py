@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 from motorctl_devices.serial_codec import from_wire, to_wire
 
+pytestmark = pytest.mark.wall_clock
+
 SERIAL: dict = {"serial": {}}
 PAGE = Path(__file__).parents[2] / "docs" / "drivers" / "serial.md"
 HELLO, COMMAND, EXCHANGE, POLL, START, STOP, SAFE = range(1, 8)

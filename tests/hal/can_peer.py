@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 import numpy as np
+import real_time
 
 
 class Peer:
@@ -29,6 +30,7 @@ class Peer:
         """What becomes of the next samples: None is lost, a generator damages."""
         self._running = True
         self._bus = can.Bus(interface="virtual", channel=channel, receive_own_messages=False)
+        real_time.begins()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import real_time
 
 VOLTS_PER_COUNT = 0.30518509476e-3
 CHAIN_CLOSED = 1 << 12
@@ -94,6 +95,7 @@ class TcpPeer(Coupler):
     def begin(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", self.port))
         self._running = True
+        real_time.begins()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -154,6 +156,7 @@ class RtuPeer(Coupler):
         tty.setraw(self._slave)
         self.port.symlink_to(os.ttyname(self._slave))
         self._running = True
+        real_time.begins()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 

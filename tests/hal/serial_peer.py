@@ -12,6 +12,7 @@ from collections import deque
 from pathlib import Path
 
 import numpy as np
+import real_time
 
 FULL_SCALE_V = 12.0
 HELLO, COMMAND, EXCHANGE, POLL, START_STREAM, STOP_STREAM, SAFE = range(1, 8)
@@ -68,6 +69,7 @@ class SerialPeer:
         tty.setraw(self._slave)
         self.port.symlink_to(os.ttyname(self._slave))
         self._running = True
+        real_time.begins()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 

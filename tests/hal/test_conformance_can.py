@@ -12,6 +12,8 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_can import CanDriver
 
+pytestmark = pytest.mark.wall_clock
+
 NUMBERS = itertools.count()
 
 

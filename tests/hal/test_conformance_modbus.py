@@ -15,6 +15,8 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_modbus import ModbusDriver
 
+pytestmark = pytest.mark.wall_clock
+
 
 class ModbusRig(Rig):
     """The driver on a coupler."""

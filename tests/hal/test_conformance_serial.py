@@ -14,6 +14,8 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_serial import SerialDriver
 
+pytestmark = pytest.mark.wall_clock
+
 
 class SerialRig(Rig):
     """The driver on a box behind a pseudo-terminal."""

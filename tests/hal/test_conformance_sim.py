@@ -69,6 +69,7 @@ class TestInVirtualTime(DriverConformance):
             yield rig
 
 
+@pytest.mark.wall_clock
 class TestOnTheWallClock(DriverConformance):
     @pytest.fixture
     def rig(self):

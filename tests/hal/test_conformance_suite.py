@@ -1,5 +1,6 @@
 """The conformance suite itself: a good driver passes it, a broken one fails where it is broken."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -129,31 +130,53 @@ def test_a_driver_that_is_there_is_opened_but_never_sent_a_voltage(tmp_path):
 WIRE = ("--driver", "wire_driver:WireDriver")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), "either --driver-rig or --driver"),
-        ((*WIRE, "--driver-rig", "wire_driver:WireRig"), "either --driver-rig or --driver"),
-        (("--driver", "cna"), "--driver: unknown driver 'cna'; installed: "),
-        (("--driver", "nowhere:Driver"), "module 'nowhere' is missing"),
-        ((*WIRE, "--driver-options", '{"port": '), '--driver-options: found {"port": , no JSON'),
-        ((*WIRE, "--driver-options", "[1]"), "--driver-options: found [1], should be an object"),
-        (
-            (*WIRE, "--driver-options", '{"prot": "w"}'),
-            "--driver-options: port: Field required; prot: ",
-        ),
-        ((*WIRE, "--driver-rate-hz", "0"), "--driver-rate-hz should be greater than 0"),
-        (("--driver-rig", "wire_driver:NoRig"), "--driver-rig wire_driver:NoRig: AttributeError"),
-        (("--driver-rig", "wire_driver:WireDriver"), "is not a subclass of Rig"),
-    ],
-)
-def test_a_mistake_on_the_command_line_is_one_usage_error(tmp_path, arguments, words):
-    run = run_pytest(*SUITE, *arguments, "-o", f"pythonpath={HERE}", folder=tmp_path)
-    assert run.returncode == pytest.ExitCode.USAGE_ERROR
-    errors = [line for line in run.stderr.splitlines() if line]
-    assert len(errors) == 1
-    assert words in errors[0]
-    assert "Traceback" not in run.stdout
+MISTAKES = [
+    ((), "either --driver-rig or --driver"),
+    ((*WIRE, "--driver-rig", "wire_driver:WireRig"), "either --driver-rig or --driver"),
+    (("--driver", "cna"), "--driver: unknown driver 'cna'; installed: "),
+    (("--driver", "nowhere:Driver"), "module 'nowhere' is missing"),
+    ((*WIRE, "--driver-options", '{"port": '), '--driver-options: found {"port": , no JSON'),
+    ((*WIRE, "--driver-options", "[1]"), "--driver-options: found [1], should be an object"),
+    (
+        (*WIRE, "--driver-options", '{"prot": "w"}'),
+        "--driver-options: port: Field required; prot: ",
+    ),
+    ((*WIRE, "--driver-rate-hz", "0"), "--driver-rate-hz should be greater than 0"),
+    (("--driver-rig", "wire_driver:NoRig"), "--driver-rig wire_driver:NoRig: AttributeError"),
+    (("--driver-rig", "wire_driver:WireDriver"), "is not a subclass of Rig"),
+]
+EACH = """
+import contextlib, io, json, sys
+import pytest
+outcomes = []
+for arguments in json.load(sys.stdin):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = pytest.main(["-p", "no:cacheprovider", *arguments])
+    outcomes.append((int(status), out.getvalue(), err.getvalue()))
+json.dump(outcomes, sys.stdout)
+"""
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory):
+    """Status, stdout and stderr for each of MISTAKES, in one interpreter: starting it is slow."""
+    given = [[*SUITE, *arguments, "-o", f"pythonpath={HERE}"] for arguments, _ in MISTAKES]
+    done = subprocess.run(
+        [sys.executable, "-c", EACH], input=json.dumps(given), cwd=tmp_path_factory.mktemp("none"),
+        capture_output=True, text=True, timeout=250, check=True,
+    )  # fmt: skip
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("number", range(len(MISTAKES)), ids=lambda i: MISTAKES[i][1])
+def test_a_mistake_on_the_command_line_is_one_usage_error(outcomes, number):
+    status, said, errors = outcomes[number]
+    assert status == pytest.ExitCode.USAGE_ERROR
+    lines = [line for line in errors.splitlines() if line]
+    assert len(lines) == 1
+    assert MISTAKES[number][1] in lines[0]
+    assert "Traceback" not in said
 
 
 def test_the_suite_without_its_plug_in_says_so_once(tmp_path):

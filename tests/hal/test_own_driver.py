@@ -24,6 +24,8 @@ from motorctl.hal import Channel, Driver, Inputs, Outputs, Status
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState
 
+pytestmark = pytest.mark.wall_clock
+
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "drivers" / "example"
 PAGE = ROOT / "docs" / "drivers" / "your_own.md"

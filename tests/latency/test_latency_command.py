@@ -24,6 +24,8 @@ from motorctl.latency.verdict import judge
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState
 
+pytestmark = pytest.mark.wall_clock
+
 
 def _ignore(_share: float) -> None:
     pass

@@ -8,11 +8,14 @@ from pathlib import Path
 
 import failing_drivers
 import pytest
+import real_time
 from loop_bench import gantry, with_axes, with_sim
 
 from motorctl.config.machine import DriverSetup
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase, Reply, Verb, spawn
+
+pytestmark = pytest.mark.wall_clock
 
 TIMEOUT_S = 200.0
 """Compiling on a busy machine takes its time."""
@@ -41,6 +44,7 @@ class Process:
 
     def __init__(self, machine) -> None:
         self.memory = LoopMemory.create(list(machine.axes), 6, machine.rate_hz)
+        real_time.begins()
         self.process = spawn(machine, self.memory)
 
     def __enter__(self) -> "Process":

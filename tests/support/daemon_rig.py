@@ -13,6 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import real_time
+
 from motorctl.daemon.client import Client, DaemonRefusedError
 
 START_TIMEOUT_S = 240.0  # the first run compiles
@@ -101,6 +103,7 @@ class Daemon:
 
     def launch(self) -> subprocess.Popen[bytes]:
         """Start the daemon's process on this configuration, without waiting for it."""
+        real_time.begins()
         with self.errors.open("ab") as errors:
             return subprocess.Popen(
                 command("run", str(self.config), "--log-dir", str(self.logs), *self.at),

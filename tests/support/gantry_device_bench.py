@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import real_time
 import yaml
 
 from motorctl_devices import Device, load_device
@@ -75,6 +76,7 @@ def running(folder: Path, data: Mapping[str, Any], link: Path | None = None) -> 
         except BaseException as error:
             failed.append(error)
 
+    real_time.begins()
     thread = threading.Thread(target=run, name="device", daemon=True)
     thread.start()
     try:

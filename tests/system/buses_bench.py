@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import real_time
 import yaml
 from daemon_rig import Daemon, bench_config, wait_until
 from gantry_device_bench import MODBUS
@@ -158,6 +159,7 @@ class DeviceProcess:
         options = ["--link", str(link)] if link else []
         if can_be_prompt():  # what is ordered shall be the only fault
             options.append("--raise-workers")
+        real_time.begins()
         self._process = subprocess.Popen(
             [sys.executable, "-c", MAIN, "gantry-device", str(path), "--json", *options],
             stdout=subprocess.PIPE,

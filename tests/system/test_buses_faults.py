@@ -23,6 +23,8 @@ from buses_bench import (
 
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
+pytestmark = pytest.mark.wall_clock
+
 AT_S = 0.8
 REFUSED = "a message was refused"
 GONE = "the bus or the port is gone"

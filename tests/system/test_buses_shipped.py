@@ -15,6 +15,8 @@ from motorctl.config import load, summarise
 from motorctl.config.shipped import shipped_config
 from motorctl_devices.load import SHIPPED
 
+pytestmark = pytest.mark.wall_clock
+
 RUN_S = 3.0
 ADVICE = {
     "serial": [],

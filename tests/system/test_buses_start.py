@@ -20,7 +20,7 @@ from motorctl.daemon.client import DaemonRefusedError
 from motorctl.hal import Status
 from motorctl.loop.faults import device_message
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock]
 
 NOBODY = "/dev/nothing-here"
 ABSENT = {

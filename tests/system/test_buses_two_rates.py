@@ -13,6 +13,8 @@ from motorctl_benchmarks.buses.device import device_running
 from motorctl_benchmarks.buses.machines import device_file
 from motorctl_benchmarks.buses.transports import merged, transports
 
+pytestmark = pytest.mark.wall_clock
+
 SLOW_HZ, FAST_HZ = 500.0, 5000.0
 GENTLE = {
     "gains": {"k1_1_s": 40.0, "ks_v_s_m": 12.0, "gamma_d": 10.0},

@@ -10,6 +10,7 @@ from typing import Any
 
 import can
 import numpy as np
+import real_time
 
 from motorctl.hal import Channel, Inputs, Outputs
 from motorctl_can import CanDriver, CanOptions
@@ -173,6 +174,7 @@ def answering(peer: can.BusABC, first: Mapping[int, bytes]) -> Iterator[None]:
                     peer.send(message(data, identifier))
 
     stop = threading.Event()
+    real_time.begins()
     thread = threading.Thread(target=answer)
     thread.start()
     try:
@@ -199,6 +201,7 @@ class Device:
         self.answer = answer or self.usual
         self._peer, self._sync = peer, sync
         self._stop = threading.Event()
+        real_time.begins()
         self._thread = threading.Thread(target=self._serve)
 
     def usual(self, k: int) -> list[can.Message]:

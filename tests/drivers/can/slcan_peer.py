@@ -15,6 +15,8 @@ import threading
 import tty
 from collections.abc import Callable
 
+import real_time
+
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 
 
@@ -32,6 +34,7 @@ class SlcanPeer:
         self.fd = False
         self._answer, self._sync = answer, sync
         self._stop = threading.Event()
+        real_time.begins()
         self._thread = threading.Thread(target=self._serve)
 
     def __enter__(self) -> SlcanPeer:

@@ -17,6 +17,8 @@ from slcan_peer import SlcanPeer
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver
 
+pytestmark = pytest.mark.wall_clock
+
 STALE = int(Status.STALE)
 WAIT_S = 0.2
 

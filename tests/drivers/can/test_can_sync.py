@@ -18,6 +18,8 @@ from can_bench import (
 
 from motorctl.hal import Status
 
+pytestmark = pytest.mark.wall_clock
+
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 
 

@@ -15,6 +15,7 @@ import tty
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
+import real_time
 from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
@@ -299,6 +300,7 @@ class PymodbusServer:
             action=self._act,
         )
         self._ready = threading.Event()
+        real_time.begins()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
         self._thread.start()
         assert self._ready.wait(5)

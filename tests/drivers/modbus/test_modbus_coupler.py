@@ -7,6 +7,8 @@ from modbus_bench import Bench, TcpPeer, make, packed, registers_of, reply_pdu, 
 
 from motorctl.hal import RunError, Status
 
+pytestmark = pytest.mark.wall_clock
+
 TRIPPED = Status.COMMUNICATION_LOST | Status.STALE | Status.CORRUPT
 
 

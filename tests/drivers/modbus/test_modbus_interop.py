@@ -14,6 +14,8 @@ from modbus_bench import PymodbusServer, make
 
 from motorctl.hal import Inputs, Outputs, RunError
 
+pytestmark = pytest.mark.wall_clock
+
 SOURCE = Path(__file__).parent / "modbus_server" / "gantry.c"
 
 

@@ -7,6 +7,8 @@ from modbus_bench import RtuPeer, make, registers_of, reply_pdu, rtu_bench, rtu_
 
 from motorctl.hal import RunError, Status
 
+pytestmark = pytest.mark.wall_clock
+
 STALE = Status.STALE
 CORRUPT = Status.STALE | Status.CORRUPT
 GONE = Status.STALE | Status.BUS_OFF | Status.COMMUNICATION_LOST

@@ -10,6 +10,8 @@ from modbus_bench import CHANNELS, TcpPeer, make, registers_of, reply_pdu, tcp_b
 
 from motorctl.hal import Inputs, RunError, Status
 
+pytestmark = pytest.mark.wall_clock
+
 STALE = Status.STALE
 CORRUPT = Status.STALE | Status.CORRUPT
 GONE = Status.STALE | Status.BUS_OFF | Status.COMMUNICATION_LOST

@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import real_time
+
 from motorctl.hal import Channel, Inputs, Outputs
 from motorctl_serial import SerialDriver, SerialOptions
 
@@ -108,6 +110,7 @@ class Box:
         for name, value in settings.items():
             assert hasattr(self, name), name
             setattr(self, name, value)
+        real_time.begins()
         self._thread = threading.Thread(target=self._serve)
 
     def start(self) -> None:

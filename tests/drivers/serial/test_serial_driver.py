@@ -28,6 +28,8 @@ import motorctl_serial
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_serial import SerialDriver, SerialOptions
 
+pytestmark = pytest.mark.wall_clock
+
 MODES = ["poll", "exchange", "stream"]
 
 

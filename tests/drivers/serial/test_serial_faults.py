@@ -18,6 +18,8 @@ from serial_bench import (
 
 from motorctl.hal import Inputs, Status
 
+pytestmark = pytest.mark.wall_clock
+
 MODES = ["poll", "exchange", "stream"]
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST
 RESTARTED = Status.DEVICE_RESTARTED | Status.ENCODER_LOST
