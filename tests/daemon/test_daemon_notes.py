@@ -11,6 +11,8 @@ from daemon_rig import Daemon, bench_config, raw_status
 from motorctl.loop import LoopMemory
 from motorctl_sim import SimDriver
 
+pytestmark = pytest.mark.wall_clock
+
 HERE = Path(__file__).parent
 SUPPORT = HERE.parent / "support"
 

@@ -28,6 +28,8 @@ from hypothesis import strategies as st
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver
 
+pytestmark = pytest.mark.wall_clock
+
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
 LOST = int(Status.BUS_OFF) | COMMUNICATION_LOST

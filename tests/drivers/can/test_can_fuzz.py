@@ -25,6 +25,8 @@ from hypothesis import strategies as st
 from motorctl.hal import Inputs, Status
 from motorctl_can import CanDriver, CanOptions, kernels
 
+pytestmark = pytest.mark.wall_clock
+
 STALE = int(Status.STALE)
 
 
