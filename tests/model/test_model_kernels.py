@@ -6,10 +6,11 @@ import sys
 import time
 from textwrap import dedent
 
+import numba
 import numpy as np
 import pytest
 
-from motorctl.kernels import inner_kernel, load_generated, source_digest
+from motorctl.kernels import compiling_told, inner_kernel, load_generated, source_digest
 from motorctl.kernels.cache import UNUSED_DAYS
 from motorctl.kernels.digest import digest_of_file
 
@@ -225,3 +226,15 @@ def test_a_kernel_for_other_kernels_can_be_called_from_python():
     values = np.zeros(1)
     assert shifted(values, 2) == 2.0
     assert shifted(values, 0.5) == 2.5
+
+
+def test_one_line_tells_that_something_is_compiled_and_none_that_it_is_there(capsys):
+    @numba.njit
+    def more(x):
+        return x + 1
+
+    for expected in ("compiling\n", ""):
+        with compiling_told("compiling"):
+            more(1.0)
+            more(1)
+        assert capsys.readouterr().err == expected
