@@ -23,8 +23,8 @@ def run(settings, state, t, y, xd, vd, ad, u):
     for k in range(t.size):
         u[k] = law_step(
             model.state_columns, model.input_columns, model.feedforward, model.input_map,
-            model.input_slope, model.advance_context, settings[0], state[0], t[k],
-            y[k], xd[k], vd[k], ad[k],
+            model.input_slope, model.advance_context, model.advance_inputs, settings[0], state[0],
+            t[k], y[k], xd[k], vd[k], ad[k],
         )
 '''
 

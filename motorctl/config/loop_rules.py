@@ -84,9 +84,9 @@ def check_monotonicity(
     upper = np.array([estimate.upper for estimate in estimates])
     if corner_slopes(model, list(lower), list(upper), u_max, travel_m)[0].slope >= margin:
         return  # holds all over the box, so the law needs no half-plane
-    if varying := [e.name for e in model.effects if e.kind == "input" and e.varies]:
+    if varying := [e.name for e in model.effects if e.kind == "input" and not e.stands_still]:
         # Beside the others' theta(0) the law must have room for all that these may become.
-        wide = [e.varies for e in model.effects for _ in e.parameters]
+        wide = [not e.stands_still for e in model.effects for _ in e.parameters]
         least, at_u = lowest_slope(
             model, np.where(wide, lower, theta), np.where(wide, upper, theta), u_max, travel_m
         )
@@ -94,8 +94,9 @@ def check_monotonicity(
             yield (
                 ("model", varying[0]),
                 f"Assumption 2 may fail within the bounds of {' and '.join(varying)}: somewhere on "
-                f"the travel dv/du can fall to {least:.4g} at u = {at_u:.4g} V, should be at least "
-                f"monotonicity_margin {margin:g}; give it narrower bounds",
+                f"the travel, or after some past, dv/du can fall to {least:.4g} at u = "
+                f"{at_u:.4g} V, should be at least monotonicity_margin {margin:g}; give it "
+                "narrower bounds",
             )
             return
     try:

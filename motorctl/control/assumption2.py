@@ -34,9 +34,10 @@ def monotonicity_half_planes(
     (Chen, Yao, Wang 2013, Assumption 2). Those that follow from the box `lower`, `upper` [units
     of theta] and from the others are left out; with theta6 <= 0 one remains, at u_max.
 
-    An effect that varies with place or time would need a half-plane at every place. Instead the
-    others must leave room for the worst that it can do anywhere on the travel, at any time, for
-    any of its parameters within the box: that is added to the offsets. It is more than needed, so
+    An effect that varies with place or time, or remembers, would need a half-plane at every place
+    and for every past. Instead the others must leave room for the worst that it can do anywhere on
+    the travel, at any time, after any past that it names, for any of its parameters within the
+    box: that is added to the offsets. It is more than needed, so
     narrow bounds of such effects leave the others more room.
 
     Raises UsageError where more than the law can hold remain, or bounds are not finite.
@@ -56,7 +57,7 @@ def monotonicity_half_planes(
     if worst.any() and (np.maximum(rows, 0.0).sum(axis=1) < limits - ROUNDING).any():
         raise UsageError(
             "the input map cannot stay monotonic for every theta within its bounds: narrow the "
-            "bounds of the parameters that vary with place or time"
+            "bounds of the parameters that vary with place, time or the past"
         )
     lowest = np.minimum(rows, 0.0).sum(axis=1)
     kept = [k for k in range(len(rows)) if rows[k].any() and lowest[k] < limits[k] - ROUNDING]
@@ -76,7 +77,8 @@ def voltage_points(model: EffectList, u_max: float) -> list[float]:
     """Return the voltages at which the slope of the model's input map is looked at."""
     sides = [u_max * k / GRID for k in range(GRID, 0, -1)]
     sides += [u_max / GRID / 2.0**k for k in range(1, HALVINGS + 1)]
-    if not all(effect.odd for effect in model.effects if effect.kind == "input"):
+    inputs = [effect for effect in model.effects if effect.kind == "input"]
+    if not all(effect.odd and not effect.memory_size for effect in inputs):
         sides += [-u for u in sides]
     return [*sides, 0.0]
 

@@ -18,20 +18,30 @@ WARM_UP = 3
 
 @inner_kernel
 def remember_command(
-    input_columns: Callable[..., None], settings: Any, state: Any, u: float, x: float, t: float
+    input_columns: Callable[..., None],
+    advance_inputs: Callable[..., None],
+    settings: Any,
+    state: Any,
+    u: float,
+    x: float,
+    t: float,
 ) -> None:
     """Keep the input columns of the command that is about to be applied, and the command.
 
     x [m] and t [s]: where and when it acts. Behind a declared lag it is what acts in the mean of
-    the period that is kept, exactly discretised: the columns see what the force is made of.
+    the period that is kept, exactly discretised: the columns see what the force is made of. What
+    the input effects remember is taken on to what acts at the end of the period.
     """
     n = settings.n
+    acts = u
     if settings.lag_s > 0.0:
         behind = state.lagged - u
         state.lagged = u + behind * settings.lag_decay
         u += behind * settings.lag_mean
+        acts = state.lagged
     entry = state.history[state.steps % HISTORY]
-    input_columns(u, x, t, entry)
+    input_columns(u, x, t, state.context1, entry)
+    advance_inputs(acts, settings.period_s, state.context1)
     entry[n] = u
 
 

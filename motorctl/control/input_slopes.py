@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.model import EffectList
+from motorctl.errors import UsageError
+from motorctl.model import Effect, EffectList
 
 Array = NDArray[np.float64]
 
@@ -21,15 +23,15 @@ TIMES_S = (0.0, 1.0, 30.0, 1e3, 1e9)
 
 
 def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int]:
-    """Return the indices in theta of the input map's parameters.
+    """Return the places in theta of the input map's parameters.
 
-    `varying`: only of the effects that vary with place or time, or only of the others.
+    All, or only those of effects that vary with place, time or the past, or of those that do not.
     """
     effects = [effect for effect in model.effects for _ in effect.parameters]
     return [
         i
         for i, effect in enumerate(effects)
-        if effect.kind == "input" and varying in (None, effect.varies)
+        if effect.kind == "input" and varying in (None, not effect.stands_still)
     ]
 
 
@@ -37,7 +39,7 @@ def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
     """Return h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
     slopes = np.zeros((len(u), len(model)))
     indices = input_indices(model, varying=False)
-    slopes[:, indices] = _slopes(model, indices, u, 0.0, 0.0)
+    slopes[:, indices] = _slopes(model, indices, u, 0.0, 0.0, np.zeros(model.context_size))
     return slopes
 
 
@@ -46,7 +48,8 @@ def worst_varying(
 ) -> Array:
     """Return the lowest that the varying effects can add to dv/du, shape (len(u),).
 
-    Over all of the travel and of time, for any theta (n,) between lower and upper (n,).
+    Over all of the travel, of time and of the memories that the effects name, for any theta (n,)
+    between lower and upper (n,).
     """
     indices = input_indices(model, varying=True)
     if not indices:
@@ -61,27 +64,56 @@ def worst_varying(
 def _varying_slopes(
     model: EffectList, u: tuple[float, ...], travel_m: tuple[float, float]
 ) -> Array:
-    """Return h_i'(u; x, t) of the varying effects, shape (places, len(u), their parameters).
+    """Return h_i'(u; x, t, w) of the varying effects, shape (places, len(u), their parameters).
 
     The places follow the golden ratio, so that no pitch falls in step with them; every time comes
-    together with places from all over the travel.
+    together with places from all over the travel, and every memory with all of these.
     """
     indices = input_indices(model, varying=True)
     low, high = travel_m
-    share = np.concatenate([[0.0, 1.0], np.arange(1, PLACES + 1) * GOLDEN % 1.0])
+    share = np.array([0.0])
+    if any(effect.varies for effect in model.effects):
+        share = np.concatenate([[0.0, 1.0], np.arange(1, PLACES + 1) * GOLDEN % 1.0])
     return np.array(
         [
-            _slopes(model, indices, u, low + float(at) * (high - low), TIMES_S[k % len(TIMES_S)])
+            _slopes(
+                model,
+                indices,
+                u,
+                low + float(at) * (high - low),
+                TIMES_S[k % len(TIMES_S)],
+                context,
+            )
+            for context in _contexts(model)
             for k, at in enumerate(share)
         ]
     )
 
 
-def _slopes(model: EffectList, indices: list[int], u: Sequence[float], x: float, t: float) -> Array:
-    """Return h_i'(u; x, t), shape (len(u), len(indices))."""
+def _contexts(model: EffectList) -> Iterator[Array]:
+    """Yield contexts (context_size,): every combination of memories that the effects name."""
+    remembering = [e for e in model.effects if e.kind == "input" and e.memory_size]
+    for memories in itertools.product(*(_memories(effect) for effect in remembering)):
+        yield np.concatenate([np.zeros(model.motion_memory), *memories])
+
+
+def _memories(effect: Effect) -> list[Array]:
+    named = [np.asarray(memory, np.float64) for memory in effect.memories()]
+    if not named or any(memory.shape != (effect.memory_size,) for memory in named):
+        raise UsageError(
+            f"effect '{effect.name}': memories() should give at least one memory of "
+            f"{effect.memory_size} numbers each, gave {list(effect.memories())}"
+        )
+    return named
+
+
+def _slopes(
+    model: EffectList, indices: list[int], u: Sequence[float], x: float, t: float, context: Array
+) -> Array:
+    """Return h_i'(u; x, t) from the memories in context, shape (len(u), len(indices))."""
     slope, unit = model.kernels.input_slope, np.eye(len(model))
     found = np.zeros((len(u), len(indices)))
     for column, i in enumerate(indices):
         theta = unit[i]
-        found[:, column] = [slope(value, x, t, theta) - 1.0 for value in u]
+        found[:, column] = [slope(value, x, t, context, theta) - 1.0 for value in u]
     return found

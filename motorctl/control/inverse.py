@@ -18,10 +18,11 @@ def invert(
     v: float,
     x: float,
     t: float,
+    context: Any,
     theta: Any,
     u_max: float,
 ) -> float:
-    """Solve v = input_map(u; x, t) for u on the monotonic branch [-u_max, u_max].
+    """Solve v = input_map(u; x, t, context) for u on the monotonic branch [-u_max, u_max].
 
     Newton from u0 = v, kept inside a bracket by bisection (Cardano's formula loses digits as
     theta6 goes to zero). Chen, Yao, Wang 2013, eq. 9; Assumption 2 makes the root unique.
@@ -34,6 +35,8 @@ def invert(
         Virtual command [V].
     x, t
         Desired position [m] and time [s], for maps that vary with them.
+    context
+        The effects' memories after the last command, from which the map is a function of u.
     theta
         Parameters, shape (n,).
     u_max
@@ -45,7 +48,7 @@ def invert(
         The command u [V]; the nearer end where v is beyond the branch, nan where v or theta is.
     """
     low, high = -u_max, u_max
-    v_low, v_high = input_map(low, x, t, theta), input_map(high, x, t, theta)
+    v_low, v_high = input_map(low, x, t, context, theta), input_map(high, x, t, context, theta)
     if v >= v_high:
         return high
     if v <= v_low:
@@ -54,14 +57,14 @@ def invert(
         return math.nan
     u = min(max(v, low), high)
     for _ in range(MAX_ITERATIONS):
-        excess = input_map(u, x, t, theta) - v
+        excess = input_map(u, x, t, context, theta) - v
         if excess == 0.0:
             return u
         if excess > 0.0:
             high = u
         else:
             low = u
-        slope = input_slope(u, x, t, theta)
+        slope = input_slope(u, x, t, context, theta)
         step = excess / slope if slope > 0.0 else u_max
         next_u = u - step
         if not low < next_u < high:

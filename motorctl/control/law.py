@@ -35,7 +35,9 @@ def start_law(
     first virtual command is zero. `state.others` and `state.others_far` are filled before.
     """
     state.y1, state.y2, state.xd1, state.vd1, state.t1 = y, y, y, 0.0, t
-    _settle_contexts(advance_context, state, y)
+    for i in range(settings.motion_memory, state.context.size):
+        state.context[i], state.context1[i] = 0.0, 0.0  # no command has acted
+    _settle_contexts(advance_context, settings, state, y)
     at_rest = _at_rest(feedforward, settings, state, t, y)
     state.d0 = min(max(at_rest, -settings.d_hat_max_v), settings.d_hat_max_v)
     state.u, state.v, state.flags, state.steps = 0.0, 0.0, 0, 0
@@ -46,9 +48,11 @@ def start_law(
 
 
 @inner_kernel
-def _settle_contexts(advance_context: Callable[..., None], state: Any, y: float) -> None:
-    """Let the effects' memories begin at rest at position y: a first motion has dt = 0."""
-    for i in range(state.context.size):
+def _settle_contexts(
+    advance_context: Callable[..., None], settings: Any, state: Any, y: float
+) -> None:
+    """Let the memories of the motion begin at rest at position y: a first motion has dt = 0."""
+    for i in range(settings.motion_memory):
         state.context[i], state.context1[i] = 0.0, 0.0
     advance_context(y, 0.0, 0.0, 0.0, state.others_far, state.context)
     advance_context(y, 0.0, 0.0, 0.0, state.others, state.context1)
@@ -81,7 +85,7 @@ def shift_law(
     state.y1 += shift
     state.y2 += shift
     state.xd1 += shift
-    _settle_contexts(advance_context, state, y + shift)
+    _settle_contexts(advance_context, settings, state, y + shift)
     after = _at_rest(feedforward, settings, state, t, y + shift)
     state.d0 = min(max(state.d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
 
@@ -89,6 +93,7 @@ def shift_law(
 @inner_kernel(error_model="numpy")
 def carry_over_gap(
     advance_context: Callable[..., None],
+    advance_inputs: Callable[..., None],
     settings: Any,
     state: Any,
     elapsed: int,
@@ -103,9 +108,13 @@ def carry_over_gap(
     state.xd1 = xd - (xd - state.xd1) / elapsed
     skipped = elapsed - 1
     # The last command was held meanwhile.
+    passed_s = skipped * settings.period_s
     state.lagged = state.u + (state.lagged - state.u) * settings.lag_decay**skipped
+    advance_inputs(state.u, passed_s, state.context)
+    acts = state.lagged if settings.lag_s > 0.0 else state.u
+    advance_inputs(acts, passed_s, state.context1)
     if settings.previews:
-        near, passed_s = state.near, skipped * settings.period_s
+        near = state.near
         advance_context(near[0], near[1], near[2], passed_s, state.others_far, state.context)
     state.steps = 0
 
@@ -118,6 +127,7 @@ def law_step(
     input_map: Callable[..., float],
     input_slope: Callable[..., float],
     advance_context: Callable[..., None],
+    advance_inputs: Callable[..., None],
     settings: Any,
     state: Any,
     t: float,
@@ -168,7 +178,9 @@ def law_step(
         rate = (y - state.y1) / ts - vd
     p = rate + settings.k1_1_s * (y - xd)
     v = va1 - state.d0 - settings.ks_v_s_m * p
-    u = invert(input_map, input_slope, v, map_x, map_t, theta, settings.max_voltage_v)
+    context = state.context
+    u = invert(input_map, input_slope, v, map_x, map_t, context, theta, settings.max_voltage_v)
+    advance_inputs(u, ts, context)
     flags = SATURATED if abs(u) >= settings.max_voltage_v else 0
 
     # d0_hat' = Proj(gamma_d p), eqs 18-19; frozen while it would push further into saturation.
@@ -179,7 +191,7 @@ def law_step(
     if settings.enabled:
         if not state.blind:
             flags |= adapt(state_columns, settings, state, y)
-        remember_command(input_columns, settings, state, u, acts_x, acts_t)
+        remember_command(input_columns, advance_inputs, settings, state, u, acts_x, acts_t)
     # The estimator looks at the motion of one tick ago: this one's memories are for the next.
     advance_context(xd, vd, ad, t - state.t1, state.others, state.context1)
     state.y2, state.y1, state.xd1, state.vd1, state.t1 = state.y1, y, xd, vd, t

@@ -42,6 +42,7 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
         [
             *LAW_GIVEN,
             ("n", "i8"),  # entries of theta in use
+            ("motion_memory", "i8"),  # entries of the context that follow the motion; they lead
             ("period_s", "f8"),
             ("forgetting", "f8"),  # lambda = exp(-alpha Ts)
             ("filter_pole", "f8"),  # exp(-omega Ts), twice
@@ -92,8 +93,10 @@ def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np
             ("far", "f8", (3,)),  # and a period later
             ("others", "f8", (m, 3)),  # desired x, v, a of the axes that effects depend on
             ("others_far", "f8", (m, 3)),
-            ("context", "f8", (c,)),  # the effects' memories at the desired motion, for va1
-            ("context1", "f8", (c,)),  # and at that of one tick ago, for the adaptation
+            # the effects' memories at the desired motion, for va1, and after the last command
+            ("context", "f8", (c,)),
+            # and at the motion of one tick ago, and after what acted last, for the adaptation
+            ("context1", "f8", (c,)),
             ("lagged", "f8"),  # what acts at the end of the last command's period
             ("history", "f8", (HISTORY, p + 1)),  # input columns and u, a ring
             ("stage1", "f8", (p + 1,)),  # the filter on every column and u

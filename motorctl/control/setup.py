@@ -82,6 +82,7 @@ def fill_settings(
         raise UsageError(f"initial covariances {[*map(float, covariance)]}: each must be above 0")
     fill_by_name(record, (name for name, _ in LAW_GIVEN), given)
     record["n"], record["period_s"] = n, period_s
+    record["motion_memory"] = model.motion_memory
     record["forgetting"] = math.exp(-given["forgetting_1_s"] * period_s)
     record["filter_pole"] = math.exp(-given["filter_rad_s"] * period_s)
     ticks = delay_s / period_s

@@ -266,6 +266,7 @@ def axis_step(
     input_map: Callable[..., float],
     input_slope: Callable[..., float],
     advance_context: Callable[..., None],
+    advance_inputs: Callable[..., None],
     settings: Any,
     axis: Any,
     law_settings: Any,
@@ -302,7 +303,13 @@ def axis_step(
                 axis.fresh = 0
             elif passed > 1:
                 carry_over_gap(
-                    advance_context, law_settings, law, passed, axis.position_m, axis.reference_m
+                    advance_context,
+                    advance_inputs,
+                    law_settings,
+                    law,
+                    passed,
+                    axis.position_m,
+                    axis.reference_m,
                 )
             if axis.held_ticks:
                 law.blind = 1  # a prediction teaches nothing
@@ -314,6 +321,7 @@ def axis_step(
                 input_map,
                 input_slope,
                 advance_context,
+                advance_inputs,
                 law_settings,
                 law,
                 t,

@@ -70,8 +70,8 @@ COUNT = """    moving = 0
 
 STEP = """    volts[{c}] = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
-        {m}.advance_context, settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], {passed}, t,
-        samples[row, {i}],
+        {m}.advance_context, {m}.advance_inputs, settings[{i}], axes[{i}], law_settings[{i}],
+        laws[{i}], {passed}, t, samples[row, {i}],
     )
 """
 

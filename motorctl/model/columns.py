@@ -28,11 +28,12 @@ def columns(x, v, a, vs, t, others, w, c, out):
 ADVANCE = "        advance(w, x[k], v[k], a[k], t[k] - t[k - 1] if k else 0.0, others[k], c)\n"
 INPUT = """
 @njit(cache=True)
-def columns(u, x, t, c, out):
+def columns(u, x, t, w, c, out):
     for k in range(u.size):
         for j in range(out.shape[0]):
-            out[j, k] = -column(j, u[k], {where}c)
-"""
+            out[j, k] = -column(j, u[k], {where}{memory}c)
+{advance}"""
+COMMIT = "        advance(w, u[k], t[k] - t[k - 1] if k else 0.0, c)\n"
 ERROR = """
 @njit(cache=True)
 def columns(x, c, out):
@@ -62,12 +63,14 @@ def state_columns(
 
 
 def input_columns(effect: Effect, u: Array, x: Array, t: Array) -> Array:
-    """Give the columns -h(u) of an input effect, shape (parameters, N), over signals (N,).
+    """Return the columns -h(u) of an input effect, shape (parameters, N), over signals (N,).
 
-    Raises ValueError where shapes differ.
+    A memory follows the command from the first sample on, at rest before it. Raises ValueError
+    where shapes differ.
     """
     out = np.empty((len(effect.parameters), len(u)))
-    _compiled(effect).columns(*_signals(u, x, t), _constants(effect), out)
+    memory = np.zeros(effect.memory_size)
+    _compiled(effect).columns(*_signals(u, x, t), memory, _constants(effect), out)
     return out
 
 
@@ -111,12 +114,12 @@ def _module(cls: type[Effect], remembers: bool) -> ModuleType:
     kernels = ["column", *(["advance"] if remembers else [])]
     source = f'"""Columns of {cls.name}. Generated; do not edit."""\n\nfrom numba import njit\n'
     source += f"from {cls.__module__} import {', '.join(kernels)}\n\n"
+    memory = "w, " if remembers else ""
     if cls.kind == "state":
-        source += STATE.format(
-            advance=ADVANCE if remembers else "", memory="w, " if remembers else ""
-        )
+        source += STATE.format(advance=ADVANCE if remembers else "", memory=memory)
     elif cls.kind == "measurement":
         source += ERROR
     else:
-        source += INPUT.format(where="x[k], t[k], " if cls.varies else "")
+        where = "x[k], t[k], " if cls.varies else ""
+        source += INPUT.format(where=where, memory=memory, advance=COMMIT if remembers else "")
     return load_generated(f"columns_{cls.name}_{source_digest(source)}", source)

@@ -90,7 +90,11 @@ class Effect(ABC):
     this tick, and ``advance(w, x, v, a, dt, others, c)``, which brings it up to the motion x, v, a
     that is reached dt [s] after the last. others[i] is (x, v, a) of the i-th of `other_axes`.
     An input effect that `varies` with place or time has ``column(j, u, x, t, c)`` and
-    ``slope(j, u, x, t, c)``.
+    ``slope(j, u, x, t, c)``. One with a memory has ``column(j, u, w, c)``, ``slope(j, u, w, c)``
+    (or ``(j, u, x, t, w, c)`` where it varies as well) and ``advance(w, u, dt, c)``: w is the
+    memory after the last command that acted, so that from it the column is a function of u alone,
+    and `advance` commits the command u that acts, dt [s] after the last. A memory begins as zeros,
+    at rest.
 
     Kernels run in the real-time tick and must not raise: one that divides is decorated with
     ``njit(error_model="numpy")``, or 1/0 ends the loop. What is not finite trips the axis.
@@ -103,7 +107,7 @@ class Effect(ABC):
     odd: ClassVar[bool] = False
     """An input effect whose h(-u) = -h(u)."""
     memory: ClassVar[int] = 0
-    """Numbers that a state effect remembers from tick to tick."""
+    """Numbers that a state or an input effect remembers from tick to tick."""
     varies: ClassVar[bool] = False
     """An input effect that depends on place or time as well."""
     title: ClassVar[str]
@@ -148,6 +152,19 @@ class Effect(ABC):
     def memory_size(self) -> int:
         """Numbers that this form of the effect remembers."""
         return self.memory
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the command alone decides what an input effect adds: no place, time or past."""
+        return not (self.varies or self.memory_size)
+
+    def memories(self) -> Sequence[tuple[float, ...]]:
+        """Return memories of an input effect at which the slope of its column is looked at.
+
+        The command stays invertible (Assumption 2) at these, so the steepest fall that any history
+        can lead to should be among them. By default the memory at rest alone.
+        """
+        return ((0.0,) * self.memory_size,)
 
     @property
     def other_axes(self) -> tuple[str, ...]:

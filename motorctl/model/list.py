@@ -24,13 +24,16 @@ class EffectList:
 
     - ``state_columns(x, v, a, vs, t, context, out)``: fills out[:n] with the state columns, 0
       elsewhere
-    - ``input_columns(u, x, t, out)``: fills out[:n] with -h(u) of the input effects, 0 elsewhere
+    - ``input_columns(u, x, t, context, out)``: fills out[:n] with -h(u) of the input effects, 0
+      elsewhere
     - ``feedforward(x, v, a, vs, t, context, theta)``: the sum of theta_i psi_i over the state
       columns
-    - ``input_map(u, x, t, theta)``: v(u); ``input_slope(u, x, t, theta)``: dv/du
-    - ``advance_context(x, v, a, dt, others, context)``: brings the effects' memories, context of
-      shape (context_size,), up to the motion that is reached dt [s] after the last; others of
-      shape (axes, 3) is x, v, a of each of `other_axes`
+    - ``input_map(u, x, t, context, theta)``: v(u); ``input_slope(u, x, t, context, theta)``: dv/du
+    - ``advance_context(x, v, a, dt, others, context)``: brings the state effects' memories, in
+      context of shape (context_size,), up to the motion that is reached dt [s] after the last;
+      others of shape (axes, 3) is x, v, a of each of `other_axes`
+    - ``advance_inputs(u, dt, context)``: commits the command u that acts, dt [s] after the last,
+      to the input effects' memories
     - ``correct(y)``: the measured position without the declared errors of the measurement
     """
 
@@ -80,6 +83,11 @@ class EffectList:
     def context_size(self) -> int:
         """Numbers that the effects remember together."""
         return sum(effect.memory_size for effect in self.effects)
+
+    @property
+    def motion_memory(self) -> int:
+        """How many of these belong to state effects; they stand first in the context."""
+        return sum(effect.memory_size for effect in self.effects if effect.kind == "state")
 
     @property
     def other_axes(self) -> tuple[str, ...]:
@@ -142,7 +150,7 @@ class EffectList:
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "state"]
         lines += [f"    out[{i}] = {call}" for i, call in self._state_calls("x, v, a, vs, t")]
         lines += zeros or ["    pass"]
-        lines += ["", "", "@inner_kernel", "def input_columns(u, x, t, out):"]
+        lines += ["", "", "@inner_kernel", "def input_columns(u, x, t, context, out):"]
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "input"]
         lines += [f"    out[{i}] = -({call})" for i, call in self._input_calls("column")]
         lines += zeros or ["    pass"]
@@ -151,13 +159,15 @@ class EffectList:
         state = self._state_calls("x, v, a, vs, t")
         lines += [f"    total += theta[{i}] * {call}" for i, call in state] + ["    return total"]
         for name, kernel, start in (("map", "column", "u"), ("slope", "slope", "1.0")):
-            lines += ["", "", "@inner_kernel", f"def input_{name}(u, x, t, theta):"]
+            lines += ["", "", "@inner_kernel", f"def input_{name}(u, x, t, context, theta):"]
             lines += [f"    total = {start}"]
             calls = self._input_calls(kernel)
             lines += [f"    total += theta[{i}] * {call}" for i, call in calls]
             lines += ["    return total"]
         lines += ["", "", "@inner_kernel", "def advance_context(x, v, a, dt, others, context):"]
-        lines += self._advances() or ["    pass"]
+        lines += self._motion_advances() or ["    pass"]
+        lines += ["", "", "@inner_kernel", "def advance_inputs(u, dt, context):"]
+        lines += self._input_advances() or ["    pass"]
         lines += ["", "", "@inner_kernel", "def correct(y):", "    corrected = y"]
         lines += [
             f"    corrected = {effect.name}_correct(corrected, {_tuple(effect.constants)})"
@@ -174,6 +184,7 @@ class EffectList:
         lines += [f"        row[{i}] = {c}" for i, c in self._state_calls("xk, vk, ak, vsk, tk")]
         inputs = self._input_calls("column", "uk", "xk, tk")
         lines += [f"        row[{i}] = -({c})" for i, c in inputs]
+        lines += ["        advance_inputs(uk, dt, context)"]
         return "\n".join(lines) + "\n"
 
     def _places(self) -> list[tuple[int, Effect, int]]:
@@ -181,50 +192,53 @@ class EffectList:
         pairs = [(e, j) for e in self.effects for j in range(len(e.parameters))]
         return [(i, effect, j) for i, (effect, j) in enumerate(pairs)]
 
-    def _memories(self) -> dict[str, slice]:
-        """Give where in the context each effect's memory stands."""
-        places, start = {}, 0
-        for effect in self.effects:
-            places[effect.name] = slice(start, start + effect.memory_size)
-            start += effect.memory_size
-        return places
+    def _memories(self) -> dict[str, str]:
+        """Return the argument that hands each effect its part of the context, by its name."""
+        arguments, start = {}, 0
+        # motion_memory: what state effects remember stands first
+        for effect in sorted(self.effects, key=lambda effect: effect.kind != "state"):
+            end = start + effect.memory_size
+            arguments[effect.name] = f"context[{start}:{end}], " if end > start else ""
+            start = end
+        return arguments
 
     def _state_calls(self, arguments: str) -> list[tuple[int, str]]:
-        memories, calls = self._memories(), []
-        for i, effect, j in self._places():
-            if effect.kind != "state":
-                continue
-            place = memories[effect.name]
-            memory = f"context[{place.start}:{place.stop}], " if effect.memory_size else ""
-            constants = _tuple(effect.constants)
-            calls.append((i, f"{effect.name}_column({j}, {arguments}, {memory}{constants})"))
-        return calls
+        memories = self._memories()
+        return [
+            (i, f"{e.name}_column({j}, {arguments}, {memories[e.name]}{_tuple(e.constants)})")
+            for i, e, j in self._places()
+            if e.kind == "state"
+        ]
 
     def _input_calls(
         self, kernel: str, command: str = "u", place: str = "x, t"
     ) -> list[tuple[int, str]]:
-        calls = []
-        for i, effect, j in self._places():
-            if effect.kind != "input":
+        memories, calls = self._memories(), []
+        for i, e, j in self._places():
+            if e.kind != "input":
                 continue
-            where = f"{command}, {place}" if effect.varies else command
-            constants = _tuple(effect.constants)
-            calls.append((i, f"{effect.name}_{kernel}({j}, {where}, {constants})"))
+            where = f"{command}, {place}" if e.varies else command
+            constants = _tuple(e.constants)
+            calls.append((i, f"{e.name}_{kernel}({j}, {where}, {memories[e.name]}{constants})"))
         return calls
 
-    def _advances(self) -> list[str]:
+    def _motion_advances(self) -> list[str]:
         memories, lines, other = self._memories(), [], 0
-        for effect in self.effects:
-            others = slice(other, other + len(effect.other_axes))
-            other = others.stop
-            if not effect.memory_size:
-                continue
-            place = memories[effect.name]
-            memory = f"context[{place.start}:{place.stop}]"
-            beside = f"others[{others.start}:{others.stop}]"
-            constants = _tuple(effect.constants)
-            lines.append(f"    {effect.name}_advance({memory}, x, v, a, dt, {beside}, {constants})")
+        for e in self.effects:
+            others = f"others[{other}:{other + len(e.other_axes)}]"
+            other += len(e.other_axes)
+            if e.kind == "state" and e.memory_size:
+                arguments = f"{memories[e.name]}x, v, a, dt, {others}, {_tuple(e.constants)}"
+                lines.append(f"    {e.name}_advance({arguments})")
         return lines
+
+    def _input_advances(self) -> list[str]:
+        memories = self._memories()
+        return [
+            f"    {e.name}_advance({memories[e.name]}u, dt, {_tuple(e.constants)})"
+            for e in self.effects
+            if e.kind == "input" and e.memory_size
+        ]
 
 
 def _import(effect: Effect) -> str:

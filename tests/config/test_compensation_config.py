@@ -19,6 +19,7 @@ from motorctl.loop.tick import axes_beside
 from motorctl.model import EffectList, effect_class, make_effect
 
 GAINS = {"k1_1_s": 250.0, "ks_v_s_m": 95.0, "gamma_d": 500.0, "period_s": 2e-4}
+NO_MEMORY = np.zeros(0)
 NARROW = {"bounds": [-0.05, 0.05]}
 
 
@@ -174,7 +175,9 @@ def test_a_map_that_varies_asks_for_the_command_that_it_turns_into_the_motion() 
     x, a = np.linspace(0.0, 0.1, 200), np.linspace(-25.0, 25.0, 200)
     still = np.zeros(200)
     u = required_command(model, theta, 10.0)(x, still, a)
-    given = [model.kernels.input_map(*pair, 0.0, theta) for pair in zip(u, x, strict=True)]
+    given = [
+        model.kernels.input_map(*pair, 0.0, NO_MEMORY, theta) for pair in zip(u, x, strict=True)
+    ]
     assert np.abs(u).max() < 10.0
     assert given == pytest.approx(0.19 * a, abs=1e-5)
 

@@ -32,7 +32,8 @@ def shift(settings, state, t, y, by):
 def step(settings, state, t, y, xd, vd, ad):
     return law_step(
         model.state_columns, model.input_columns, model.feedforward, model.input_map,
-        model.input_slope, model.advance_context, settings[0], state[0], t, y, xd, vd, ad,
+        model.input_slope, model.advance_context, model.advance_inputs, settings[0], state[0], t, y,
+        xd, vd, ad,
     )
 """
 

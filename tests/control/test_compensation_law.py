@@ -16,6 +16,7 @@ from motorctl.errors import UsageError
 from motorctl.model import EffectList
 
 TS = 0.2e-3
+NO_MEMORY = np.zeros(0)
 LAG_S, DELAY_S = 0.7e-3, 0.27e-3
 NO_TIME_S = 1e-12
 TRUTH = {
@@ -165,8 +166,8 @@ def test_a_map_that_varies_is_inverted_where_the_axis_is(
     sine: float, cosine: float, depth: float, u: float, x: float
 ) -> None:
     kernels, theta = VARYING.kernels, np.array([-0.005, -0.0005, sine, cosine, depth, 0.05])
-    v = kernels.input_map(u, x, 30.0, theta)
-    found = invert(kernels.input_map, kernels.input_slope, v, x, 30.0, theta, 10.0)
+    v = kernels.input_map(u, x, 30.0, NO_MEMORY, theta)
+    found = invert(kernels.input_map, kernels.input_slope, v, x, 30.0, NO_MEMORY, theta, 10.0)
     assert found == pytest.approx(u, abs=1e-9)
 
 
@@ -195,7 +196,10 @@ def test_no_admitted_estimate_folds_the_map_at_any_place_or_time(seed: int) -> N
     # At the ends of the range the electromagnetic parts are steepest.
     for one in admitted[:40]:
         x, t = rng.uniform(0.0, 0.4), 10.0 ** rng.uniform(-1.0, 4.0)
-        assert min(slope(u, x, t, one) for u in (-10.0, -9.0, -1e-3, 1e-3, 9.0, 10.0)) > 0.045
+        assert (
+            min(slope(u, x, t, NO_MEMORY, one) for u in (-10.0, -9.0, -1e-3, 1e-3, 9.0, 10.0))
+            > 0.045
+        )
 
 
 def test_bounds_that_leave_the_others_no_room_are_refused() -> None:

@@ -10,6 +10,7 @@ from motorctl.model import EffectList
 from motorctl.model.bspline import basis
 from motorctl.model.columns import input_columns, state_columns
 
+NO_MEMORY = np.zeros(0)
 COLUMNED = [effect for effect in EVERY if effect.kind in ("state", "input")]
 INPUTS = [effect for effect, _ in INPUT]
 
@@ -81,8 +82,10 @@ def test_the_slope_of_an_input_effect_is_the_derivative_of_its_map(effect, u, x,
     h = 1e-6
     if effect.name == "dead_zone" and abs(abs(u) - effect.options.half_width_v) <= 2 * h:
         u += 4 * h  # its map has corners
-    rise = kernels.input_map(u + h, x, t, theta) - kernels.input_map(u - h, x, t, theta)
-    assert kernels.input_slope(u, x, t, theta) == pytest.approx(rise / (2 * h), abs=1e-5)
+    rise = kernels.input_map(u + h, x, t, NO_MEMORY, theta) - kernels.input_map(
+        u - h, x, t, NO_MEMORY, theta
+    )
+    assert kernels.input_slope(u, x, t, NO_MEMORY, theta) == pytest.approx(rise / (2 * h), abs=1e-5)
 
 
 @pytest.mark.parametrize("effect", INPUTS, ids=named(INPUTS))
@@ -92,7 +95,7 @@ def test_an_input_effect_that_says_it_is_odd_is_odd(effect, u):
     kernels = EffectList([effect]).kernels
     theta = np.full(len(effect.parameters), 0.1)
     assert effect.odd
-    there, back = (kernels.input_map(value, 0.11, 0.7, theta) for value in (u, -u))
+    there, back = (kernels.input_map(value, 0.11, 0.7, NO_MEMORY, theta) for value in (u, -u))
     assert back == -there
 
 
@@ -101,7 +104,7 @@ def test_an_input_effect_that_does_not_vary_is_the_same_everywhere(effect):
     kernels = EffectList([effect]).kernels
     theta = np.full(len(effect.parameters), 0.1)
     places = [(0.0, 0.0), (0.013, 0.9), (-0.2, 40.0)]
-    values = {kernels.input_map(1.7, x, t, theta) for x, t in places}
+    values = {kernels.input_map(1.7, x, t, NO_MEMORY, theta) for x, t in places}
     assert (len(values) > 1) == effect.varies
 
 
@@ -119,7 +122,7 @@ def test_the_widest_bounds_leave_the_input_map_an_inverse(name, orders):
     for _ in range(300):
         theta = np.array([rng.choice([p.lower, p.upper]) for p in effect.parameters])
         u, x, t = rng.uniform(-0.3, 0.3), rng.uniform(-1.0, 1.0), rng.uniform(0.0, 100.0)
-        assert kernels.input_slope(u, x, t, theta) > 0.04
+        assert kernels.input_slope(u, x, t, NO_MEMORY, theta) > 0.04
 
 
 def test_friction_is_nothing_at_rest_however_steep_it_is():

@@ -62,7 +62,7 @@ def test_an_effect_that_is_added_changes_nothing_until_its_parameters_do(effect)
         assert (start > 0.0).all()
         return
     kernels = EffectList([effect]).kernels
-    assert kernels.input_map(1.7, 0.1, 2.0, start) == 1.7
+    assert kernels.input_map(1.7, 0.1, 2.0, np.zeros(effect.memory_size), start) == 1.7
     motion = (0.1, 0.2, 3.0, 0.2, 2.0)
     context, others = np.zeros(effect.memory_size), np.ones((len(effect.other_axes), 3))
     kernels.advance_context(*motion[:3], 2e-4, others, context)

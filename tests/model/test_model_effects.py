@@ -15,6 +15,7 @@ from motorctl.errors import UsageError
 from motorctl.model import EffectList, effect_class, make_effect
 
 C2 = effects(*C2_NAMES)
+NO_MEMORY = np.zeros(0)
 MIXED = EffectList(
     [
         OwnSaturation(),
@@ -59,7 +60,7 @@ def test_the_command_that_solves_the_model_gives_the_regressor_times_theta(model
     x, v, a, vs, t, u = (signal[:1] for signal in signals(seed))
     psi = model.regressor(x, v, a, vs, t, u)[0]
     motion = [float(signal[0]) for signal in (x, v, a, vs, t)]
-    lhs = model.kernels.input_map(u[0], x[0], t[0], theta) - u[0]
+    lhs = model.kernels.input_map(u[0], x[0], t[0], NO_MEMORY, theta) - u[0]
     feedforward = model.kernels.feedforward(*motion, np.zeros(0), theta)
     assert psi @ theta == pytest.approx(feedforward - lhs, abs=1e-9)
 
@@ -70,10 +71,9 @@ def test_the_slope_is_the_derivative_of_the_input_map(model, u, seed):
     theta = np.random.default_rng(seed).normal(size=len(model)) * 0.01
     h = 1e-5
     kernels = model.kernels
-    difference = kernels.input_map(u + h, 0.1, 0.0, theta) - kernels.input_map(
-        u - h, 0.1, 0.0, theta
-    )
-    assert kernels.input_slope(u, 0.1, 0.0, theta) == pytest.approx(difference / (2 * h), abs=1e-4)
+    up, down = (kernels.input_map(u + d, 0.1, 0.0, NO_MEMORY, theta) for d in (h, -h))
+    slope = kernels.input_slope(u, 0.1, 0.0, NO_MEMORY, theta)
+    assert slope == pytest.approx((up - down) / (2 * h), abs=1e-4)
 
 
 def test_the_tick_and_the_analysis_run_the_same_columns():
@@ -83,7 +83,7 @@ def test_the_tick_and_the_analysis_run_the_same_columns():
     for k in range(len(x)):
         MIXED.kernels.state_columns(x[k], v[k], a[k], vs[k], t[k], np.zeros(0), row)
         state = row[:-1].copy()
-        MIXED.kernels.input_columns(u[k], x[k], t[k], row)
+        MIXED.kernels.input_columns(u[k], x[k], t[k], NO_MEMORY, row)
         assert (state + row[:-1] == psi[k]).all()
 
 

@@ -48,7 +48,7 @@ def run(settings, state, plants, reference, push, rows, theta, gamma):
     run_law(
         {effects}.state_columns, {effects}.input_columns, {effects}.feedforward,
         {effects}.input_map, {effects}.input_slope, {effects}.advance_context,
-        settings, state, plants, reference, push, rows, theta, gamma,
+        {effects}.advance_inputs, settings, state, plants, reference, push, rows, theta, gamma,
     )
 """
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.control import input_indices
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -38,15 +37,15 @@ def required_command(
     reconstruction of Chen, Yao, Wang 2013, eq. 13), through the inverse of the input map (eq. 9).
     Time counts as 0; what effects remember, and other axes' motion, counts as nothing.
     """
-    kept = [e.kind == "state" and not e.memory_size for e in model.effects for _ in e.parameters]
-    state = np.where(kept, theta, 0.0)
-    varying = np.zeros_like(theta)
-    indices = input_indices(model, varying=True)
-    varying[indices] = theta[indices]
+    each = [effect for effect in model.effects for _ in effect.parameters]
+    state = np.where([e.kind == "state" and not e.memory_size for e in each], theta, 0.0)
+    varying = np.where([e.kind == "input" and e.varies for e in each], theta, 0.0)
+    context = np.zeros(model.context_size)
     u = np.linspace(-u_max, u_max, MAP_POINTS)
     fixed = theta - varying
-    mapped = np.array([model.kernels.input_map(float(value), 0.0, 0.0, fixed) for value in u])
-    low, high = (float(model.kernels.input_slope(end, 0.0, 0.0, fixed)) for end in (u[0], u[-1]))
+    input_map, input_slope = model.kernels.input_map, model.kernels.input_slope
+    mapped = np.array([input_map(float(value), 0.0, 0.0, context, fixed) for value in u])
+    low, high = (float(input_slope(end, 0.0, 0.0, context, fixed)) for end in (u[0], u[-1]))
     slopes = low, high
     inverse_slopes = 1.0 / max(low, LEAST_SLOPE), 1.0 / max(high, LEAST_SLOPE)
 

@@ -24,6 +24,7 @@ def run_law(
     input_map,
     input_slope,
     advance_context,
+    advance_inputs,
     settings,
     state,
     plants,
@@ -50,7 +51,7 @@ def run_law(
         xd, vd, ad = reference[k, 0], reference[k, 1], reference[k, 2]
         u = law_step(
             state_columns, input_columns, feedforward, input_map, input_slope, advance_context,
-            law, state[0], k * law.period_s, y, xd, vd, ad,
+            advance_inputs, law, state[0], k * law.period_s, y, xd, vd, ad,
         )  # fmt: skip
         row = rows[k]
         row.x, row.v, row.y, row.u = x, v, y, u
