@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from motorctl.config.validation import Finding, read_keys, shown, suggest, valid
 from motorctl.errors import Problem, UsageError
 from motorctl.located_yaml import Document, KeyPath, find
 from motorctl.model import Effect, EffectList, Parameter, effect_class, known_effects
+from motorctl.model.catalog import check_form, failed_effects
 
 MOST_PARAMETERS = 64
 
@@ -89,7 +89,7 @@ def _effect(
     def refused(message: str, *where: str) -> tuple[None, list[Problem]]:
         return None, [document.problem((*path, *where), message)]
 
-    if keys.type is None and name not in known_effects():
+    if keys.type is None and name not in {*known_effects(), *failed_effects()}:
         known = suggest(name, known_effects())
         return refused(
             f"unknown effect; {known} (an effect of one's own needs type: package.module:Class)"
@@ -97,23 +97,19 @@ def _effect(
     try:
         cls = effect_class(name, keys.type)
     except UsageError as error:
-        return refused(str(error), "type")
+        return refused(str(error), *(["type"] if keys.type else []))
     also = EffectKeys.model_fields
     options, problems = validate_options(document, path, cls.Options, keys.options, also)
     if options is None:
         return None, problems
     try:
         effect = cls(options)
-        names = [parameter.name for parameter in effect.parameters]
-        constants = [float(constant) for constant in effect.constants]
-        times_s = (float(effect.lag_s), float(effect.delay_s))
-        fits = effect.memory_size >= 0 and all(isinstance(o, str) for o in effect.other_axes)
     except Exception as error:  # an effect of a third party may fail in any way
         return refused(f"the effect refuses its options: {type(error).__name__}: {error}")
-    if len(set(names)) < len(names) or not constants:
-        return refused("the effect names a parameter twice, or gives no constants")
-    if not fits or not all(0.0 <= time_s < math.inf for time_s in times_s):
-        return refused("the effect's memory, other axes, lag or delay are no such thing")
+    try:
+        check_form(effect)
+    except UsageError as error:
+        return refused(str(error))
     return effect, []
 
 

@@ -78,7 +78,7 @@ def voltage_points(model: EffectList, u_max: float) -> list[float]:
     sides = [u_max * k / GRID for k in range(GRID, 0, -1)]
     sides += [u_max / GRID / 2.0**k for k in range(1, HALVINGS + 1)]
     inputs = [effect for effect in model.effects if effect.kind == "input"]
-    if not all(effect.odd and not effect.memory_size for effect in inputs):
+    if not all(effect.odd and not effect.remembers() for effect in inputs):
         sides += [-u for u in sides]
     return [*sides, 0.0]
 

@@ -92,7 +92,7 @@ def _varying_slopes(
 
 def _contexts(model: EffectList) -> Iterator[Array]:
     """Yield contexts (context_size,): every combination of memories that the effects name."""
-    remembering = [e for e in model.effects if e.kind == "input" and e.memory_size]
+    remembering = [e for e in model.effects if e.kind == "input" and e.remembers()]
     for memories in itertools.product(*(_memories(effect) for effect in remembering)):
         yield np.concatenate([np.zeros(model.motion_memory), *memories])
 

@@ -6,18 +6,19 @@ entry-point group `motorctl.effects`; one that fails to load hurts no other.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import pkgutil
-import sys
 from functools import cache
 from importlib.metadata import entry_points
-from typing import get_args
 
-from numba.core.dispatcher import Dispatcher
+from pydantic import ValidationError
 
 from motorctl.errors import UsageError
 from motorctl.model import effects
-from motorctl.model.effect import Effect, Kind
+from motorctl.model.contract import ORDINARY, check_class, check_effect
+from motorctl.model.effect import Effect
+from motorctl.model.first_run import run_kernels
 from motorctl.model.knowledge import Signal
 
 GROUP = "motorctl.effects"
@@ -57,59 +58,77 @@ def basic_effects() -> dict[Signal, type[Effect]]:
 def _installed() -> tuple[dict[str, type[Effect]], dict[str, str]]:
     found: dict[str, type[Effect]] = {}
     failed: dict[str, str] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
         try:
-            if entry.name in built_in_effects():
-                raise UsageError(f"an effect named '{entry.name}' is built in")  # noqa: TRY301
-            found[entry.name] = effect_class(entry.name, entry.value)
+            cls = effect_class(entry.name, entry.value)
         except UsageError as error:
             failed[entry.name] = str(error)
+            continue
+        if found.setdefault(entry.name, cls) is not cls:
+            failed[entry.name] = f"two packages install an effect named '{entry.name}'"
+            del found[entry.name]
     return found, failed
 
 
 def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
-    """Give the class of an effect, known by its name or named as ``package.module:Class``.
+    """Return the class of an effect, known by its name or named as ``package.module:Class``.
 
-    Raises UsageError where there is no such effect.
+    Raises UsageError where there is no such effect, or where it does not keep the contract of an
+    effect: then the message names the member and what is expected of it.
     """
     if type_name is None:
-        if name not in known_effects():
-            known = ", ".join(sorted(known_effects()))
-            raise UsageError(f"unknown effect '{name}'; known: {known} (or give its type)")
-        return known_effects()[name]
+        if name in known_effects():
+            return known_effects()[name]
+        if name in failed_effects():
+            raise UsageError(f"installed, but refused: {failed_effects()[name]}")
+        known = ", ".join(sorted(known_effects()))
+        raise UsageError(f"unknown effect '{name}'; known: {known} (or give its type)")
+    who = f"effect '{name}' ({type_name})"
     module_name, _, attribute = type_name.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), attribute)
     except Exception as error:  # a user's module may fail in any way
         cause = f"{type(error).__name__}: {error}"
-        raise UsageError(f"effect '{name}' ({type_name}) failed to import: {cause}") from error
-    if not _is_effect(found):
-        raise UsageError(f"effect '{name}' ({type_name}) is not a motorctl.model.Effect")
+        raise UsageError(f"{who} failed to import: {cause}") from error
+    if not (isinstance(found, type) and issubclass(found, Effect)):
+        raise UsageError(f"{who} is not a motorctl.model.Effect")
+    if not isinstance(getattr(found, "name", None), str) or not found.name:
+        raise UsageError(f"{who}: the class has no name; expected name = '{name}'")
     if found.name != name:
-        raise UsageError(f"effect '{name}' ({type_name}) calls itself '{found.name}'")
-    _insist_on_its_parts(found, f"effect '{name}' ({type_name})")
-    return found  # type: ignore[no-any-return]
+        raise UsageError(f"{who} calls itself '{found.name}'")
+    if built_in_effects().get(name) is not found:
+        _insist_on_the_contract(found, who)
+    return found
 
 
-def _insist_on_its_parts(found: type[Effect], who: str) -> None:
-    if not found.name.isidentifier():
-        raise UsageError(f"{who}: the name needs letters, digits and _")
-    for part in ("kind", "title", "formula", "compensated", "identified", "visible_in"):
-        if not isinstance(getattr(found, part, None), str):
-            raise UsageError(f"{who}: the class has no text '{part}'")
-    if found.kind not in get_args(Kind):
-        raise UsageError(f"{who}: its kind is '{found.kind}'; must be one of {get_args(Kind)}")
-    module = sys.modules[found.__module__]
-    kernels = {"state": ["column"], "input": ["column", "slope"], "measurement": ["correct"]}
-    # An effect may remember in some of its forms only: then it says so by `memory_size`.
-    remembers = found.memory > 0 or found.memory_size is not Effect.memory_size
-    for kernel in [*kernels.get(found.kind, []), *(["advance"] if remembers else [])]:
-        # Only compiled functions can be called from the compiled tick.
-        if not isinstance(getattr(module, kernel, None), Dispatcher):
-            raise UsageError(
-                f"{who}: its module {found.__module__} has no function '{kernel}' decorated with "
-                f"numba's njit"
-            )
+@cache
+def _insist_on_the_contract(found: type[Effect], who: str) -> None:
+    if found.name in built_in_effects():
+        raise UsageError(f"{who}: name '{found.name}' is that of a built-in effect; choose another")
+    check_class(found, who)
+    if (signal := found.proportional_to) is not None:
+        owner = basic_effects()[signal].name
+        raise UsageError(f"{who}: proportional_to is '{signal}', which is that of '{owner}' alone")
+    if (form := sample_form(found)) is not None:
+        check_effect(form, who)
+        run_kernels(form, who)
+
+
+def sample_form(cls: type[Effect]) -> Effect | None:
+    """Return a form of an effect as an ordinary recording suggests; None where options decide."""
+    with contextlib.suppress(ValidationError):
+        return cls.typical(ORDINARY) or cls()
+    return None
+
+
+def check_form(effect: Effect) -> None:
+    """Check an effect from outside with the options that it was given.
+
+    Raises UsageError where with these it does not keep the contract of an effect.
+    """
+    if built_in_effects().get(effect.name) is not type(effect):
+        check_effect(effect, f"effect '{effect.name}'")
+        run_kernels(effect, f"effect '{effect.name}'")
 
 
 def _is_effect(item: object) -> bool:

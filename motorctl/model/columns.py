@@ -106,11 +106,12 @@ def _constants(effect: Effect) -> Array:
 
 
 def _compiled(effect: Effect) -> ModuleType:
-    return _module(type(effect), effect.memory_size > 0)
+    return _module(type(effect))
 
 
 @cache
-def _module(cls: type[Effect], remembers: bool) -> ModuleType:
+def _module(cls: type[Effect]) -> ModuleType:
+    remembers = cls.remembers()
     kernels = ["column", *(["advance"] if remembers else [])]
     source = f'"""Columns of {cls.name}. Generated; do not edit."""\n\nfrom numba import njit\n'
     source += f"from {cls.__module__} import {', '.join(kernels)}\n\n"

@@ -156,7 +156,12 @@ class Effect(ABC):
     @property
     def stands_still(self) -> bool:
         """Whether the command alone decides what an input effect adds: no place, time or past."""
-        return not (self.varies or self.memory_size)
+        return not (self.varies or self.remembers())
+
+    @classmethod
+    def remembers(cls) -> bool:
+        """Return whether the kernels take a memory: they do in all forms, or in none."""
+        return cls.memory > 0 or cls.memory_size is not Effect.memory_size
 
     def memories(self) -> Sequence[tuple[float, ...]]:
         """Return memories of an input effect at which the slope of its column is looked at.
@@ -256,18 +261,19 @@ class Effect(ABC):
     @property
     def column(self) -> Callable[..., float]:
         """The compiled column, taken from the effect's module."""
-        return self._kernel("column")
+        return self.kernel("column")
 
     @property
     def slope(self) -> Callable[..., float]:
         """The compiled derivative of an input effect's column."""
-        return self._kernel("slope")
+        return self.kernel("slope")
 
     def with_options(self, **changes: object) -> Effect:
         """Give this effect with other options; raises pydantic.ValidationError where wrong."""
         return type(self)(self.Options.model_validate(self.options.model_dump() | changes))
 
-    def _kernel(self, name: str) -> Callable[..., float]:
+    def kernel(self, name: str) -> Callable[..., float]:
+        """Return a compiled function of the effect's module."""
         kernel: Callable[..., float] = getattr(sys.modules[type(self).__module__], name)
         return kernel
 
@@ -277,7 +283,7 @@ class Effect(ABC):
 
 
 def make_effect(cls: type[Effect], options: Mapping[str, Any] | None = None) -> Effect:
-    """Make an effect from plain options; raises pydantic.ValidationError where they are wrong."""
+    """Return an effect with plain options; raises pydantic.ValidationError where they are wrong."""
     if not getattr(cls, "name", ""):
         raise UsageError(f"effect class {cls.__module__}:{cls.__qualname__} has no name")
     return cls(cls.Options.model_validate(dict(options or {})))

@@ -198,7 +198,7 @@ class EffectList:
         # motion_memory: what state effects remember stands first
         for effect in sorted(self.effects, key=lambda effect: effect.kind != "state"):
             end = start + effect.memory_size
-            arguments[effect.name] = f"context[{start}:{end}], " if end > start else ""
+            arguments[effect.name] = f"context[{start}:{end}], " if effect.remembers() else ""
             start = end
         return arguments
 
@@ -227,7 +227,7 @@ class EffectList:
         for e in self.effects:
             others = f"others[{other}:{other + len(e.other_axes)}]"
             other += len(e.other_axes)
-            if e.kind == "state" and e.memory_size:
+            if e.kind == "state" and e.remembers():
                 arguments = f"{memories[e.name]}x, v, a, dt, {others}, {_tuple(e.constants)}"
                 lines.append(f"    {e.name}_advance({arguments})")
         return lines
@@ -237,14 +237,14 @@ class EffectList:
         return [
             f"    {e.name}_advance({memories[e.name]}u, dt, {_tuple(e.constants)})"
             for e in self.effects
-            if e.kind == "input" and e.memory_size
+            if e.kind == "input" and e.remembers()
         ]
 
 
 def _import(effect: Effect) -> str:
     names = {"state": ["column"], "input": ["column", "slope"], "measurement": ["correct"]}
     kernels = list(names.get(effect.kind, []))
-    if effect.memory_size:
+    if effect.remembers():
         kernels.append("advance")
     if not kernels:
         return ""
