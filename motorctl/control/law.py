@@ -107,8 +107,8 @@ def carry_over_gap(
     state.y1 = y - (y - state.y1) / elapsed
     state.xd1 = xd - (xd - state.xd1) / elapsed
     skipped = elapsed - 1
-    # The last command was held meanwhile.
     passed_s = skipped * settings.period_s
+    # The last command was held meanwhile.
     state.lagged = state.u + (state.lagged - state.u) * settings.lag_decay**skipped
     advance_inputs(state.u, passed_s, state.context)
     acts = state.lagged if settings.lag_s > 0.0 else state.u

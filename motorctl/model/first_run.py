@@ -76,7 +76,7 @@ class _Calls:
 
     def _call(self, kernel: str, *arguments: object) -> object:
         try:
-            return getattr(_callers(type(self.effect)), kernel)(*arguments, self.constants)
+            return getattr(kernel_calls(type(self.effect)), kernel)(*arguments, self.constants)
         except ZeroDivisionError as error:
             raise self.refuse(
                 kernel, 'divides by zero and raises; expected @njit(error_model="numpy") and a '
@@ -91,7 +91,7 @@ class _Calls:
 
 
 @cache
-def _callers(cls: type[Effect]) -> ModuleType:
+def kernel_calls(cls: type[Effect]) -> ModuleType:
     """Return functions that call an effect's kernels as the tick does, compiled once for good."""
     kernels = kernels_of(cls)
     source = f'"""Calls of the kernels of {cls.name}. Generated; do not edit."""\n\n'

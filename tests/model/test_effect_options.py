@@ -129,5 +129,5 @@ def test_options_that_mean_nothing_are_refused(name, options, said):
 @pytest.mark.parametrize("name", ["forgetful", "sometimes_forgetful"])
 def test_an_effect_with_a_memory_needs_a_way_to_advance_it(name):
     class_name = "".join(word.title() for word in name.split("_"))
-    with pytest.raises(UsageError, match="no function 'advance' decorated with numba's njit"):
+    with pytest.raises(UsageError, match="advance is missing: expected advance"):
         effect_class(name, f"forgetful_effects:{class_name}")

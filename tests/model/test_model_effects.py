@@ -135,10 +135,6 @@ def test_an_effect_cannot_stand_in_a_list_twice():
         ("wave", "seventh_effect:Wave", "failed to import: AttributeError"),
         ("wave", "seventh_effect:SeventhEffect", "calls itself 'seventh_effect'"),
         ("wave", "seventh_effect:WaveOptions", "is not a motorctl.model.Effect"),
-        ("bare", "broken_effects:Bare", "no function 'column' decorated with numba's njit"),
-        ("wordless", "broken_effects:Wordless", "the class has no text 'formula'"),
-        ("two words", "broken_effects:TwoWords", "the name needs letters, digits and _"),
-        ("sideways", "broken_effects:Sideways", "its kind is 'sideways'"),
     ],
 )
 def test_an_effect_that_cannot_be_used_is_told_in_one_message(name, type_name, said):

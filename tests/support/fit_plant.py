@@ -80,7 +80,7 @@ def simulate(
     """Follow random point-to-point moves in closed loop and record what a drive would."""
     period = 1.0 / rate_hz
     rng = np.random.default_rng(seed)
-    reference = _moves(rng, duration_s, rate_hz, peak_acceleration, peak_velocity, travel)
+    reference = random_moves(rng, duration_s, rate_hz, peak_acceleration, peak_velocity, travel)
     theta = np.array([*theta, *([0.0] * (6 - len(theta)))])
     force = force_noise * rng.standard_normal(len(reference[0]))
     # a quick loop for the plant's own scale, slow enough for its sample rate
@@ -96,7 +96,7 @@ def simulate(
     return Run(rate_hz, time, y, u, *reference)
 
 
-def _moves(rng, duration_s, rate_hz, peak_acceleration, peak_velocity, travel):
+def random_moves(rng, duration_s, rate_hz, peak_acceleration, peak_velocity, travel):
     """Join quintic moves between random places, with rests between them."""
     count = int(duration_s * rate_hz)
     x, v, a = np.zeros(count), np.zeros(count), np.zeros(count)

@@ -1,0 +1,83 @@
+"""Kernels as the tick calls them, and motions to call them with."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from motorctl.model.effect import Effect
+from motorctl.model.first_run import kernel_calls
+
+Array = NDArray[np.float64]
+
+PERIOD_S = 2e-4
+
+
+def wide(most: float) -> st.SearchStrategy[float]:
+    """Return numbers of both signs up to the largest, zero and tiny ones among them."""
+    return st.floats(-most, most, allow_nan=False, allow_subnormal=True)
+
+
+MOTION = st.tuples(wide(1e2), wide(1e2), wide(1e4), wide(1e2), st.floats(0.0, 1e7))
+"""x [m], v [m/s], a [m/s^2], a quiet velocity, t [s]: beyond any machine."""
+COMMAND = st.tuples(wide(1e3), wide(1e2), st.floats(0.0, 1e7))
+"""u [V], x [m], t [s]."""
+
+
+class Driven:
+    """An effect with a memory of its own, driven from outside."""
+
+    def __init__(self, effect: Effect) -> None:
+        self.effect = effect
+        self.memory: Array = np.zeros(effect.memory_size)
+        self.constants = np.array(effect.constants, np.float64)
+        self._calls = kernel_calls(type(effect))
+
+    @property
+    def indices(self) -> range:
+        """Of the parameters."""
+        return range(len(self.effect.parameters))
+
+    def state(self, j: int, x: float, v: float, a: float, vs: float, t: float) -> float:
+        """Return the column of a state effect."""
+        return float(self._calls.column(j, x, v, a, vs, t, *self._held(), self.constants))
+
+    def input(self, kernel: str, j: int, u: float, x: float = 0.0, t: float = 0.0) -> float:
+        """Return the column or the slope of an input effect."""
+        place = (x, t) if self.effect.varies else ()
+        return float(getattr(self._calls, kernel)(j, u, *place, *self._held(), self.constants))
+
+    def advance(self, x: float, v: float, a: float, dt: float) -> None:
+        """Take the memory of a state effect along; other axes move alike."""
+        others = np.tile([x, v, a], (len(self.effect.other_axes), 1))
+        self._calls.advance(self.memory, x, v, a, dt, others, self.constants)
+
+    def commit(self, u: float, dt: float) -> None:
+        """Commit a command to the memory of an input effect."""
+        self._calls.advance(self.memory, u, dt, self.constants)
+
+    def correct(self, y: float) -> float:
+        """Return the position without the error of a measurement effect."""
+        return float(self._calls.correct(y, self.constants))
+
+    def error(self, j: int, x: float) -> float:
+        """Return what a measurement effect shows too much for an amplitude of one."""
+        return float(self._calls.column(j, x, self.constants))
+
+    def _held(self) -> tuple[Array, ...]:
+        return (self.memory,) if self.effect.remembers() else ()
+
+
+def strokes(count: int, seed: int = 3) -> list[tuple[float, float, float, float]]:
+    """Return x, v, a and u of smooth random strokes, a tick apart; the first is at rest."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(count) * PERIOD_S
+    x, v, a, u = (np.zeros(count) for _ in range(4))
+    for hz in rng.uniform(0.5, 40.0, 8):
+        w, size = 2.0 * np.pi * hz, 0.05 / hz * rng.uniform(0.2, 1.0)
+        x += size * (1.0 - np.cos(w * t))
+        v += size * w * np.sin(w * t)
+        a += size * w * w * np.cos(w * t)
+        u += rng.uniform(0.2, 2.0) * np.sin(w * t)
+    return list(zip(x.tolist(), v.tolist(), a.tolist(), u.tolist(), strict=True))
