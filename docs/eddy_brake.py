@@ -1,4 +1,15 @@
-"""An effect of one's own, complete: as a file in motorctl/model/effects/ every tool knows it."""
+"""An effect of one's own, complete: as a file in motorctl/model/effects/ every tool knows it.
+
+From a package of its own it is found by its entry point in the group `motorctl.effects`:
+
+    [project.entry-points."motorctl.effects"]
+    eddy_brake = "eddy_brake:EddyBrake"
+
+and checked by the suite that every effect passes:
+
+    pytest -p motorctl.model.conformance --pyargs motorctl.model.conformance \\
+        --effect eddy_brake:EddyBrake --effect-options '{"peak_velocity_m_s": 0.5}'
+"""
 
 from __future__ import annotations
 
@@ -8,7 +19,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
-from motorctl.model import Effect, EffectOptions, Parameter, Spans
+from motorctl.model import Effect, EffectOptions, Parameter, Picture, Spans
 
 
 class EddyBrakeOptions(EffectOptions):
@@ -27,6 +38,8 @@ class EddyBrake(Effect):
     compensated = "feedforward at the desired velocity"
     identified = "linear in c; the velocity v_0 by a scan"
     visible_in = "travel at several speeds below and above v_0"
+    groups = frozenset({"friction"})  # it opposes the motion: what may be taken for it, sums of it
+    revealed_by = ("two_speeds",)  # the motion that `diagnose` proposes to tell it from others
     Options = EddyBrakeOptions
     options: EddyBrakeOptions
 
@@ -40,14 +53,23 @@ class EddyBrake(Effect):
         """1/v_0 [s/m], which the kernel gets as c."""
         return (1.0 / self.options.peak_velocity_m_s,)
 
+    @property
+    def picture(self) -> Picture:
+        """How the report draws it: against velocity, v_0 marked."""
+        return Picture(
+            "friction_over_velocity",
+            "Friction against velocity, with the brake and without.",
+            scale=self.options.peak_velocity_m_s,
+        )
+
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give the forms that diagnosis tries first: v_0 from a twentieth of the top speed on."""
+        """Return the forms that diagnosis tries first: v_0 from a twentieth of the top speed on."""
         speeds = spans.speed_m_s * np.geomspace(0.05, 2.0, 20)
         return [cls(EddyBrakeOptions(peak_velocity_m_s=float(speed))) for speed in speeds]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Give what diagnosis then refines, with a first step."""
+        """Return what diagnosis then refines, with a first step."""
         return {"peak_velocity_m_s": 0.2 * self.options.peak_velocity_m_s}
 
 
@@ -55,6 +77,6 @@ class EddyBrake(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give what c multiplies, in the command u = ... + c * column."""
+    """Return what c multiplies, in the command u = ... + c * column."""
     part = v * c[0]
     return v / (1.0 + part * part)

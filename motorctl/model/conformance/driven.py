@@ -49,8 +49,10 @@ class Driven:
         return float(getattr(self._calls, kernel)(j, u, *place, *self._held(), self.constants))
 
     def advance(self, x: float, v: float, a: float, dt: float) -> None:
-        """Take the memory of a state effect along; other axes move alike."""
-        others = np.tile([x, v, a], (len(self.effect.other_axes), 1))
+        """Take the memory of a state effect along; every other axis moves in its own way."""
+        others = np.zeros((len(self.effect.other_axes), 3))
+        for i in range(len(others)):
+            others[i] = x, v + 0.01 * i * a, a + 50.0 * i * v
         self._calls.advance(self.memory, x, v, a, dt, others, self.constants)
 
     def commit(self, u: float, dt: float) -> None:
@@ -70,12 +72,16 @@ class Driven:
 
 
 def strokes(count: int, seed: int = 3) -> list[tuple[float, float, float, float]]:
-    """Return x, v, a and u of smooth random strokes, a tick apart; the first is at rest."""
+    """Return x, v, a and u from -0.3 to 0.4 m and back, a tick apart; the first is at rest.
+
+    Smaller strokes of other frequencies go on top of it.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(count) * PERIOD_S
-    x, v, a, u = (np.zeros(count) for _ in range(4))
-    for hz in rng.uniform(0.5, 40.0, 8):
-        w, size = 2.0 * np.pi * hz, 0.05 / hz * rng.uniform(0.2, 1.0)
+    x, v, a, u = np.full(count, -0.3), np.zeros(count), np.zeros(count), np.zeros(count)
+    strokes_m = [(1.0 / t[-1], 0.35), *((hz, 0.02 / hz) for hz in rng.uniform(2.0, 40.0, 8))]
+    for hz, size in strokes_m:
+        w = 2.0 * np.pi * hz
         x += size * (1.0 - np.cos(w * t))
         v += size * w * np.sin(w * t)
         a += size * w * w * np.cos(w * t)

@@ -13,13 +13,15 @@ from motorctl.model.effect import Effect
 
 often = settings(
     deadline=None,
-    max_examples=200,
+    max_examples=60,
     suppress_health_check=[
         HealthCheck.function_scoped_fixture,  # an effect is frozen
         HealthCheck.differing_executors,  # the checks are inherited
     ],
 )
-TICKS = 4000
+TICKS = 2000
+SCALES = (0.1, 1.0, 10.0)
+"""Strokes of some centimetres, half a metre and metres, for effects of a place."""
 INDEPENDENT = 1e-7
 """Smallest singular value of columns of length one; below it two of them are the same."""
 NUDGE_V = 1e-6
@@ -126,18 +128,9 @@ class FormulaChecks:
         """Two parameters of the same column, or one of none, cannot be identified."""
         if not effect.parameters:
             pytest.skip("it has no parameters")
-        driven, rows = Driven(effect), []
-        for k, (way, v, a, u) in enumerate(strokes(TICKS)):
-            x = way - 0.25
-            t, dt = k * PERIOD_S, PERIOD_S if k else 0.0
-            if effect.kind == "state":
-                if effect.remembers():
-                    driven.advance(x, v, a, dt)
-                rows.append([driven.state(j, x, v, a, v, t) for j in driven.indices])
-            else:
-                rows.append([driven.input("column", j, u, x, t) for j in driven.indices])
-                if effect.remembers():
-                    driven.commit(u, dt)
+        rows: list[list[float]] = []
+        for scale in SCALES:
+            rows += _columns_over(Driven(effect), scale)
         columns = np.array(rows)
         length = np.linalg.norm(columns, axis=0)
         assert length.all(), f"these columns are zero: {np.flatnonzero(length == 0.0).tolist()}"
@@ -160,6 +153,23 @@ class FormulaChecks:
         assert abs(left) <= UNDONE * max(map(abs, sizes)) + 1e-15, (
             f"at x = {x} the error is {error}; {left} of it is left"
         )
+
+
+def _columns_over(driven: Driven, scale: float) -> list[list[float]]:
+    """Return the columns over a stroke to and fro, so many times as long as half a metre."""
+    rows = []
+    for k, motion in enumerate(strokes(TICKS)):
+        (x, v, a), u = (scale * part for part in motion[:3]), motion[3]
+        t, dt = k * PERIOD_S, PERIOD_S if k else 0.0
+        if driven.effect.kind == "state":
+            if driven.effect.remembers():
+                driven.advance(x, v, a, dt)
+            rows.append([driven.state(j, x, v, a, v, t) for j in driven.indices])
+        else:
+            rows.append([driven.input("column", j, u, x, t) for j in driven.indices])
+            if driven.effect.remembers():
+                driven.commit(u, dt)
+    return rows
 
 
 def _only(effect: Effect, kind: str) -> None:

@@ -11,7 +11,7 @@ from motorctl.model.contract import LINE, ORDINARY, VARIABLES, WAVES
 from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Spans
 
-MOST_FORMS = 5000
+MOST_FORMS = 10_000
 """More are a scan that nobody waits for."""
 RECORDINGS = (
     ORDINARY,

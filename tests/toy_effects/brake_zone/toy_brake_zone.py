@@ -53,6 +53,8 @@ class BrakeZone(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return zones of three lengths all over the travel."""
+        if not spans.travel_m > 0.0:
+            return ()
         low, high = spans.position_m
         return [
             cls(BrakeZoneOptions(middle_m=float(middle), half_length_m=share * spans.travel_m))

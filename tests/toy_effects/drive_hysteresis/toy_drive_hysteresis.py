@@ -57,6 +57,8 @@ class DriveHysteresis(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return plays from a two-hundredth to half of the largest command."""
+        if not spans.command_v > 0.0:
+            return ()
         plays = spans.command_v * np.geomspace(0.005, 0.5, 14)
         return [cls(DriveHysteresisOptions(play_v=float(play))) for play in plays]
 

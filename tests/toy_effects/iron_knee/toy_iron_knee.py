@@ -53,6 +53,8 @@ class IronKnee(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return knees from a tenth to most of the largest command."""
+        if not spans.command_v > 0.0:
+            return ()
         knees = spans.command_v * np.linspace(0.1, 0.8, 12)
         return [cls(IronKneeOptions(knee_v=float(knee))) for knee in knees]
 

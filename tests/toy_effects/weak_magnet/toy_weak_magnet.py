@@ -53,6 +53,8 @@ class WeakMagnet(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return three widths all over the travel."""
+        if not spans.travel_m > 0.0:
+            return ()
         low, high = spans.position_m
         return [
             cls(WeakMagnetOptions(place_m=float(place), width_m=share * spans.travel_m))
