@@ -12,6 +12,8 @@ from motorctl.model.first_run import kernel_calls
 Array = NDArray[np.float64]
 
 PERIOD_S = 2e-4
+BEHIND = 37
+"""Ticks that each other axis is behind the one before."""
 
 
 def wide(most: float) -> st.SearchStrategy[float]:
@@ -32,6 +34,7 @@ class Driven:
         self.effect = effect
         self.memory: Array = np.zeros(effect.memory_size)
         self.constants = np.array(effect.constants, np.float64)
+        self._past: list[tuple[float, float, float]] = []
         self._calls = kernel_calls(type(effect))
 
     @property
@@ -49,10 +52,11 @@ class Driven:
         return float(getattr(self._calls, kernel)(j, u, *place, *self._held(), self.constants))
 
     def advance(self, x: float, v: float, a: float, dt: float) -> None:
-        """Take the memory of a state effect along; every other axis moves in its own way."""
+        """Take the memory of a state effect along; the other axes move alike, but later."""
+        self._past.append((x, v, a))
         others = np.zeros((len(self.effect.other_axes), 3))
         for i in range(len(others)):
-            others[i] = x, v + 0.01 * i * a, a + 50.0 * i * v
+            others[i] = self._past[max(0, len(self._past) - 1 - BEHIND * i)]
         self._calls.advance(self.memory, x, v, a, dt, others, self.constants)
 
     def commit(self, u: float, dt: float) -> None:

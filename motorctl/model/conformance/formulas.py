@@ -22,6 +22,8 @@ often = settings(
 TICKS = 2000
 SCALES = (0.1, 1.0, 10.0)
 """Strokes of some centimetres, half a metre and metres, for effects of a place."""
+LONG_S = 60.0
+"""For effects of a time."""
 INDEPENDENT = 1e-7
 """Smallest singular value of columns of length one; below it two of them are the same."""
 NUDGE_V = 1e-6
@@ -158,9 +160,12 @@ class FormulaChecks:
 def _columns_over(driven: Driven, scale: float) -> list[list[float]]:
     """Return the columns over a stroke to and fro, so many times as long as half a metre."""
     rows = []
+    times = np.arange(TICKS) * PERIOD_S
+    if not driven.effect.remembers():
+        times = np.sort(np.random.default_rng(5).uniform(0.0, LONG_S, TICKS))
     for k, motion in enumerate(strokes(TICKS)):
         (x, v, a), u = (scale * part for part in motion[:3]), motion[3]
-        t, dt = k * PERIOD_S, PERIOD_S if k else 0.0
+        t, dt = float(times[k]), PERIOD_S if k else 0.0
         if driven.effect.kind == "state":
             if driven.effect.remembers():
                 driven.advance(x, v, a, dt)

@@ -7,6 +7,8 @@ import itertools
 import sys
 from pathlib import Path
 
+from motorctl.model import Effect, effect_class, make_effect
+
 TOYS = Path(__file__).parents[1] / "toy_effects"
 OPTIONS = {
     "brake_zone": {"middle_m": 0.25, "half_length_m": 0.05},
@@ -25,6 +27,14 @@ NUMBERS = itertools.count()
 def class_of(name: str) -> str:
     """Return the name of a toy effect's class."""
     return "".join(word.capitalize() for word in name.split("_"))
+
+
+def toy_effect(name: str, **options: object) -> Effect:
+    """Make a toy effect as it is, known by the name of its own module."""
+    folder = str(TOYS / name)
+    if folder not in sys.path:
+        sys.path.append(folder)
+    return make_effect(effect_class(name, f"toy_{name}:{class_of(name)}"), options)
 
 
 def changed(name: str, folder: Path, before: str = "", after: str = "") -> str:
