@@ -16,6 +16,7 @@ GROUPS = (
     "demo",
     "check",
     "drivers",
+    "effects",
     "daemon",
     "simulate",
     "log",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -52,6 +53,7 @@ def _diagnose(
     from motorctl.identify.fit.declared_models import declared_models, machine_of
     from motorctl.identify.same_axis import check_belongs
     from motorctl.log import read_recording
+    from motorctl.model.catalog import failed_effects
 
     config = None if model in (None, "C1", "C2") else model
     with showing_stages() as progress:
@@ -62,6 +64,8 @@ def _diagnose(
         if (machine := machine_of(read, model)) is not None:
             check_belongs(read, machine, models)
         found = diagnose_recording(read, models, progress, test)
+        untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
+        found = replace(found, notes=(*found.notes, *untried))
         programs, files = {}, []
         if out is not None:
             progress("drawing", 1.0)

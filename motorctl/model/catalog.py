@@ -9,8 +9,9 @@ from __future__ import annotations
 import contextlib
 import importlib
 import pkgutil
+from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from pydantic import ValidationError
 
@@ -24,10 +25,23 @@ from motorctl.model.knowledge import Signal
 GROUP = "motorctl.effects"
 
 
+@dataclass(frozen=True)
+class EffectEntry:
+    """An installed effect: its name and version, and why it was refused if it was."""
+
+    name: str
+    target: str
+    package: str
+    version: str
+    effect: type[Effect] | None
+    error: str | None
+
+
 @cache
 def known_effects() -> dict[str, type[Effect]]:
     """Return every effect that is built in or installed, by its name."""
-    return {**built_in_effects(), **_installed()[0]}
+    installed = {entry.name: entry.effect for entry in installed_effects() if entry.effect}
+    return {**built_in_effects(), **installed}
 
 
 @cache
@@ -43,7 +57,7 @@ def built_in_effects() -> dict[str, type[Effect]]:
 
 def failed_effects() -> dict[str, str]:
     """Return why installed effects could not be loaded, by the name of their entry point."""
-    return dict(_installed()[1])
+    return {entry.name: entry.error for entry in installed_effects() if entry.error}
 
 
 @cache
@@ -55,19 +69,30 @@ def basic_effects() -> dict[Signal, type[Effect]]:
 
 
 @cache
-def _installed() -> tuple[dict[str, type[Effect]], dict[str, str]]:
-    found: dict[str, type[Effect]] = {}
-    failed: dict[str, str] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
-        try:
-            cls = effect_class(entry.name, entry.value)
-        except UsageError as error:
-            failed[entry.name] = str(error)
-            continue
-        if found.setdefault(entry.name, cls) is not cls:
-            failed[entry.name] = f"two packages install an effect named '{entry.name}'"
-            del found[entry.name]
-    return found, failed
+def installed_effects() -> tuple[EffectEntry, ...]:
+    """Return what other packages install, in the order of the names."""
+    entries = [_load(point) for point in sorted(entry_points(group=GROUP), key=_name_and_target)]
+    names = [entry.name for entry in entries]
+    twice = {name for name in names if names.count(name) > 1}
+    return tuple(
+        replace(entry, effect=None, error=f"two packages install an effect named '{entry.name}'")
+        if entry.name in twice
+        else entry
+        for entry in entries
+    )
+
+
+def _name_and_target(point: EntryPoint) -> tuple[str, str]:
+    return point.name, point.value
+
+
+def _load(point: EntryPoint) -> EffectEntry:
+    package, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
+    try:
+        cls = effect_class(point.name, point.value)
+    except UsageError as error:
+        return EffectEntry(point.name, point.value, package, version, None, str(error))
+    return EffectEntry(point.name, point.value, package, version, cls, None)
 
 
 def effect_class(name: str, type_name: str | None = None) -> type[Effect]:

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.model import catalog
 
-CACHES = (catalog.known_effects, catalog._installed)
+CACHES = (catalog.known_effects, catalog.installed_effects)
 QUICK = "push_pull"
 MAIN = "from motorctl.cli import main; main()"
 
@@ -101,8 +101,10 @@ def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up
 ):
     plain = configuration(tmp_path / "machine.yaml")
     refined = tmp_path / "refined.yaml"
-    found = command("refine", recorded(toy), "--config", plain, "--out", refined, "--json")
-    axis = found["diagnosis"]["axes"]["x"] if "diagnosis" in found else found["axes"]["x"]
+    report = tmp_path / "report"
+    given = ("--config", plain, "--out", refined, "--report", report, "--json")
+    axis = command("refine", recorded(toy), *given)["axes"]["x"]
+    assert catalog.effect_class(toy).title in (report / "diagnosis.html").read_text()
     names = [effect["name"] for effect in axis["effects"]]
     assert axis["verdict"] == "effect", axis
     assert toy in names, axis
@@ -136,3 +138,30 @@ def _given(said: dict, name: str) -> float:
     if not name:
         return float(said["initial"])
     return float(said[name] if name in said else said["parameters"][name]["initial"])
+
+
+def test_an_installed_effect_that_is_refused_hurts_no_other_and_is_told(tmp_path):
+    install(tmp_path)
+    module = tmp_path / "toy_push_pull.py"
+    module.write_text(module.read_text().replace("def slope(", "def _slope("))
+    run = subprocess.run(
+        [sys.executable, "-c", MAIN, "effects", "--json"],
+        env={"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(Path.home())},
+        capture_output=True, text=True, timeout=250, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    told = {row["name"]: row for row in json.loads(run.stdout)["effects"]}
+    assert "slope is missing: expected slope(j, u, c)" in told["push_pull"]["error"]
+    assert told["drive_hysteresis"] | {"title": ""} == {
+        "name": "drive_hysteresis", "package": "toy-drive-hysteresis", "version": "1.0",
+        "kind": "input", "title": "", "error": None,
+    }  # fmt: skip
+    assert told["inertia"]["package"] == "motorctl"
+
+
+@pytest.mark.slow
+def test_a_diagnosis_tells_which_installed_effects_it_did_not_try(recorded, monkeypatch):
+    refused = catalog.EffectEntry("odd_one", "odd:Odd", "odd", "1.0", None, "slope is missing")
+    monkeypatch.setattr(catalog, "installed_effects", lambda: (refused,))
+    found = command("diagnose", recorded("none"), "--model", "C1", "--json")
+    assert "odd_one was not tried: slope is missing" in json.dumps(found)

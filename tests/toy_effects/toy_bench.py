@@ -88,9 +88,7 @@ def configuration(path: Path, toy: Toy | None = None) -> Path:
         del axis["model"][name]
     if toy is not None:
         axis["model"][toy.name] = toy.declared()
-    for program in list(data["programs"]):
-        if "y" in program:
-            del data["programs"][program]
+    data["programs"] = {axis["program"]: data["programs"][axis["program"]]}
     path.write_text(yaml.safe_dump(data, sort_keys=False))
     return path
 
