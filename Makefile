@@ -34,6 +34,8 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/effects_quoted.py
+	$(BIN)/python tools/effects_table.py --check
 
 clean:
 	rm -rf $(VENV)

@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from motorctl.config.summary import MarginsAt
+
 Part = Mapping[str, Any]
 
 
@@ -170,19 +172,18 @@ def _margins(name: str, axis: Part) -> Table:
         title += f", behind a lag of {_number(lag_s * 1e3)} ms"
     columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
     table = _table(title, *columns, "gain x", "gain /")
-    for row in axis["margins"]:
-        stable = row["stable"]
+    for row in (MarginsAt(**row) for row in axis["margins"]):
         shown = (
-            _number(row["crossover_rad_s"], 4),
-            _number(row["phase_margin_deg"], 3),
-            _number(row["gain_margin"], 3),
-            _number(_inverse(row["gain_reduction"]), 3),
+            _number(row.crossover_rad_s, 4),
+            _number(row.phase_margin_deg, 3),
+            _number(row.gain_margin, 3),
+            _number(_inverse(row.gain_reduction), 3),
         )
         table.add_row(
-            row["inertia_at"],
-            _number(row["inertia"]),
-            _number(row["delay_s"] * 1e3),
-            *(shown if stable else ("[red]unstable[/red]", "", "", "")),
+            row.inertia_at,
+            _number(row.inertia),
+            _number(row.delay_s * 1e3),
+            *(shown if row.stable else ("[red]unstable[/red]", "", "", "")),
         )
     return table
 

@@ -13,7 +13,14 @@ from motorctl.config.rules import out_of_order
 from motorctl.config.validation import Finding, read_keys, shown, suggest, validate_options
 from motorctl.errors import Problem, UsageError
 from motorctl.located_yaml import Document, KeyPath, find
-from motorctl.model import Effect, EffectList, Parameter, effect_class, known_effects
+from motorctl.model import (
+    Effect,
+    EffectList,
+    Parameter,
+    basic_effects,
+    effect_class,
+    known_effects,
+)
 from motorctl.model.catalog import check_form, failed_effects
 
 MOST_PARAMETERS = 64
@@ -65,8 +72,9 @@ def build_model(document: Document, path: KeyPath) -> tuple[AxisModel | None, li
         effects.append(effect)
         estimates += own
         resolved[name] = _resolved(effect, keys, own)
-    if "inertia" not in parts:
-        message = "has no inertia; the law needs theta1 to accelerate a mass"
+    mass = basic_effects()["acceleration"].name
+    if mass not in parts:
+        message = f"has no {mass}; the law needs theta1 to accelerate a mass"
         problems.append(document.problem(path, message))
     if len(estimates) > MOST_PARAMETERS:
         message = f"{len(estimates)} parameters; at most {MOST_PARAMETERS} are possible"

@@ -13,16 +13,17 @@ from motorctl.config.validation import Finding
 from motorctl.control import monotonicity_half_planes
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
+from motorctl.model.knowledge import Signal
 
 
 def parameter_range(
-    model: EffectList, estimates: tuple[Estimate, ...], name: str
+    model: EffectList, estimates: tuple[Estimate, ...], signal: Signal
 ) -> tuple[float, float, float]:
-    """Return (initial, lower, upper) of a parameter, zeros where the list does not have it."""
-    for known, estimate in zip(model.parameter_names, estimates, strict=True):
-        if known == name:
-            return estimate.initial, estimate.lower, estimate.upper
-    return 0.0, 0.0, 0.0
+    """Return (initial, lower, upper) of what multiplies a signal, zeros where nothing does."""
+    place = model.index_of(signal)
+    if place is None:
+        return 0.0, 0.0, 0.0
+    return estimates[place].initial, estimates[place].lower, estimates[place].upper
 
 
 def check_stability(
@@ -37,8 +38,8 @@ def check_stability(
     The delay is that of the adaptation's alignment and of the list together; the lag is the
     list's.
     """
-    theta1 = parameter_range(model, estimates, "inertia")[0]
-    theta2 = parameter_range(model, estimates, "viscous_friction")[0]
+    theta1 = parameter_range(model, estimates, "acceleration")[0]
+    theta2 = parameter_range(model, estimates, "velocity")[0]
     margins = loop_margins(
         theta1,
         theta2,

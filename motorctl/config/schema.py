@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from motorctl.config.axis_keys import ConfigurationKeys
-from motorctl.model import Effect, known_effects
+from motorctl.model import Effect, basic_effects, known_effects
 from motorctl.motion import AnyProgram
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -55,7 +55,7 @@ def _model(definitions: dict[str, Any]) -> dict[str, Any]:
         "description": "effects, in the order of theta",
         "type": "object",
         "minProperties": 1,
-        "required": ["inertia"],
+        "required": [basic_effects()["acceleration"].name],
         "properties": effects,
         "additionalProperties": {"$ref": "#/$defs/EffectKeys"},
     }

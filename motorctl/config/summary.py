@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from motorctl.config.analysis import (
+    LoopMargins,
     command_peak,
     corner_slopes,
     gain_condition,
@@ -23,12 +24,23 @@ from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError
-from motorctl.model import Effect, EffectList
+from motorctl.model import Effect, EffectList, known_effects
+from motorctl.model.knowledge import Signal
 from motorctl.motion import Program
 
+LAW_SIGNALS: tuple[Signal, ...] = ("acceleration", "velocity", "direction")
+"""Whose factors theta1 to theta3 the condition on ks1 is about."""
 SAMPLES = 20_001
 """Instants of one cycle at which the command is computed."""
-COVERED_FRICTION = ("viscous_friction", "coulomb_friction")
+
+
+@dataclass(frozen=True)
+class MarginsAt(LoopMargins):
+    """Margins of the loop at one inertia."""
+
+    inertia_at: str
+    """At its initial value, its lower bound or its upper bound."""
+    inertia: float
 
 
 def summarise(machine: Machine) -> dict[str, Any]:
@@ -131,7 +143,7 @@ def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:
 def _robust_gain(axis: Axis) -> dict[str, Any]:
     """The sufficient condition on ks1 at theta_hat(0), and over the box of the bounds."""
     slope_s_m = _coulomb_slope(axis.model.effects)
-    ranges = [_range(axis, name) for name in ("inertia", *COVERED_FRICTION)]
+    ranges = [_range(axis, signal) for signal in LAW_SIGNALS]
     told = {}
     for key, box in (
         ("at_initial", [(initial, initial) for initial, _, _ in ranges]),
@@ -150,7 +162,7 @@ def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
 
     The delay is the known input delay and what the list declares, then that and one sample more.
     """
-    inertia, viscous = _range(axis, "inertia"), _range(axis, "viscous_friction")
+    inertia, viscous = _range(axis, "acceleration"), _range(axis, "velocity")
     rows = []
     for where, theta1 in zip(("initial", "lower bound", "upper bound"), inertia, strict=True):
         for extra in (0.0, period_s):
@@ -164,7 +176,7 @@ def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
                 delay_s=axis.adaptation.input_delay_s + axis.model.delay_s + extra,
                 lag_s=axis.model.lag_s,
             )
-            rows.append({"inertia_at": where, "inertia": theta1, **asdict(margins)})
+            rows.append(asdict(MarginsAt(**asdict(margins), inertia_at=where, inertia=theta1)))
     return rows
 
 
@@ -218,12 +230,12 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
             f"axis {name}: ks {ks:g} meets the sufficient condition at theta(0), not in every "
             f"corner of the bounds (ks1 > {required:.4g} V*s/m)"
         )
-    unstable = [row for row in axis["margins"] if not row["stable"]]
-    for row in unstable:
-        yield (
-            f"axis {name}: unstable with inertia at its {row['inertia_at']} "
-            f"({row['inertia']:g} V*s^2/m) and {row['delay_s'] * 1e3:g} ms of delay"
-        )
+    for row in (MarginsAt(**row) for row in axis["margins"]):
+        if not row.stable:
+            yield (
+                f"axis {name}: unstable with inertia at its {row.inertia_at} "
+                f"({row.inertia:g} V*s^2/m) and {row.delay_s * 1e3:g} ms of delay"
+            )
     corners = axis["assumption_2"]["corners"]
     failing = [corner for corner in corners if not corner["satisfied"]]
     if failing:
@@ -232,13 +244,12 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
             f"bounds (worst dv/du {failing[0]['slope']:.3g}); the projection keeps the estimate "
             "out of them"
         )
-    covered = (*COVERED_FRICTION, "inertia", "offset")
     beyond = [
         effect.name
         for effect in model.effects
         if effect.kind in ("state", "input")
         and not effect.electromagnetic
-        and effect.name not in covered
+        and effect.proportional_to is None
     ]
     if beyond:
         yield f"axis {name}: condition and margins leave out {', '.join(beyond)}"
@@ -250,17 +261,25 @@ def _exchange_notes(axis: Axis, delay_s: float) -> Iterator[str]:
         yield (
             f"axis {axis.name}: driver '{axis.driver}' brings a sample with the command, so "
             f"a command acts {delay_s * 1e3:g} ms late, and the model declares "
-            f"{declared_s * 1e3:g} ms: add input_delay: {{time_s: {delay_s:g}}} to it"
+            f"{declared_s * 1e3:g} ms: add {_delay_words(delay_s)} to it"
         )
 
 
-def _range(axis: Axis, name: str) -> tuple[float, float, float]:
-    return parameter_range(axis.model, axis.estimates, name)
+def _delay_words(delay_s: float) -> str:
+    """Return the effect that delays the command as a configuration has it."""
+    forms = (cls.delaying(delay_s) for cls in known_effects().values())
+    effect = next(form for form in forms if form is not None)
+    options = ", ".join(f"{key}: {value:g}" for key, value in effect.options.model_dump().items())
+    return f"{effect.name}: {{{options}}}"
+
+
+def _range(axis: Axis, signal: Signal) -> tuple[float, float, float]:
+    return parameter_range(axis.model, axis.estimates, signal)
 
 
 def _coulomb_slope(effects: tuple[Effect, ...]) -> float:
     for effect in effects:
-        if effect.name == "coulomb_friction":
+        if effect.proportional_to == "direction":
             return float(effect.constants[0])
     return 0.0
 

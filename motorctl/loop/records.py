@@ -155,8 +155,9 @@ def fill_axis_settings(
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
     record["exchange"] = exchange_delay >= 1.0
     record["asked"] = exchange_delay == round(exchange_delay)
-    estimates = dict(zip(axis.model.parameter_names, axis.estimates, strict=True))
-    fullest_m_s2 = limits.max_voltage_v / estimates["inertia"].initial
+    mass = axis.model.index_of("acceleration")
+    assert mass is not None  # no configuration is valid without
+    fullest_m_s2 = limits.max_voltage_v / axis.estimates[mass].initial
     record["possible_acceleration_m_s2"] = max(fullest_m_s2, limits.max_acceleration_m_s2)
     record["metres_per_count"] = encoder.direction * encoder.resolution_m
     record["counter_span"] = 1 << encoder.counter_bits if encoder.counter_bits < 63 else 0

@@ -229,6 +229,11 @@ class Effect(ABC):
         return forms[len(forms) // 2] if forms else None
 
     @classmethod
+    def delaying(cls, delay_s: float) -> Effect | None:
+        """Return the form that delays the command by so much and does nothing else, or None."""
+        return None
+
+    @classmethod
     def at_line(cls, line: float) -> Effect:
         """Return the form of a wave with one line, at a wave number [1/m] or a frequency [Hz]."""
         raise TypeError(f"{cls.__name__} is a wave and does not define at_line")

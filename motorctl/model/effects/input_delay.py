@@ -55,6 +55,11 @@ class InputDelay(Effect):
         )
 
     @classmethod
+    def delaying(cls, delay_s: float) -> Effect | None:
+        """Return this delay."""
+        return cls(InputDelayOptions(time_s=delay_s))
+
+    @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Give times from a fraction of a sample to tens of them."""
         return [cls(InputDelayOptions(time_s=time)) for time in trial_times(spans)]
