@@ -61,9 +61,11 @@ def _diagnose(
         read = read_recording(recording, gaps="keep")
         test = None if evaluate is None else read_recording(evaluate, gaps="keep")
         models = declared_models(read, model, axis)
-        if (machine := machine_of(read, model)) is not None:
+        machine = machine_of(read, model)
+        if machine is not None:
             check_belongs(read, machine, models)
-        found = diagnose_recording(read, models, progress, test)
+        further = [] if machine is None else list(machine.further_effects.values())
+        found = diagnose_recording(read, models, progress, test, further)
         untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
         found = replace(found, notes=(*found.notes, *untried))
         programs, files = {}, []

@@ -65,7 +65,9 @@ def _refine(
         names = list(read.axes) if axis is None else [axis]
         require_same_machine(read, machine, names)
         models = {name: machine.axes[name].declared for name in names}
-        diagnosis = diagnose_recording(read, models, progress)
+        diagnosis = diagnose_recording(
+            read, models, progress, further=list(machine.further_effects.values())
+        )
         progress("refining", 1.0)
         refinement = refine_config(diagnosis, machine.source, out)
     refinement.write()

@@ -131,7 +131,9 @@ def close_loop(
         recording, motions = _recorded(current, folder, chosen, motions, progress)
         models = declared_models(recording)
         held_out = current.recordings["unused"]
-        diagnosis = diagnose_recording(recording, models, progress, held_out)
+        diagnosis = diagnose_recording(
+            recording, models, progress, held_out, list(machine.further_effects.values())
+        )
         attempts, dropped = _attempts(
             diagnosis, current, first, folder, names, motions, duration_s, progress
         )

@@ -187,6 +187,11 @@ class ConfigurationKeys(Keys):
     programs: dict[Name, ProgramKeys] = Field(
         default_factory=dict, description="motions that axes can follow, by name"
     )
+    further_effects: dict[Name, str] = Field(
+        default_factory=dict,
+        description="effects of one's own that diagnose tries beside the known ones: by name, "
+        "package.module:Class",
+    )
     recording: RecordingKeys = Field(default_factory=RecordingKeys, description="where logs go")
     loop: LoopSettings = Field(
         default_factory=LoopSettings, description="how the loop asks for real time"

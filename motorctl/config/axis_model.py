@@ -84,6 +84,22 @@ def build_model(document: Document, path: KeyPath) -> tuple[AxisModel | None, li
     return AxisModel(EffectList(effects), tuple(estimates), resolved), problems
 
 
+def read_further_effects(
+    document: Document,
+) -> tuple[dict[str, type[Effect]], list[Problem]]:
+    """Return the effects that diagnosis is to try, and why others cannot be."""
+    found: dict[str, type[Effect]] = {}
+    problems = []
+    for name, where in document.part(("further_effects",)).items():
+        if not isinstance(where, str):
+            continue  # the keys' own check tells
+        try:
+            found[name] = effect_class(name, where)
+        except UsageError as error:
+            problems.append(document.problem(("further_effects", name), str(error)))
+    return found, problems
+
+
 def _readable(part: Any) -> EffectKeys:
     """Return what can be read of an effect, so that the rest is checked where a key is wrong."""
     keys = part if isinstance(part, dict) else {}

@@ -13,6 +13,7 @@ from motorctl.config.axis_keys import AxisKeys, AxisSettings, ConfigurationKeys
 from motorctl.config.axis_model import AxisModel
 from motorctl.config.keys import DriverKeys
 from motorctl.config.machine import Axis, DriverSetup, Machine
+from motorctl.model import Effect
 from motorctl.motion import Program
 
 INFINITIES = {math.inf: ".inf", -math.inf: "-.inf"}
@@ -25,6 +26,7 @@ def freeze(
     models: Mapping[str, AxisModel],
     programs: Mapping[str, Program],
     divisors: Mapping[str, int],
+    further_effects: Mapping[str, type[Effect]],
 ) -> Machine:
     """Put a machine together from parts that have been checked."""
     return Machine(
@@ -37,6 +39,7 @@ def freeze(
             for name, axis in keys.axes.items()
         },
         programs=dict(programs),
+        further_effects=dict(further_effects),
         loop=keys.loop,
         log_directory=keys.recording.directory,
         resolved=_resolved(keys, drivers, models, programs),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config.axis_keys import ConfigurationKeys, Controller
+from motorctl.config.axis_model import read_further_effects
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
@@ -77,10 +78,12 @@ def _build(
     problems += check_programs(document, programs, limits, voltages)
     for name in parts if hardware else ():
         problems += check_followed(document, name, programs)
+    further, refused = read_further_effects(document)
+    problems += refused if hardware else []  # a log may be read where they are not installed
     document.refuse(problems)
     assert keys is not None  # else there were problems
     models = {name: part.declared for name, part in parts.items() if part.declared}
-    return freeze(keys, source, drivers, models, programs, divisors)
+    return freeze(keys, source, drivers, models, programs, divisors, further)
 
 
 def _fill_in(data: dict[str, Any], controller: Controller | None) -> None:

@@ -12,7 +12,7 @@ from pydantic import ConfigDict
 from motorctl.config.axis_keys import AxisSettings
 from motorctl.config.keys import LateSamples, LoopSettings
 from motorctl.hal import Driver, DriverOptions
-from motorctl.model import EffectList
+from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
 
 
@@ -63,6 +63,8 @@ class Machine:
     drivers: Mapping[str, DriverSetup]
     axes: Mapping[str, Axis]
     programs: Mapping[str, Program]
+    further_effects: Mapping[str, type[Effect]]
+    """Effects that diagnosis tries beside those that are known or declared."""
     loop: LoopSettings
     log_directory: Path
     resolved: Mapping[str, object]
