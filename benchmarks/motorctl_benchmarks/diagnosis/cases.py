@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,6 +25,8 @@ from motorctl_benchmarks.diagnosis.strength import Claim, claim, scaled
 from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
 
 NO_CLAIM = Claim(0.25, 0.0, 1.0)
+AT_ONCE_S = 1e-4
+"""Thermal time constant of a motor that is warm from the start."""
 SINE_ENCODER_RESOLUTION_M = 0.2e-6
 """Interpolation errors belong to interpolated, so finely resolving encoders."""
 
@@ -112,6 +115,21 @@ def without_effects(case: Case) -> Case:
     plant = {key: part for key, part in sim["plants"][channel].items() if key not in taken}
     drivers = {DRIVER: sim | {"plants": sim["plants"] | {channel: plant}}}
     return replace(case, effects=(), truth={}, config=case.config | {"drivers": drivers})
+
+
+def as_left(case: Case, duration_s: float) -> Case:
+    """Return the same machine as a recording of `duration_s` left it: what happened stays so.
+
+    A configuration starts anew at every start of the daemon, so what is refined from a recording
+    is for the machine after its load has changed and its motor is warm.
+    """
+    after = dict(case.truth)
+    if (load := after.get("payload_change")) is not None:
+        after["payload_change"] = {**load, "time_s": 0.0}
+    if (drift := after.get("gain_drift")) is not None:
+        lost = drift["fraction"] * -math.expm1(-duration_s / drift["time_constant_s"])
+        after["gain_drift"] = {"fraction": lost, "time_constant_s": AT_ONCE_S}
+    return replace(case, truth=after, config=with_effects(case.config, case.axis, after))
 
 
 def on_other_motion(case: Case, seed: int, motion: Motion = "rich") -> Case:

@@ -7,6 +7,8 @@ Four controllers of one law, with the same gains, follow it, and the true error 
 - *refined*: what `motorctl refine` writes
 - *oracle*: the machine without the effect, the declared model with the plant's own parameters
 
+The machine is as its recording left it: a load that was put down stays there, a motor is warm.
+
 Declared and oracle have the covariances and bounds of the refined one, so that adaptation is given
 no other freedom. The error is the simulated plant's true position minus the reference.
 """
@@ -24,7 +26,7 @@ from motorctl.config import load_resolved
 from motorctl.config.freeze import decode
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.refine.refinement import refine_config
-from motorctl_benchmarks.diagnosis.cases import Case, on_other_motion, without_effects
+from motorctl_benchmarks.diagnosis.cases import Case, as_left, on_other_motion, without_effects
 from motorctl_benchmarks.diagnosis.configuration import CHANNELS, DRIVER
 from motorctl_benchmarks.diagnosis.motions import DURATION_S
 from motorctl_benchmarks.diagnosis.plants import Options
@@ -91,7 +93,7 @@ def close_loop(
     out = folder / f"{case.name}-refined.yaml"
     refinement = refine_config(diagnosis, written, out)
     refined: Options = decode(refinement.machine.resolved)["axes"][case.axis]
-    unseen = on_other_motion(case, case.seed + UNSEEN)
+    unseen = on_other_motion(as_left(case, DURATION_S), case.seed + UNSEEN)
     clean = without_effects(unseen)
     best = refined | {"model": _true_model(refined["model"], case)}
 
