@@ -40,7 +40,9 @@ def changed(part: Any, **changes: Any) -> Any:
         before = getattr(part, key)
         if isinstance(value, dict) and isinstance(before, BaseModel):
             changes[key] = changed(before, **value)
-    return part.model_copy(update=changes)
+    if isinstance(part, BaseModel):
+        return part.model_copy(update=changes)
+    return dataclasses.replace(part, **changes)
 
 
 def with_axes(machine: Machine, names: Sequence[str] = ("x", "y"), **changes: Any) -> Machine:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import get_args
 
 import diagnosis_bench as bench
 import numpy as np
@@ -23,8 +24,10 @@ from motorctl.identify.diagnose.report.pictures.statistics import (
     since_reversal,
     unbroken,
 )
-from motorctl.model import known_effects
+from motorctl.model import Spans, known_effects
+from motorctl.model.knowledge import PictureKind
 
+SPANS = Spans((0.0, 0.4), 1.0, 10.0, 9.0, (0.0, 24.0), 2e-4, 200.0, 5e-7, ("y",))
 NEVER_MISSING = {
     "inertia",
     "viscous_friction",
@@ -42,7 +45,17 @@ def assert_is_a_picture(path):
 
 
 def test_every_effect_that_can_be_missing_has_a_picture_of_its_own():
-    assert set(DRAWERS) == set(known_effects()) - NEVER_MISSING
+    kinds = {
+        name: form.picture.kind
+        for name, cls in known_effects().items()
+        if (form := cls.typical(SPANS)) is not None
+    }
+    assert {name for name, kind in kinds.items() if kind == "over_time"} <= NEVER_MISSING
+    assert set(kinds.values()) <= set(DRAWERS)
+
+
+def test_every_picture_that_an_effect_may_ask_for_can_be_drawn():
+    assert set(DRAWERS) == set(get_args(PictureKind))
 
 
 @pytest.mark.parametrize("name", ["presliding", "input_lag"])

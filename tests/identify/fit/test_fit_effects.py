@@ -7,10 +7,10 @@ import pytest
 from fit_plant import C1, X_THETA, model_of, simulate
 from ripple_effect import Ripple, RippleOptions
 
-from motorctl.identify.columns.regression_data import with_slope
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.model import EffectList
+from motorctl.model.sign_function import with_slope
 
 
 def test_an_effect_of_ones_own_with_two_parameters_is_identified():
@@ -60,11 +60,11 @@ def test_an_input_map_that_folds_back_is_told():
 
 
 def test_the_slope_is_replaced_only_where_an_effect_has_one():
-    changed = with_slope(C1, math.inf)
-    slopes = {effect.name: effect.options.model_dump() for effect in changed.effects}
+    changed = [with_slope(effect, math.inf) for effect in C1.effects]
+    slopes = {effect.name: effect.options.model_dump() for effect in changed}
     assert slopes["coulomb_friction"] == {"slope_s_m": math.inf}
     assert slopes["inertia"] == {}
-    assert with_slope(C1, None) is C1
+    assert all(with_slope(effect, None) is effect for effect in C1.effects)
 
 
 def test_rows_at_rest_are_left_out_unless_asked_for():

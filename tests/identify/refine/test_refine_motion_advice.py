@@ -5,9 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.diagnose.report.motion_advice import advise
+from motorctl.identify.diagnose.report import motion_advice
 from motorctl.model import Spans, known_effects
 from motorctl.motion import AxisLimits, check_program, load_program_file
+
+
+def advise(names, data, spans):
+    return motion_advice.advise([known_effects()[name] for name in names], data, spans)
+
 
 DECLARED = ("inertia", "viscous_friction", "coulomb_friction", "offset")
 
