@@ -31,6 +31,12 @@ from motorctl.model.pitch import PitchOptions
 TEXTS = ("title", "formula", "compensated", "identified", "visible_in")
 FLAGS = ("electromagnetic", "odd", "varies", "ordinary", "scan_shows_part")
 WAVES = ("wave_over_position", "wave_over_time")
+OVER_A_PITCH = ("folded_over_pitch", "thrust_over_position")
+"""Pictures of waves along the way."""
+TO_SCALE = (
+    *OVER_A_PITCH, "error_over_period", "acting_command", "force_response", "folded_over_time",
+)  # fmt: skip
+"""Pictures that need a length, a voltage, a frequency or a time of the effect's own."""
 VARIABLES = ("position", "velocity", "command", "time", "history")
 """What unknown structure may depend on."""
 ORDINARY = Spans(
@@ -155,6 +161,12 @@ def check_effect(effect: Effect, who: str) -> None:
     if not isinstance(picture, Picture):
         raise refuse("picture", f"gives {picture!r}; expected a motorctl.model.Picture")
     refuse.among("picture", [picture.kind], get_args(PictureKind))
+    if picture.kind in TO_SCALE and not 0.0 < picture.scale < math.inf:
+        raise refuse("picture", f"{picture.kind} has a scale of {picture.scale}; expected above 0")
+    if picture.kind in OVER_A_PITCH and not (lines and effect.repeats_every):
+        raise refuse(
+            "picture", f"{picture.kind} is of a wave; expected lines and repeats_every with it"
+        )
     if effect.kind == "input" and effect.remembers():
         memories = refuse.asked("memories", lambda: [tuple(m) for m in effect.memories()])
         if not memories or any(len(memory) != size for memory in memories):

@@ -83,7 +83,7 @@ def test_a_declared_toy_is_checked_and_run(installed, toy, tmp_path):
     assert toy in json.dumps(command("check", path, "--json"))
     log = tmp_path / "run.parquet"
     measures = command("simulate", path, "--duration", 2, "--log", log, "--json")
-    assert measures["axes"]["x"]["eM_m"] < 400e-6
+    assert measures["axes"]["x"]["eM"] < 400e-6
 
 
 @each
@@ -117,7 +117,7 @@ def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up
     measures = command(
         "simulate", refined, "--duration", 2, "--log", tmp_path / "again.parquet", "--json"
     )
-    assert np.isfinite(measures["axes"]["x"]["eM_m"])
+    assert np.isfinite(measures["axes"]["x"]["eM"])
 
 
 @pytest.mark.slow

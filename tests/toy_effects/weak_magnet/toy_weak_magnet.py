@@ -47,8 +47,8 @@ class WeakMagnet(Effect):
 
     @property
     def picture(self) -> Picture:
-        """Thrust over the travel."""
-        return Picture("thrust_over_position", "Thrust for a command over the travel.")
+        """Over time."""
+        return Picture("over_time", "What the weak magnet takes, over time.")
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
