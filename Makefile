@@ -35,6 +35,7 @@ lint: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/effects_quoted.py
+	$(BIN)/python tools/constants_told.py
 	$(BIN)/python tools/effects_table.py --check
 
 clean:

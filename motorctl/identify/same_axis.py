@@ -13,15 +13,23 @@ from motorctl.identify.columns.signals import low_pass_response, make_signals
 from motorctl.log import Recording
 
 SAME_RESOLUTION = 0.01
+"""Relative difference up to which two resolutions are the same. Larger overlooks another encoder,
+smaller trips over rounding. Chosen by hand."""
 BEYOND_TRAVEL = 0.05
 """Part of the travel by which a recorded position may lie outside the soft limits."""
 BEYOND_VOLTAGE = 0.05
+"""Part of the voltage limit by which a recorded command may exceed it. Larger overlooks another
+amplifier, smaller trips over noise. Chosen by hand."""
 OFF_GRID = 0.1
 """Counts by which a step may miss a whole number of counts: files round."""
 OFF_GRID_SHARE = 0.5
+"""Share of steps that miss a whole number of counts, from which the recording is of another
+encoder. Larger overlooks it, smaller trips over files that round. Chosen by hand."""
 FAR_BEYOND_BOUNDS = 4.0
 """An inertia so many times beyond its bounds is that of another axis, or in another unit."""
 ROUGH_BAND_HZ = 60.0
+"""Band in which the inertia is told roughly [Hz]. Larger adds noise, smaller leaves little motion.
+Chosen by hand."""
 
 
 def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -> None:

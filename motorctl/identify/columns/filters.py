@@ -15,8 +15,11 @@ FilterKind = Literal["butterworth", "bessel"]
 Derivative = Literal["second_difference", "central"]
 
 CHEBYSHEV_RIPPLE_DB = 0.05
+"""Ripple in the pass band of the decimation filter [dB]. Larger distorts amplitudes, smaller widens
+the transition. Convention: scipy.signal.decimate takes the same."""
 CHEBYSHEV_EDGE = 0.8
-"""Pass band of the decimation filter, as a part of the new Nyquist frequency."""
+"""Pass band of the decimation filter, as a part of the new Nyquist frequency. Larger lets aliases
+through, smaller loses band. Convention: scipy.signal.decimate takes the same."""
 
 
 def low_pass(kind: FilterKind, order: int, cutoff_hz: float, sample_rate_hz: float) -> Sections:

@@ -21,13 +21,24 @@ Array = NDArray[np.float64]
 IN_FORCE = (AxisState.IDLE, AxisState.RUNNING, AxisState.STOPPING)
 """States in which the axis follows its command and its coordinate stands still."""
 SHORTEST_S = 0.2
+"""Shortest recording of an axis that is accepted [s]. Smaller lets a fit begin that hardly any
+motion carries, larger refuses short tests. Chosen by hand."""
 SHORTEST_SAMPLES = 100
+"""Fewest samples of an axis that are accepted. Smaller leaves filters nothing but their settling,
+larger refuses slow logs. Chosen by hand."""
 LONGEST_STRETCH = 1 << 19
+"""Samples in one piece of a long recording: longer ones are cut. Larger takes more memory, smaller
+loses more rows to settling at cuts. Chosen by hand; 2^19 samples are 105 s at 5 kHz."""
 MOVED_COUNTS = 10
-"""A position that stays within so many encoder counts does not move."""
+"""A position that stays within so many encoder counts does not move. Larger refuses very small
+motions, smaller takes flicker of the encoder for motion. Chosen by hand."""
 SATURATED_SHARE = 0.95
+"""Part of the samples with the command at one of its extremes, from which it is called saturated.
+Smaller refuses hard but useful motion, larger lets clipped commands pass. Chosen by hand."""
 FEW_REVERSALS = 20
-"""A command at its extremes with so few reversals is saturated, not a binary test signal."""
+"""A command at its extremes with fewer reversals is saturated, with more it is a binary test
+signal. Larger refuses short test signals, smaller accepts a command that is stuck at its limits.
+Chosen by hand."""
 
 
 @dataclass(frozen=True)

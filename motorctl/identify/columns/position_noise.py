@@ -14,19 +14,31 @@ from motorctl.identify.columns.measured import Measured
 Array = NDArray[np.float64]
 
 WIDEST_BAND_HZ = 100.0
-"""Above it lie flexible modes and the amplifier's lag, which no declared term describes."""
+"""Widest band of a fit [Hz]. Above it lie flexible modes and the amplifier's lag, which no declared
+term describes: larger takes them into the parameters, smaller uses less of the motion. Chosen by
+hand."""
 BAND_PER_RATE = 0.1
-"""The band ends at the latest at this part of the sample rate."""
+"""The band of a fit ends at the latest at this part of the sample rate. Larger brings the encoder's
+noise and the filters' edges in, smaller wastes samples. Chosen by hand."""
 NARROWEST_PART = 0.1
-"""The band is never narrower than this part of the widest."""
+"""The band is never narrower than this part of the widest. Larger keeps noise that biases, smaller
+may leave no motion in the band. Chosen by hand."""
 NOISE_PER_ACCELERATION = 0.01
-"""Noise beyond this part of the acceleration biases the estimate through the feedback."""
+"""Noise of the acceleration over the acceleration itself, both rms, that the band may let in. More
+than this biases the estimate through the feedback, less narrows the band. Chosen by hand."""
 VELOCITY_BAND_PER_RATE = 0.2
+"""The velocity's band ends at the latest at this part of the sample rate. Larger adds the encoder's
+noise, smaller rounds off reversals. Chosen by hand."""
 NOISE_PER_TURNOVER = 0.1
-"""Velocity noise, in multiples of the speed at which Sf turns over."""
+"""Velocity noise that is let in, in multiples of the speed at which Sf turns over. Larger blurs the
+sign of friction near rest, smaller delays it through a narrower band. Chosen by hand."""
 NO_MORE_THAN_NOISE = 1.5
+"""Rms difference of the reference's velocity from the measured one, over the noise's, up to which
+noise explains it. Larger overlooks a following error, smaller sees one in noise. Chosen by hand."""
 SAMPLES_PER_BAND = 2.5
-"""Sample rate after decimation, in multiples of the band."""
+"""Sample rate after decimation, in multiples of the band. Below 2 the band aliases (Nyquist);
+larger costs time without telling more. The 0.5 beyond 2 is room for the filter's edge: chosen by
+hand."""
 
 
 def position_noise_density(data: Measured) -> float:

@@ -40,11 +40,25 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SETTLED = 1e-4
+"""What is left of a filter's step response, as a part of one, when rows begin to count. Larger lets
+the filter's start bias the fit, smaller drops more rows. Chosen by hand."""
 LONGEST_DELAY_S = 5e-3
+"""Longest input delay that is sought [s]. Smaller misses slow drives, larger finds delays that are
+other effects. Chosen by hand."""
 LONGEST_DELAY_SAMPLES = 5
+"""At slow sample rates the search reaches at least this many samples. Smaller misses delays of a
+few samples, larger takes time. Chosen by hand."""
 EARLIEST_SAMPLES = -3
+"""Samples by which a recorded command may come too late, as a negative delay. Further from zero
+takes time; nearer misses recordings whose columns were latched at different moments. Chosen by
+hand."""
 REST_SLOPES = 5.0
+"""Speeds below this many times the speed 1/slope, at which Sf turns over, count as rest. Larger
+throws away slow motion, smaller keeps rows in which static friction is undetermined. Chosen by
+hand."""
 REST_PART = 0.05
+"""Rest is never taken beyond this part of the top speed. Larger throws away slow motion, smaller
+keeps rest in recordings of a shallow Sf. Chosen by hand."""
 
 
 @dataclass(frozen=True)

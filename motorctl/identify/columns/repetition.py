@@ -9,20 +9,34 @@ from scipy.signal import correlate
 Array = NDArray[np.float64]
 
 MOST_POINTS = 1 << 16
+"""Points of a series that repetition is sought in. Larger takes more time and memory, smaller blurs
+the period. Chosen by hand; 2^16 suits the fast Fourier transform."""
 FEWEST_POINTS = 16
+"""Fewest points from which a repetition is told. Smaller finds one by chance. Chosen by hand."""
 UNLIKE = 0.5
-"""A lag at which the reference differs so much shows that it moves at all."""
+"""Squared difference of the reference from itself at a lag, relative to its size, that shows that
+it moves at all. Larger misses slow references, smaller takes noise for motion. Chosen by hand."""
 ALIKE = 0.01
-"""What the squared difference of two periods may be, relative to their own size."""
+"""What the squared difference of two periods may be, relative to their own size. Larger calls
+similar moves the same, smaller asks more than the sampling of the period allows. Chosen by hand."""
 STEP_S = 0.01
+"""Time between the points in which a repeated move is sought [s]. Larger blurs the period, smaller
+takes time. Chosen by hand."""
 LEAST_PERIOD_S = 0.3
+"""Shortest repeated move that is sought [s]. Smaller takes vibration for a move, larger misses fast
+ones. Chosen by hand."""
 FEWEST_PERIODS = 3
+"""Periods that must lie in a recording for it to repeat. Smaller calls a coincidence a repetition,
+larger misses long moves. Chosen by hand."""
 SAME = 0.9
-"""Correlation of the velocity with itself a period later."""
+"""Correlation of the velocity with itself a period later, at least. Larger misses repetition under
+noise, smaller finds it in unlike moves. Chosen by hand."""
 MOVING = 0.1
-"""Part of the top speed that counts as motion."""
+"""Part of the top speed that counts as motion. Larger misses slow moves, smaller counts noise as
+turns. Chosen by hand."""
 TURNS_OF_ONE = 2.5
-"""Turns in a period of one move there and back, at most."""
+"""Turns in a period of one move there and back, at most: two, and half a one for noise. Larger
+calls many moves one, smaller misses a plain one. Arithmetic, the half chosen by hand."""
 
 
 def repeats(time_s: Array, reference: Array, period_s: float) -> bool:

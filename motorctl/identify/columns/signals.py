@@ -31,32 +31,55 @@ Response = Callable[[Array], Array]
 """Gain of a zero-phase filter at frequencies [Hz]."""
 
 WIDEST_BAND_HZ = 200.0
+"""Widest band of the rows [Hz]. Larger shows stiffer modes but also more of the encoder's noise,
+and takes time. Chosen by hand."""
 BAND_PER_RATE = 0.2
+"""The band ends at the latest at this part of the sample rate. Larger leaves the filter no room
+below the Nyquist frequency (0.5), smaller wastes samples. Chosen by hand."""
 EDGE = 1.25
-"""The filter's gain falls to zero between the band's end and this many times it."""
+"""The filter's gain falls to zero between the band's end and this many times it. Nearer to 1 rings
+longer, so more rows are dropped at the ends; larger asks for a higher row rate. Chosen by hand."""
 ROWS_PER_BAND = 3.0
-"""Row rate in multiples of the band."""
+"""Row rate in multiples of the band. Below 2 EDGE = 2.5 the edge aliases (Nyquist); larger repeats
+what neighbouring rows say and takes time. Arithmetic, with room chosen by hand."""
 MOTION_PER_BAND = 6.0
-"""Rate at which columns of the motion are formed, in multiples of the band, at least."""
+"""Least rate at which columns of the motion are formed, in multiples of the band. Smaller lets
+harmonics of friction's steps alias into the band, larger takes time. Chosen by hand."""
 TRIM_PERIODS = 8.0
-"""Rows dropped at each end of a stretch, in periods of the band's end."""
+"""Rows dropped at each end of a stretch, in periods of the band's end. Smaller lets the filter's
+ends into the rows, larger loses rows of short stretches. Chosen by hand."""
 PIECE_S = 3.0
-"""Pieces that stand for a long recording."""
+"""Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
+more rows to trimming. Chosen by hand."""
 SHORTEST_S = 0.3
+"""Shortest stretch without a gap that is used [s]. Smaller leaves nothing after trimming, larger
+loses recordings with many gaps. Chosen by hand."""
 REST_SPEED = 3.0
-"""Velocity noise, in multiples of its rms, that counts as rest."""
+"""Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
+throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
 REST_RANGE = 14.0
 """Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
-within which friction's bristles bend unseen."""
+within which friction's bristles bend unseen. A count's rounding has an rms of 1/sqrt(12), so 14 /
+sqrt(12) = 4.04 counts; larger throws away slow motion, smaller keeps rests. That it is four was
+chosen by hand on the simulated campaign."""
 REST_PART = 1e-3
-"""Part of the top speed that creeping at rest stays below."""
+"""Part of the top speed that creeping at rest stays below. Larger throws away slow motion, smaller
+keeps rests whose position hunts. Chosen by hand."""
 FEWEST_ROWS = 100
+"""Fewest rows in motion with which diagnosis begins. Smaller names effects from next to nothing,
+larger refuses short recordings. Chosen by hand."""
 QUIET_NOISE = 0.03
-"""Noise of the velocity that friction depends on, in multiples of 1/slope."""
+"""Noise of the velocity that friction depends on, in multiples of 1/slope. Larger blurs the sign of
+friction near rest, smaller smooths reversals away. Chosen by hand."""
 NARROWEST_QUIET = 0.3
+"""That velocity's band is at least this part of the rows' band. Larger lets noise through, smaller
+delays reversals too much. Chosen by hand."""
 REST_S = 0.06
+"""Shortest standstill that counts as a rest [s]. Smaller takes the turning points of a move for
+rests, larger keeps rests that say nothing. Chosen by hand."""
 REST_EDGE_S = 0.03
-"""What of a rest is kept at each end: how friction lets go is seen there."""
+"""What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
+that say nothing, smaller hides the breakaway. Chosen by hand."""
 
 
 @dataclass(frozen=True)

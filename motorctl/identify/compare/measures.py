@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 SYMBOLS = ("eM", "eF", "L2[e]", "uM")
 PERIODS_AT_END = 2
+"""Periods of the reference at the end of a run from which the final error is taken. Convention of
+the published table."""
 STANDSTILL = 1e-6
 """Share of the reference's range within which it stands still."""
 

@@ -25,6 +25,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 MARGIN = 1.1
+"""Height of the scale over the largest value. Only looks depend on it. Chosen by hand."""
 
 
 def plot_comparison(comparison: Comparison, folder: Path) -> list[Path]:

@@ -17,10 +17,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 BINS = 60
+"""Bins of the histogram. More are noisy, fewer hide a second peak. Chosen by hand."""
 SHOWN_PERCENT = 99.9
+"""Percentile up to which times are drawn. Nearer to 100 lets single outliers set the scale. Chosen
+by hand."""
 ROOM = 1.5
 """The chart ends at this many times the slowest of the shown percentiles."""
 LEAST_MICROSECONDS = 0.1
+"""Shortest time drawn [µs]: a logarithmic scale needs one above zero. Chosen by hand."""
 
 
 def plot_turnaround(turnarounds: Mapping[str, Array], path: Path) -> Path:

@@ -23,7 +23,11 @@ Array = NDArray[np.float64]
 STEPS_PER_PERIOD = 8
 """Of the highest frequency in the band: the scan cannot step over the minimum."""
 TOLERANCE_SAMPLES = 1e-4
+"""Accuracy of the delay [samples]. Larger adds to the parameters' errors, smaller takes time.
+Chosen by hand."""
 DIFFERENCE_SAMPLES = 0.02
+"""Half step of the difference quotient over the delay [samples]. Larger is no slope any more,
+smaller drowns in rounding. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ from motorctl.identify.fit.standard_errors import sandwich
 Array = NDArray[np.float64]
 
 INVERSION_STEPS = 12
+"""Rounds of the fixed-point iteration that solves the command from the model. Fewer leave the
+instruments inexact, which makes them weaker but not wrong; more take time. Chosen by hand."""
 ROUNDS = 4
 """Each round forms the instruments anew from the last estimate."""
 SETTLED = 0.1

@@ -18,13 +18,24 @@ from motorctl.identify.fit.standard_errors import sandwich
 from motorctl.model import EffectList, basic_effects
 
 SIGNIFICANT = 3.0
+"""Standard errors from which inertia has a sign. Convention: three standard deviations."""
 INDISTINCT = 2.0
+"""Standard errors below which a parameter may as well be zero. Convention: two standard
+deviations."""
 ILL_CONDITIONED = 1e3
+"""Condition number of the normalised columns from which a note warns. Larger keeps silent about
+poor motions, smaller warns of good ones. Chosen by hand."""
 POORLY_DETERMINED = 0.02
 """A term whose standard error moves more than this part of the command's rms."""
 BAD_ERROR = 0.5
+"""Relative error of the command beyond which the model does not describe the recording. Larger lets
+wrong data pass, smaller warns of rough machines. Chosen by hand."""
 GOOD_ERROR = 0.3
+"""Relative error below which another reading of the columns explains the recording. Larger suspects
+mistakes too often, smaller misses them. Chosen by hand."""
 TAKES_PART = 0.2
+"""Weight in a weak direction from which a parameter is named. Larger leaves some out, smaller names
+all. Chosen by hand."""
 
 
 class NothingExplainedError(DataError):

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 SHORTEST_CORRELATION_S = 0.1
 """Residuals closer than this always count as correlated."""
 ROWS_PER_PARAMETER = 10
+"""Fewest rows for each parameter. Smaller fits noise, larger refuses short recordings. Convention:
+ten observations a parameter."""
 
 
 def fit_recording(

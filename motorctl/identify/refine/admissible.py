@@ -30,7 +30,11 @@ CLEAR_OF_MARGIN = 1e-3
 CLEAR_SHARE = 1e-4
 """What rounding may take of a share."""
 STEPS = 20
+"""Halvings of the interval in which the largest sound share is sought: 2^-20 is a millionth. Fewer
+give away more of the estimates. Chosen by hand."""
 HALVINGS = 12
+"""Times that the bounds are narrowed around the start values, at most. Fewer may end before the
+input map stays monotonic within them. Chosen by hand."""
 
 
 def admissible(

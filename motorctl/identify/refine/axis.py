@@ -28,6 +28,7 @@ from motorctl.identify.refine.start_values import (
 from motorctl.model import Effect, EffectList, known_effects
 
 COMMENT_WIDTH = 90
+"""Width of a comment in the written file [characters]. Only looks depend on it. Convention."""
 IMPROVEMENT = 0.98
 """New start values of a complete model must leave less than this part of the error."""
 

@@ -11,6 +11,7 @@ from motorctl.identify.diagnose.report.parameter_text import percent, prefixed
 from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, RecordingDiagnosis
 
 WIDTH = 98
+"""Width of the written file's head [characters]. Only looks depend on it. Convention."""
 FIRST_LINES = ("# yaml-language-server", "%", "---", "#!")
 """What has to stay at the head of a file."""
 

@@ -22,13 +22,18 @@ SHARE = 0.3
 COMMAND_SHARE = 0.01
 """and at least as far as changes the command by this part of its rms where that changes most."""
 PEAK_SHARE = 0.999
+"""Quantile of a column that stands for its peak: one sample in a thousand may be an outlier. Chosen
+by hand."""
 MOVING = 0.02
 """Part of the top speed above which the axis moves."""
 LEARNING_S = 5.0
 """Time in which the adaptation may take up what the recording got wrong."""
 DIGITS = 6
+"""Digits of a start value: a millionth is below any standard error here. Chosen by hand."""
 BOUND_DIGITS = 4
+"""Digits of a bound. Only looks depend on it. Chosen by hand."""
 COVARIANCE_DIGITS = 3
+"""Digits of an initial covariance. Only looks depend on it. Chosen by hand."""
 OPTION_DIGITS = 7
 """A pitch has to be right over many of them."""
 

@@ -20,6 +20,7 @@ KeyPath = tuple[str, ...]
 COMMENT_GAP = 2
 """Spaces between a value and the comment after it."""
 INDENT = 2
+"""Spaces by which a block is indented. Convention of YAML files."""
 
 
 @dataclass(frozen=True)

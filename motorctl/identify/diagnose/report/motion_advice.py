@@ -23,19 +23,33 @@ Array = NDArray[np.float64]
 Program = dict[str, object]
 
 CLEARANCE = 0.02
-"""Part of the travel that is kept free at either end."""
+"""Part of the travel that is kept free at either end. Larger shows less of the travel, smaller
+risks the soft limits by an overshoot. Chosen by hand."""
 BELOW = 0.999
-"""What is rounded must not exceed what was used."""
+"""Factor on limits before they are rounded to four digits, so that what is written does not exceed
+what was used. Rounding adds at most half a unit of the fourth digit, 0.05 %; arithmetic. Smaller
+wastes speed."""
 RISE_S = 0.02
-"""Time in which acceleration rises where the recording does not tell the jerk."""
+"""Time in which the acceleration rises where the recording does not tell the jerk [s]. Smaller
+excites flexible modes, larger makes moves too gentle to tell inertia. Chosen by hand."""
 SHORTEST_RISE_S = 0.004
+"""Shortest such time that is taken from a recording [s]. Smaller takes noise of the reference for
+jerk, larger slows hard machines. Chosen by hand."""
 LONGEST_RISE_S = 10.0
+"""Longest such time [s]: a smaller jerk in the recording is taken for none. Smaller ignores very
+gentle references, larger lets rounding set the jerk. Chosen by hand."""
 ROAMING_MOVES = 24
+"""Moves at random in a recommended motion. Fewer visit too few places, more take time. Chosen by
+hand."""
 LONG_RUNS = 3.0
-"""A slow change shows in a run that is so many times longer."""
+"""A slow change shows in a run that is this many times longer than the recording. Smaller may not
+show it, larger takes the machine's time. Chosen by hand."""
 LONGEST_S = 900.0
+"""Longest run that is recommended [s]: a quarter of an hour. Larger takes the machine's time,
+smaller may miss warming up. Chosen by hand."""
 GOLDEN = 0.6180339887498949
-"""Multiples of it fill the range from 0 to 1 evenly and never repeat."""
+"""Golden ratio's fraction, (sqrt(5) - 1) / 2: its multiples fill the range from 0 to 1 evenly and
+never repeat. Another number leaves places out. Arithmetic."""
 
 
 @dataclass(frozen=True)

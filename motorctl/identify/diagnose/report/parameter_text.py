@@ -22,6 +22,8 @@ _PREFIXES = {
 }
 _POWERS = str.maketrans({"*": " "})
 MOST_DECIMALS = 7
+"""Decimals up to which a value is written without an exponent. More makes rows of zeros, fewer
+turns ordinary values into powers of ten. Chosen by hand."""
 
 
 @dataclass(frozen=True)

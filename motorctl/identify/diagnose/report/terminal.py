@@ -38,9 +38,12 @@ VERDICT_STYLES = {
     "insufficient_data": "bold red",
 }
 INDENT = 2
+"""Columns of the terminal that lines are indented by. Only looks depend on it. Convention."""
 DEEPER = 5
+"""Columns that lines under another one are indented by. Only looks depend on it. Convention."""
 WIDE = 110
-"""From so many columns on the parameters are told as forces too."""
+"""Width of the terminal [columns] from which the parameters are shown as forces too. Smaller breaks
+the table's lines. Chosen by hand."""
 
 
 def print_diagnosis(

@@ -31,29 +31,46 @@ Array = NDArray[np.float64]
 WAVES = frozenset({"wave_over_position", "wave_over_time"})
 """Groups whose effects start from the lines of a spectrum instead of a scan."""
 LINES = 6
-"""Lines of a spectrum that are tried: the strongest may be a chance one beside a strong rest."""
+"""Lines of a spectrum that are tried. The strongest may be a chance one beside a strong rest: fewer
+misses the right one, more takes time. Chosen by hand."""
 MOST_ORDER = 12
-"""Of a pitch whose strongest line may be an order: motors and screws show these and lower ones."""
+"""Highest order of a pitch that its strongest line may be: motors and screws show these and lower
+ones. Larger finds long pitches by chance, smaller misses fundamentals without a line. Chosen by
+hand."""
 LONGEST_PITCH = 0.3
-"""Of the travel: what repeats less often than three times is no periodic force."""
+"""Longest pitch, as a part of the travel: what repeats less often than about three times is no
+periodic force. Larger takes slow variation for a pitch, smaller misses long ones. Arithmetic: 1 /
+0.3 = 3.3 waves."""
 ORDER_GAIN = 0.004
-"""An order is kept where it takes this part of what the others of its effect take."""
+"""An order is kept where it takes this part of what the others of its effect take. Larger drops
+weak orders, smaller keeps chance ones. Chosen by hand."""
 SLOW_PART = 0.15
-"""Of the travel: orders of so long a pitch are rather a slow variation over the travel."""
+"""Pitches beyond this part of the travel are rather a slow variation over it. Smaller shortens true
+pitches, larger keeps false long ones. Chosen by hand."""
 SLOW_GAIN = 0.12
-"""Of what an effect takes away: the most that such a variation may account for."""
+"""The most that such a variation may account for, of what an effect takes away. Larger drops true
+orders, smaller keeps a pitch that is a multiple of the true one. Chosen by hand."""
 FINER_PART = 0.05
-"""Of what is left once other effects are there too."""
+"""A spline is divided more finely where that removes this part of what is left once other effects
+are there too. Larger leaves it coarse, smaller fits noise. Chosen by hand."""
 STRAY_GAIN = 0.03
-"""The same of a single order that does not fit the others."""
+"""The most that a single order which does not fit the others may account for. Larger drops true
+orders, smaller keeps chance ones. Chosen by hand."""
 RICHER_PART = 0.004
-"""Of what the richest form takes away: a simpler one that misses no more is preferred."""
+"""A simpler form that misses no more than this part of what the richest takes away is preferred.
+Larger leaves orders or knots out, smaller adds ones that fit noise. Chosen by hand."""
 RICHER_GAIN = 0.01
-"""A richer form is taken where it removes this part of what the simpler one leaves."""
+"""A richer form is taken where it removes this part of what the simpler one leaves. Larger leaves
+orders or knots out, smaller adds ones that fit noise. Chosen by hand."""
 RICHER_STEPS = 4
+"""Times that a form is made richer, at most. Larger takes time, smaller leaves forms coarse. Chosen
+by hand."""
 SIMPLEX_STEPS = 30
+"""Steps of the simplex search (Nelder and Mead) over a form's options. More takes time, fewer
+leaves options short of their best. Chosen by hand."""
 EDGE = 0.02
-"""Part of an end of an option's range within which it counts as standing there."""
+"""Relative distance to an end of an option's range within which it counts as standing there. Larger
+refuses forms near it, smaller accepts ones that are something else. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,21 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.model import EffectList
 
 ABOVE_NOISE = 10.0
-"""Density of the motion over that of the measurement's noise."""
+"""Density of the motion over that of the measurement's noise, where motion is seen. Larger narrows
+the band, smaller lets noise widen it. Chosen by hand on the simulated campaign."""
 MARGIN = 1.2
+"""Band over the highest frequency at which motion is seen. Larger adds noise, smaller cuts the
+motion's edge. Chosen by hand on the simulated campaign."""
 NARROWEST_HZ = 20.0
+"""Narrowest band [Hz]. Larger adds noise to slow motions, smaller hides friction's steps. Chosen by
+hand on the simulated campaign."""
 LEAST_PART = 0.45
-"""Of the signals' band: motion that reaches so far leaves the band as it is."""
+"""Part of the signals' band: motion that reaches so far leaves the band as it is. Larger narrows
+more often, smaller keeps noise. Chosen by hand on the simulated campaign."""
 LINE_BINS = 7
+"""Bins of the spectrum over which the median is taken, so that single lines do not count as motion.
+Larger misses narrow motion, smaller lets lines of a disturbance through. Chosen by hand on the
+simulated campaign."""
 
 
 def motion_band_hz(signals: Signals, model: EffectList) -> float:

@@ -46,72 +46,119 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 COMMAND_BAND_HZ = 100.0
-"""Band with the command on the left: the acceleration's noise must not count there."""
+"""Band with the command on the left [Hz]: the acceleration's noise must not count there. Larger
+lets it count, smaller hides fast effects. Chosen by hand."""
 LONGEST_SEARCH_S = 30.0
-"""What is searched of a longer recording; the outcome is then fitted to all of it."""
+"""Length of the recording that is searched [s]; the outcome is then fitted to all of it. Larger
+takes time, smaller may miss rare events. Chosen by hand."""
 UNEXPLAINED = 0.01
-"""Of the command: what real machines leave unexplained, and clean simulations do not."""
+"""Rms that is left over the command's: what real machines leave unexplained, and clean simulations
+do not. Larger puts the command on the left too seldom, smaller too often. Chosen by hand."""
 UNEXPLAINED_NOISE = 4.0
-"""In multiples of the squared residual that noise alone would leave."""
+"""Squared residual over that of noise alone, below which the acceleration stays on the left. Larger
+biases real machines, smaller searches twice for nothing. Chosen by hand."""
 BLOCK_S: dict[Side, float] = {"acceleration": 2.0, "command": 0.5}
-"""Blocks that are held out in turn: a real machine passes each place but a few times, and in
-long blocks a whole pass would be held out."""
+"""Blocks that are held out in turn [s], by the left side. A real machine passes each place but a
+few times, and in long blocks a whole pass would be held out; shorter ones are correlated with their
+neighbours. Chosen by hand."""
 MOST_ROUNDS = 8
+"""Effects that are added, at most. Larger takes time and names small ones, smaller leaves real
+machines unexplained. Chosen by hand."""
 SETTLING_STEPS = 14
+"""Steps of the simplex search when options settle among other effects. More takes time, fewer
+leaves options where they were before the others came. Chosen by hand."""
 REFINED = 5
-"""Forms that are refined in each round: the best by the scan, and those that come near."""
+"""Forms that are looked at for refining in each round: the best by the scan, and those that come
+near. More takes time, fewer may miss one whose scan was coarse. Chosen by hand."""
 NEAR = 3.0
-"""Parts of the best gain."""
+"""A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
+misses forms with a coarse scan. Chosen by hand."""
 PARTLY_SEEN = 2.0
-"""Factor on `NEAR` for effects of which a scan shows only a part."""
+"""Factor on `NEAR` for effects of which a scan shows only a part. Larger takes time, smaller misses
+them. Chosen by hand."""
 LEAST_GAIN = 60.0
-"""In log-likelihood of held-out rows."""
+"""Gain in log-likelihood of held-out rows that a name needs. Larger misses weak effects, smaller
+names chance. Chosen by hand; the clean twins guard what lies just above it."""
 PLAIN_GAIN = 600.0
-"""Beyond it no clean twin of any machine has come: below, the machine's own twins are asked."""
+"""Beyond this gain no clean twin of any machine has come: below, the machine's own twins are asked.
+Larger takes time, smaller lets false names pass unasked. Chosen by hand on the simulated
+campaign."""
 TWINS_GAIN = 1.5
-"""Multiples of the most that chance gains on them."""
+"""Multiples of the most that chance gains on the twins which a name needs. Larger misses weak
+effects, smaller names chance. Chosen by hand on the simulated campaign."""
 RELEVANT = 6e-4
-"""Of the command's rms: less than that does not matter to any axis, and no declared form is
-exact to such a degree."""
+"""Part of the command's rms that an effect must take: less does not matter to any axis, and no
+declared form is exact to such a degree. Larger misses weak effects, smaller names what is left of a
+wrong shape. Chosen by hand on the simulated campaign."""
 LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
-"""Of the squared residual that the model so far leaves."""
+"""Part of the squared residual left so far that an effect must take, by the left side. Larger
+misses weak effects, smaller names what is left of others. Chosen by hand."""
 DOWN_TO_NOISE = 1.2
-"""Squared residual over that of noise alone: less is not searched for more effects."""
+"""Squared residual over that of noise alone, below which the search ends. Larger misses weak
+effects, smaller looks for names in noise. Chosen by hand."""
 NOISE_LIKE = 1.7
-"""Less than this counts as noise when the search is judged."""
+"""Squared residual over that of noise alone, below which it counts as noise when the search is
+judged. Larger calls structure noise, smaller calls noise structure. Chosen by hand on the simulated
+campaign."""
 BAND_END = 0.85
+"""Part of the band beyond which a line lies at its end, where noise looks like one. Larger lets
+noise be named, smaller asks more of true lines. Chosen by hand."""
 AT_END_SHARE = 0.3
+"""Part of what is left that an effect there must take. Larger misses true ones, smaller names
+noise. Chosen by hand."""
 SHADOW_SHARE = 0.5
-"""Of what is left: an effect that may be another one's shadow takes at least so much."""
+"""Part of what is left that an effect must take which may be another one's shadow. Larger misses a
+true second line, smaller names what a wrong shape leaves. Chosen by hand on the simulated
+campaign."""
 SAME_SHARE = 0.9
-"""The same there for a second force over position, and for one over time in step with the move."""
+"""The same for a second force over position, and for one over time in step with the move, where one
+move is repeated. Larger misses true pairs, smaller names one cause twice. Chosen by hand on the
+simulated campaign."""
 IN_STEP = 0.05
-"""Of a cycle: how far a disturbance may be from a whole number of cycles in a move's period."""
+"""Distance of a disturbance from a whole number of cycles in a move's period, in cycles, up to
+which the two cannot be told apart. Larger doubts true ones, smaller names the move's own harmonics.
+Chosen by hand on the simulated campaign."""
 SMALL_PART = 0.005
-"""Of what the declared model leaves: effects that are not quite of their form leave so much."""
+"""Fraction of the declared model's residual that a slightly wrong shape leaves: an effect that
+takes less needs `SMALL_SHARE`. Larger misses weak effects, smaller names remainders. Chosen by hand
+on the simulated campaign."""
 SMALL_SHARE = 0.35
-"""Of what is left: an effect that takes no more than that small part takes at least so much."""
+"""Part of what is left that an effect must take which takes no more than that small part. Larger
+misses weak effects, smaller names remainders. Chosen by hand on the simulated campaign."""
 REPEATED_SHARE = 0.5
 """The same for a second effect where one move is repeated: all that is left there repeats too, and
-functions of place, time and speed can each draw a part of it."""
+functions of place, time and speed can each draw a part of it. Larger misses true ones, smaller
+names a wrong one. Chosen by hand on the simulated campaign."""
 NEAR_MODE = 0.1
-"""Distance of a line from a resonance, as a part of its frequency, that may be its ringing."""
+"""Distance of a line from a resonance, as a part of its frequency, that may be its ringing. Larger
+doubts true lines, smaller names ringing. Chosen by hand on the simulated campaign."""
 CLEARLY = 30.0
-"""Density of the motion over that of the measurement's noise."""
+"""Density of the motion over that of the measurement's noise, from which the axis moves at a
+frequency. Larger doubts true resonances, smaller names the feedback of noise. Chosen by hand."""
 LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
-"""Of what it leaves above the noise; less where a machine is not down to its noise anyway."""
+"""Part of what is left above the noise that an effect must take, by the left side; less where a
+machine is not down to its noise anyway. Larger misses weak effects, smaller names remainders.
+Chosen by hand."""
 AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
-"""Of the best form's gain: what comes so near is taken where the best is not acceptable."""
+"""Part of the best form's gain from which another is taken where the best is not acceptable, by the
+left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
 AS_WELL = 1.05
-"""Squared residual of one effect over that of two which counts as no worse."""
+"""Squared residual of one effect over that of two up to which the one is no worse. Larger drops
+true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
+simulated campaign."""
 LOSES = 0.1
-"""Less of the explainable error explained by a search than by another, for it not to count."""
+"""Part of the explainable error by which the search with the command on the left may explain less
+and still count. Larger takes poor searches, smaller drops good ones. Chosen by hand."""
 NEARLY = 0.05
-"""Part of what both take that one of them may leave, where one move is repeated."""
+"""Part of what two effects take that one of them may leave and still stand for both, where one move
+is repeated. Larger drops true second effects, smaller keeps shadows. Chosen by hand on the
+simulated campaign."""
 TRIES = 2
-"""How often a rival may lose after another effect was added."""
+"""Times that a rival may lose after another effect was added before it is tried no more. More takes
+time, fewer keeps a first wrong choice. Chosen by hand on the simulated campaign."""
 RIVAL_SHARE = 0.3
-"""Of the gain of what was taken: what gains less is no rival of it."""
+"""Part of the gain of the effect taken from which another is its rival. Larger overlooks rivals,
+smaller takes time. Chosen by hand."""
 
 
 @dataclass(frozen=True)

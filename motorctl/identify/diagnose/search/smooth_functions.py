@@ -12,15 +12,26 @@ from motorctl.identify.columns.signals import Signals, Stretch
 Array = NDArray[np.float64]
 
 POSITION_KNOTS = 40
+"""Knots over the travel. More takes up noise and short waves, fewer misses structure over position.
+Chosen by hand."""
 VELOCITY_KNOTS = 12
-"""On each side of zero."""
+"""Knots on each side of zero velocity. More takes up noise, fewer misses friction's shape. Chosen
+by hand."""
 SPEED_RANGE = 300.0
-"""Top speed over the speed below which velocities are not told apart."""
+"""Top speed over the speed below which velocities are not told apart. Larger puts knots into noise,
+smaller blurs friction near rest. Chosen by hand."""
 TIME_KNOT_S = 2.0
+"""Time between knots [s]. Larger misses slow changes, smaller takes up forces of single moves.
+Chosen by hand."""
 COMMAND_KNOTS = 10
+"""Knots on each side of zero command. More takes up noise, fewer misses the drive's curve. Chosen
+by hand."""
 TENSOR_KNOTS = 9
+"""Knots of each of two variables together. More is slow and takes up noise (their number is
+squared), fewer misses structure. Chosen by hand."""
 HISTORY_S = 0.04
-"""How long the command's past may matter: modes ring longer, but their rise shows."""
+"""How long the command's past may matter [s]: modes ring longer, but their rise shows. Larger takes
+time and noise, smaller misses slow lags. Chosen by hand."""
 VARIABLES: Mapping[str, tuple[str, ...]] = {
     "position": ("position",),
     "velocity": ("velocity",),

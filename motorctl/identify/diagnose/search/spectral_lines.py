@@ -11,16 +11,28 @@ from motorctl.identify.columns.signals import Signals
 Array = NDArray[np.float64]
 
 CYCLES_PER_TRAVEL = 500.0
-"""The finest: magnets and screws repeat a hundred times or so, with some orders each."""
+"""Finest wave that is sought, in cycles over the travel: magnets and screws repeat a hundred times
+or so, with some orders each. Larger takes time and finds chance lines, smaller misses fine pitches.
+Chosen by hand."""
 FEWEST_CYCLES = 3.4
-"""Cycles over the travel: what repeats less often is no periodic force."""
+"""Cycles over the travel: what repeats less often is no periodic force. Larger misses long pitches,
+smaller takes slow variation for one. Arithmetic: just above the 1 / 0.3 = 3.3 of the longest
+pitch."""
 OVERSAMPLING = 8
+"""Points of the spectrum for each independent one. Fewer may miss a line's top, more takes time.
+Chosen by hand: at 8 a line lies within a sixteenth of its width."""
 SPEED_BINS = 64
+"""Bins of speed from which the filter's loss is told. More takes time, fewer is coarser. Chosen by
+hand."""
 
 
 PLACES = 40
+"""Places over the travel at which it is asked whether a wave is seen. More leaves places with few
+rows, fewer hides gaps. Chosen by hand on the simulated campaign."""
 LEAST_COVERED = 0.1
-"""Part of the places, over the travel, at which a wave must be slow enough to be seen."""
+"""Part of the places, over the travel, at which a wave must be slow enough to be seen. Larger
+misses fine pitches, smaller names waves that single turning points make. Chosen by hand on the
+simulated campaign."""
 
 
 def position_spectrum(

@@ -10,7 +10,9 @@ from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import EffectList
 
 UNSURE = 0.02
-"""Standard error of the input map at the largest command, in parts of the command."""
+"""Standard error of the input map at the largest command, in parts of the command, beyond which an
+electromagnetic term is left out. Larger keeps terms that bend other estimates, smaller drops useful
+ones. Chosen by hand."""
 
 
 def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:

@@ -19,8 +19,11 @@ from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 Array = NDArray[np.float64]
 
 QUIET_PERCENT = 30.0
+"""Percentile of the residual's spectrum that is taken for the force noise's density. Larger takes
+effects for noise, smaller underrates the noise. Chosen by hand."""
 LEAST_SHARE = 0.1
-"""The flat part is taken for at least the quantisation's share at this part of the band."""
+"""The force noise is taken for at least the quantisation's at this part of the band. Larger hides
+weak effects, smaller trusts a spectrum that happens to be empty. Chosen by hand."""
 SATURATING = ("position", "velocity", "time", "position_and_command", "history")
 
 

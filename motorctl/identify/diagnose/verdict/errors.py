@@ -26,20 +26,30 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 HELD_OUT_EVERY = 3
-"""One block in so many is held out where the recording does not say which."""
+"""One block in so many is held out where the recording does not say which. More fits with more and
+judges with less. Chosen by hand; as many as there are folds."""
 REPORT_HZ = 100.0
-"""Band of pictures, and of errors on another recording: that in which `fit` works."""
+"""Band of pictures, and of errors on another recording [Hz]: that in which `fit` works. Larger
+shows noise, smaller hides effects. Arithmetic: `fit`'s widest band."""
 WINDOW_S = 0.1
-"""Windows of simulated motion: long enough to show, short enough that drift does not rule."""
+"""Windows of simulated motion [s]. Shorter ones show nothing, in longer ones drift rules. Chosen by
+hand."""
 RIVAL = 0.5
-"""Of the gain of what was taken: what gains less is no rival of it."""
+"""Part of the gain of the effect taken from which another may be told to be indistinguishable.
+Larger overlooks rivals, smaller takes time. Chosen by hand."""
 RIVAL_STEPS = 20
+"""Steps of the simplex search for such a rival. More takes time, fewer leaves it short of its best,
+which hides it. Chosen by hand."""
 FAINT = 8.0
-"""Squared residual without a lag or delay, over the noise's: less tells them apart from nothing."""
+"""Squared residual without a lag or delay, over the noise's, below which the two cannot be told
+apart. Larger doubts clear ones, smaller names one by chance. Chosen by hand."""
 TOLD_APART = 0.05
-"""Square of a lag times the band's end, at least, for it to be told from a delay."""
+"""Square of a lag times the band's end [rad^2], below which it cannot be told from a delay: the two
+responses differ by half of it, (w T)^2 / 2. Larger doubts clear ones, smaller names one by chance.
+Chosen by hand on the simulated campaign."""
 SAME = 0.02
-"""Forms whose squared residuals differ by less than this part of it cannot be told apart."""
+"""Forms whose squared residuals differ by less than this part of it cannot be told apart. Larger
+doubts clear names, smaller gives one of two by chance. Chosen by hand."""
 
 
 @dataclass(frozen=True)

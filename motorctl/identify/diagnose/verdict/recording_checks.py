@@ -18,21 +18,33 @@ from motorctl.model import EffectList
 Array = NDArray[np.float64]
 
 FASTEST = {"m": 50.0, "rad": 20_000.0}
-"""Speeds [unit/s] beyond those of any machine of the kind."""
+"""Speeds [unit/s] beyond those of any machine of the kind: a position in a wrong unit. Larger
+overlooks millimetres taken for metres, smaller refuses fast machines. Chosen by hand."""
 HARDEST = {"m": 3_000.0, "rad": 1e7}
-"""Accelerations [unit/s^2] beyond those of any machine of the kind."""
+"""Accelerations [unit/s^2] beyond those of any machine of the kind. Larger overlooks wrong units,
+smaller refuses hard machines. Chosen by hand."""
 SMALLEST = {"m": 2e-6, "rad": 2e-6}
-"""Travel that no motion can be told from."""
+"""Travel [unit] that no motion can be told from. Larger refuses fine stages, smaller takes noise
+for motion. Chosen by hand."""
 LARGEST = 1e9
+"""Magnitude of any number in a recording, in its own unit, beyond which it is that of no machine.
+Larger lets damaged files pass, smaller refuses encoders in counts. Chosen by hand."""
 SHORTEST_S = 1.0
+"""Shortest motion that is diagnosed [s]. Smaller leaves no blocks to hold out, larger refuses short
+tests. Chosen by hand."""
 FEWEST_CHANGES = 4
-"""Of speed, between rest and half of the usual speed: those of one move there and back."""
+"""Changes of speed, between rest and half of the usual speed: one move there and back has four
+(start, stop, start, stop). Arithmetic. Fewer tell inertia from friction by chance, more refuses a
+plain test."""
 SLOW, QUICK = 0.25, 0.5
 """Parts of the usual speed between which a change of speed counts."""
 EXPLAINS_ENOUGH = 0.5
+"""Share of the squared acceleration that is left, above the noise, up to which the command drives
+the position. Larger lets wrong columns pass, smaller asks `fit` about good ones. Chosen by hand."""
 EXPLAINS_NOTHING = 0.9
-"""Share of the squared acceleration that is left: at most the first is good, beyond the second
-the command has nothing to do with the motion."""
+"""Share of the squared acceleration that is left beyond which the command has nothing to do with
+the motion. Larger lets wrong columns pass, smaller refuses machines with large unknown forces.
+Chosen by hand."""
 
 
 def check_magnitude(data: Measured) -> None:

@@ -26,7 +26,8 @@ from motorctl.model.sign_function import slope_of
 Array = NDArray[np.float64]
 
 TRIALS = 48
-"""Zeros that are tried over a pitch."""
+"""Zeros that are tried over a pitch. Fewer may miss the best of a high order, more takes time.
+Chosen by hand."""
 
 
 def error_on(

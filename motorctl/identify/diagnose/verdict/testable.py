@@ -13,9 +13,11 @@ from motorctl.model import Effect
 from motorctl.model.sign_function import with_slope
 
 UNEXPLAINED = 0.03
-"""Least part of a column's length that the declared model leaves, for it to be testable."""
+"""Least part of a column's length that the declared model leaves, for it to be testable. Larger
+calls testable effects hidden, smaller calls hidden ones tested. Chosen by hand."""
 TIED = 0.25
-"""Part of the other axis' measured motion that may be its own noise and following error."""
+"""Part of the other axis' measured motion that may be its own noise and following error and still
+follow this one. Larger calls free axes tied, smaller misses tied ones. Chosen by hand."""
 
 
 def ordinary(catalogue: Catalogue) -> tuple[type[Effect], ...]:

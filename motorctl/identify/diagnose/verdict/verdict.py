@@ -27,39 +27,60 @@ from motorctl.identify.fit.settings import Side
 Array = NDArray[np.float64]
 
 MATTERS = 4.0
-"""Multiples of what matters at all, in squares, that structure without a name must reach."""
+"""Multiples of what matters at all, in squares, that structure without a name must reach: twice as
+much in rms. Larger misses weak unknowns, smaller calls remainders unknown. Chosen by hand on the
+simulated campaign."""
 STRUCTURE = 0.08
-"""Part of the squared residual that a smooth function must take away to count."""
+"""Part of the squared residual that a smooth function must take away to count. Larger misses
+unknown structure, smaller finds it in noise. Chosen by hand."""
 RIVAL_SHARE: dict[Side, float] = {"acceleration": 0.12, "command": 0.35}
-"""Part of the explainable error that the named effects may leave to a smooth function: more where
-a machine is not down to its noise anyway."""
+"""Part of the explainable error that the named effects may leave to a smooth function, by the left
+side: more where a machine is not down to its noise anyway. Larger keeps wrong names, smaller drops
+right ones. Chosen by hand; the command's on recordings of real machines."""
 SMOOTH_LEFT = 0.5
 """Part of what the named effects leave: where a smooth function takes so much, they have not
-described what they were named for, on whichever side the command is."""
+described what they were named for, with the command on the left. Larger keeps wrong names, smaller
+drops right ones. Chosen by hand."""
 SURE_BESIDE = 0.3
-"""Part of it that named effects must take to be told beside unknown structure."""
+"""Part of the explainable error that named effects must take to be told beside unknown structure.
+Larger hides right names, smaller tells wrong ones. Chosen by hand."""
 NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.82}
-"""Part of the explainable error that named effects must take to be the answer."""
+"""Part of the explainable error that named effects must take to be the answer, by the left side.
+Larger calls named machines unknown, smaller the reverse. Chosen by hand on the simulated
+campaign."""
 BARELY_NAMED = 0.7
 """Less than this part of the explainable error, and names are not the answer, however near to the
-noise the rest may be."""
+noise the rest may be. Larger calls weak effects unknown, smaller keeps names that explain little.
+Chosen by hand."""
 LEFT_OVER: dict[Side, float] = {"acceleration": 0.1, "command": 0.3}
-"""Part of the explainable error that named effects may leave coloured in time: more where a
-machine is not down to its noise anyway."""
+"""Part of the explainable error that named effects may leave coloured in time, by the left side:
+more where a machine is not down to its noise anyway. Larger keeps wrong names, smaller drops right
+ones. Chosen by hand."""
 KEPT = 0.3
-"""An effect that loses more than the rest of its share to a smooth function was its shadow."""
+"""Part of its share that an effect must keep beside a smooth function: with less it was the
+function's shadow. Larger drops right names, smaller keeps shadows. Chosen by hand."""
 COLOURED = 3.0
-"""Low-frequency residual over the noise model."""
+"""Low-frequency residual over what the noise model expects, in power, from which it has structure
+in time. Larger misses structure, smaller finds it in noise. Chosen by hand."""
 LOW_HZ = 20.0
+"""Frequencies that count as low there [Hz]. Larger mixes the measurement's noise in, smaller
+averages fewer bins. Chosen by hand."""
 BURSTS = 0.45
-"""Part of the slow residual that may come in bursts; quantisation alone gives up to a third."""
+"""Part of the slow residual's energy that may come in bursts; quantisation alone gives up to a
+third. Larger misses impacts and slips, smaller calls quantisation one. Chosen by hand on the
+simulated campaign."""
 BURST_HZ = 30.0
-"""Up to here: the noise of the measurement has little power there."""
+"""Highest frequency of the slow residual [Hz]: the noise of the measurement has little power there.
+Larger adds noise, smaller blurs bursts. Chosen by hand on the simulated campaign."""
 BURST_S = 0.05
+"""Windows over which the power is averaged [s]. Larger dilutes bursts, smaller makes chance ones.
+Chosen by hand on the simulated campaign."""
 USUAL_POWER = 6.0
-"""Multiples of the usual power in such a time that white noise does not reach."""
+"""Multiples of the median window's power that white noise does not reach. Larger misses bursts,
+smaller finds them in noise. Chosen by hand on the simulated campaign."""
 CLEAR_LEAD = 1.15
-"""A rival of more variables must gain this much more than one of fewer."""
+"""A rival of more variables must gain this many times what one of fewer does. Larger blames too
+simple a variable, smaller takes the richer one for its freedom alone. Chosen by hand."""
 
 
 @dataclass(frozen=True)

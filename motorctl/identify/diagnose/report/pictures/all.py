@@ -35,6 +35,8 @@ from motorctl.model.knowledge import PictureKind
 
 Drawer = Callable[[AxisSignals, FoundEffect, Path], Path]
 FEWEST_ROWS = 16
+"""Fewest rows of which pictures are drawn. Fewer fill no bin of a panel, more would leave short
+recordings without any. Chosen by hand."""
 
 
 @dataclass(frozen=True)

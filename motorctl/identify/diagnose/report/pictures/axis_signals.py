@@ -16,7 +16,7 @@ from motorctl.model.columns import input_columns, state_columns
 from motorctl.model.knowledge import Signal
 
 MOST_NAMES = 2
-"""More names than these do not fit into a legend."""
+"""Names of effects in a legend: more do not fit and are summed up in words. Chosen by hand."""
 
 
 @dataclass(frozen=True)

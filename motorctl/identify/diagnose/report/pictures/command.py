@@ -33,10 +33,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CURVE_POINTS = 600
+"""Points of a drawn curve. Fewer show corners, more make larger files. Chosen by hand."""
 UNSURE = 0.35
-"""Points whose standard error is beyond this part of the gain tell nothing."""
+"""Standard error over gain beyond which a point of the response is not drawn. Larger draws noise,
+smaller leaves gaps. Chosen by hand."""
 WIDTHS = 4.0
-"""Half widths of a dead zone that are drawn to each side."""
+"""Half widths of a dead zone that are drawn to each side. More hides the zone, fewer does not show
+that the gain returns. Chosen by hand."""
 
 
 def plot_lag(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:

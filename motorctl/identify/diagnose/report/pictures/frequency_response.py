@@ -13,10 +13,16 @@ from motorctl.identify.diagnose.report.pictures.statistics import unbroken
 Array = NDArray[np.float64]
 
 SHORTEST_WINDOW = 16
+"""Fewest rows of a spectrum's window. Smaller tells no frequency from the next. Chosen by hand."""
 LONGEST_WINDOW_S = 1.0
+"""Longest window of a spectrum [s]. Larger averages fewer windows, so the response is noisier;
+smaller blurs resonances (width 1/window). Chosen by hand."""
 REST_WAY = 1e-3
-"""An axis that is where it was, within this part of its travel, rested during a gap."""
+"""Way over travel that an axis may have made during a gap and still count as at rest. Larger joins
+what does not belong together, smaller wastes stretches. Chosen by hand."""
 LONGEST_REST_S = 10.0
+"""Longest gap that is bridged as a rest [s]. Larger bridges gaps in which anything may have
+happened, smaller wastes stretches. Chosen by hand."""
 
 
 @dataclass(frozen=True)

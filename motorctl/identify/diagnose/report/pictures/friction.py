@@ -27,12 +27,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SLOW_PART = 0.1
-"""Part of the top speed that the close view shows, where the effect tells no speed of its own."""
+"""Part of the top speed that the close view shows, where the effect tells no speed of its own.
+Larger hides what happens near rest, smaller shows too few points. Chosen by hand."""
 VELOCITIES = 6.0
-"""The close view in multiples of the effect's own velocity."""
+"""The close view in multiples of the effect's own velocity. Larger hides the dip near rest, smaller
+cuts it off. Chosen by hand."""
 BINS = 90
+"""Bins over velocity. More leaves single bins noisy, fewer blurs the curve. Chosen by hand."""
 REVERSAL_COUNTS = 4.0
+"""Way back, in encoder counts, from which a reversal counts. Smaller takes flicker for reversals,
+larger misses small ones. Chosen by hand."""
 REVERSAL_PART = 0.1
+"""Way back, as a part of the effect's own displacement, from which a reversal counts. Larger misses
+reversals, smaller finds them in noise. Chosen by hand."""
 
 
 def plot_friction(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:

@@ -23,6 +23,8 @@ DATA = "#9a9a9a"
 NOISE = "#444444"
 MARK = "#3f7f3f"
 WIDTH_INCHES = 9.0
+"""Width of a picture [inch]. Larger shrinks the writing on the page, smaller crowds three panels.
+Chosen by hand."""
 LOOK: dict[Any, Any] = STYLE | {
     "font.size": 10,
     "axes.titlesize": 10,

@@ -32,14 +32,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_WAVES = 30
-"""More waves than this side by side cannot be seen one by one."""
+"""Waves drawn side by side: more cannot be seen one by one, so a part of the travel is shown.
+Chosen by hand."""
 SHOWN_WAVES = 20
+"""Waves in that part of the travel. More cannot be told apart, fewer hide that they differ. Chosen
+by hand."""
 POINTS_A_PERIOD = 24
+"""Points of a curve, and bins, in a period. Fewer show corners, more leave bins noisy. Chosen by
+hand."""
 CURVE_POINTS = 2000
+"""Points of a drawn curve over the travel. Fewer show corners, more make larger files. Chosen by
+hand."""
 SLOW = 0.02
-"""Part of the top speed below which friction may not have its level yet."""
+"""Part of the top speed below which friction may not have its level yet; such rows are left out.
+Larger loses rows, smaller mixes reversals into the level. Chosen by hand."""
 FAST = 0.7
-"""Part of the band up to which an error of the encoder is looked for."""
+"""Part of the band up to which an error of the encoder is looked for. Nearer to 1 the filter
+weakens it, smaller leaves places out. Chosen by hand."""
 
 
 def plot_cogging(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:

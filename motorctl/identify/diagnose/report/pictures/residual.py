@@ -29,18 +29,30 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WAVES_A_TRAVEL = 400.0
+"""Highest wave number drawn, in waves over the travel. Larger crowds the picture, smaller cuts fine
+pitches off. Chosen by hand."""
 LEAST_WAVELENGTH_STEPS = 4.0
-"""The shortest wavelength drawn, in ways that the axis makes between two rows."""
+"""The shortest wavelength drawn, in ways that the axis makes between two rows: 2 would be Nyquist's
+limit, and twice that is room for faster rows. Smaller shows aliases, larger cuts off. Arithmetic,
+the room chosen by hand."""
 SHOWN_PART = 0.15
-"""Waves are drawn as far as one reaches this part of the highest amplitude."""
+"""Waves are drawn as far as one reaches this part of the highest amplitude. Larger cuts weak waves
+off, smaller draws a long empty tail. Chosen by hand."""
 FEWEST_WAVES = 30.0
-"""Waves are drawn at least up to so many a travel."""
+"""Waves are drawn at least up to this many a travel. More draws an empty tail, fewer hides common
+pitches. Chosen by hand."""
 HEADROOM = 1.15
+"""Height of the scale over the highest bar. Larger wastes room, smaller lets marks touch the frame.
+Chosen by hand."""
 DECADE = 4.0
-"""A logarithmic scale reaches at least so far to both sides of its middle."""
+"""A logarithmic scale reaches at least so many times below and above its middle. Smaller makes a
+flat spectrum look rough, larger flattens all. Chosen by hand."""
 FAR_RIGHT = 0.85
+"""Part of the panel's width from which a label stands left of its mark. Larger lets labels leave
+the frame. Chosen by hand."""
 FLOOR = 1e-3
-"""Of the highest line; what lies below is not drawn."""
+"""Lowest value drawn, as a part of the highest line. Larger hides weak lines, smaller stretches the
+scale over nothing. Chosen by hand."""
 
 
 def plot_residual(subject: AxisSignals, path: Path) -> Path:

@@ -12,12 +12,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FEWEST_IN_BIN = 5
+"""Fewest rows in a bin that is drawn. Smaller draws noise, larger leaves gaps. Chosen by hand."""
 GAP_PERIODS = 1.5
+"""Sample periods between two rows from which there is a gap: 1 is none, 2 is one lost row, so half
+way. Arithmetic. Larger overlooks lost rows, smaller takes jitter for gaps."""
 WEAK_BIN = 0.01
-"""A bin whose regressor is weaker than this part of the strongest bin's says nothing."""
+"""A bin whose regressor is weaker than this part of the strongest bin's says nothing. Larger leaves
+gaps, smaller draws quotients of noise. Chosen by hand."""
 COVERED = 0.3
-"""A place that is visited less than this part of the median counts less in the spectrum."""
+"""Rows at a place, as a part of the median, below which it counts less in the spectrum. Larger
+weakens what is seldom visited, smaller lets single rows make lines. Chosen by hand."""
 MOST_POINTS = 1 << 21
+"""Points of a spectrum that are summed at once, places times wave numbers. Larger takes more
+memory, smaller more time. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CURVE_POINTS = 1000
+"""Points of a drawn curve over time. Fewer show corners, more make larger files. Chosen by hand."""
 PERIODS_SHOWN = 12.0
+"""Periods of a disturbance that are drawn. More cannot be seen one by one, fewer hide that it
+repeats. Chosen by hand."""
 
 
 def plot_gain_drift(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:

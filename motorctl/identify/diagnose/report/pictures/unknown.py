@@ -25,10 +25,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BINS = 60
+"""Bins over one variable. More leaves bins noisy, fewer blurs the curve. Chosen by hand."""
 MAP_CELLS = (24, 18)
+"""Cells of a map over position and over velocity. More leaves them empty, fewer blurs the
+structure. Chosen by hand."""
 REVERSAL_PART = 1e-4
-"""A reversal counts once the axis has gone back by this part of its travel."""
+"""A reversal counts once the axis has gone back by this part of its travel. Smaller takes noise for
+reversals, larger misses short strokes. Chosen by hand."""
 FEWEST_IN_CELL = 8
+"""Fewest rows in a cell that is drawn. Smaller draws noise, larger leaves the map empty. Chosen by
+hand."""
 NAMES = {"history": "the way since the last reversal"}
 
 
