@@ -108,7 +108,7 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
 
 
 def _commands(config: str, refinement: Refinement) -> list[str]:
-    """Give what to run next: before and after on the same motion, by simulation where possible."""
+    """Return what to run next: before and after on the same motion, simulated where possible."""
     out = shlex.quote(str(refinement.out))
     simulated = refinement.machine.drivers and all(
         driver.cls.supports_virtual_time for driver in refinement.machine.drivers.values()

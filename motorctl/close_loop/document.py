@@ -15,7 +15,7 @@ from motorctl.identify.diagnose.report.json_document import axis_document
 
 
 def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:
-    """Give the document: what came out, and every round."""
+    """Return the document: what came out, and every round."""
     return {
         "config": str(loop.config),
         "out": str(loop.folder),

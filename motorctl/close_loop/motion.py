@@ -54,7 +54,7 @@ class Motions:
 
 
 def machine_on(machine: Machine, motion: MotionName, motions: Motions) -> Machine:
-    """Give the machine with each axis on a program of this motion.
+    """Return the machine with each axis on a program of this motion.
 
     The machine's own motion is left as it is, and an axis without a program then holds.
     """
@@ -78,7 +78,7 @@ def machine_on(machine: Machine, motion: MotionName, motions: Motions) -> Machin
 
 
 def moves_by_itself(machine: Machine) -> bool:
-    """Tell whether every axis follows a program of its own."""
+    """Return whether every axis follows a program of its own."""
     return all(axis.program is not None for axis in machine.axes.values())
 
 
@@ -97,7 +97,7 @@ def _made(machine: Machine, axis: Axis, motion: MotionName, motions: Motions, k:
 
 
 def _rich(reach: Reach, begin: float) -> Iterator[Stroke]:
-    """Give moves at random, and between them what shows one thing well; without end."""
+    """Yield moves at random, and between them what shows one thing well; without end."""
     for k in count():
         for recipe in (fast_reversals, two_speeds, slow_reversals, two_accelerations):
             yield from roam(reach, ROAMING, begin + 0.31 * k)
@@ -118,7 +118,7 @@ def _cut(reach: Reach, strokes: Iterator[Stroke], length_s: float) -> list[Strok
 
 
 def _reach(machine: Machine, axis: Axis, effort: float) -> Reach:
-    """Tell how far, fast and hard the axis may be driven.
+    """Return how far, fast and hard the axis may be driven.
 
     No harder than by its own programs, which the machine is known to follow; where it has none,
     as hard as a part of its voltage allows.
@@ -149,7 +149,7 @@ def _reach(machine: Machine, axis: Axis, effort: float) -> Reach:
 
 
 def _affordable(axis: Axis, speed: float, acceleration: float) -> float:
-    """Give the acceleration that a part of the voltage makes at a speed, with the start values."""
+    """Return the acceleration that a part of the voltage makes at a speed, by the start values."""
     theta = np.array([estimate.initial for estimate in axis.estimates])
     limit = axis.limits.max_voltage_v
     needed = required_command(axis.model, theta, limit)

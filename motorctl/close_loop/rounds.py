@@ -41,7 +41,7 @@ class Attempt:
 
     @property
     def accepted(self) -> bool:
-        """Tell whether no axis became worse."""
+        """Return whether no axis became worse."""
         return all(judgement.accepted for judgement in self.judgements.values())
 
 
@@ -214,7 +214,7 @@ def _unnamed(diagnosis: RecordingDiagnosis, refinement: Refinement, axis: str) -
 
 
 def _offenders(attempt: Attempt) -> dict[str, str]:
-    """Give the changed axes that became worse; all changed ones where only others did."""
+    """Return the changed axes that became worse; all changed ones where only others did."""
     changed = [name for name, axis in attempt.refinement.axes.items() if axis.changed]
     against = {
         name: "; ".join(judgement.against[:MOST_REASONS])
@@ -236,7 +236,7 @@ def _weaker_half(found: AxisDiagnosis, added: tuple[str, ...]) -> list[str]:
 def _recorded(
     current: Trial, folder: Path, motion: Motion, motions: Motions, progress: Progress
 ) -> tuple[Recording, Motions]:
-    """Give the recording that is diagnosed."""
+    """Return the recording that is diagnosed."""
     if motion == "own":  # was simulated to try the configuration out
         return current.recordings["own"], motions
     return record_rich(current.config, folder / "rich.parquet", motions, progress)
@@ -258,7 +258,7 @@ def _require_simulation(machine: Machine, config: str | Path) -> None:
 
 
 def _prepared(out: Path) -> Path:
-    """Give the folder of the start; rounds of an earlier time are removed."""
+    """Return the folder of the start; rounds of an earlier time are removed."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         folder = out / "round_0"

@@ -12,7 +12,7 @@ Rows = list[tuple[str, list[str]]]
 
 
 def tracking_table(judgement: AxisJudgement) -> list[Rows]:
-    """Give for each motion the rows before, after and their ratio: a name and its cells."""
+    """Return the rows before, after and their ratio for each motion: a name and its cells."""
     groups: list[Rows] = []
     for motion, (before, after) in judgement.tracking.items():
         ratio = [f"{r:.2f}" if math.isfinite(r) else "–" for r in ratios(before, after).values()]

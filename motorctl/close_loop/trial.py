@@ -121,7 +121,7 @@ def record_rich(
 def model_error_v(
     machine: Machine, recording: Recording, corrected_by: Machine
 ) -> dict[str, float]:
-    """Give what each axis' start values leave of the command of a recording, rms.
+    """Return what each axis' start values leave of the command of a recording, rms.
 
     `corrected_by` is the machine that made the recording: the errors of the measurement that it
     declares are not in the recorded position. NaN where an axis cannot be judged.

@@ -188,7 +188,7 @@ def check_other_axes(
 
 
 def _place_of(part: object, value: str) -> KeyPath:
-    """Return where in an effect's keys a word stands."""
+    """Return the place of a word in an effect's keys."""
     for key, found in part.items() if isinstance(part, dict) else ():
         if found == value:
             return (key,)

@@ -126,7 +126,7 @@ def _published_tables(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def _axis(loop: ClosedLoop, name: str, picture: Any) -> dict[str, Any]:
-    """Tell what the first diagnosis says of an axis, and what was found and kept in all of them."""
+    """Return what the first diagnosis says of an axis, and what all of them found and kept."""
     told = "What the declared model leaves of the command; below, what is left with what was found."
     wanted = [("residual", f"Residual of axis {name}", told)]
     for effect, found in kept_effects(loop, name).items():

@@ -16,7 +16,7 @@ UNITS = {"_m_s": "m/s", "_v_s_m": "V s/m", "_m": "m", "_s": "s", "_v": "V", "_hz
 
 
 def undeclared_effects(machine: Machine, axis: str) -> dict[str, str]:
-    """Give the effects of a simulated axis that its configuration does not declare, in words."""
+    """Return the effects of a simulated axis that its configuration does not declare, in words."""
     place = machine.axes[axis]
     drivers = decode(machine.resolved)["drivers"]
     plants: Mapping[str, Any] = drivers[place.driver].get("plants", {})

@@ -16,7 +16,7 @@ NONE = "–"
 
 
 def published_beside_ours(comparison: Comparison, axis: str) -> list[tuple[str, list[str]]]:
-    """Give the rows of one axis' table: name and cells, in µm and V."""
+    """Return the rows of one axis' table: name and cells, in µm and V."""
     ours = {run.label: run.axes[axis].measures for run in comparison.runs}
     rows = []
     for whose, table in (("published", TABLES[axis]), ("simulated", ours)):
@@ -39,7 +39,7 @@ def verdict(comparison: Comparison) -> str:
 
 
 def first_sentence(loop: ClosedLoop, axis: str) -> str:
-    """Give what the first diagnosis says of an axis."""
+    """Return what the first diagnosis says of an axis."""
     diagnosis = loop.rounds[0].diagnosis
     if axis in diagnosis.axes:
         return diagnosis.axes[axis].sentence
@@ -47,7 +47,7 @@ def first_sentence(loop: ClosedLoop, axis: str) -> str:
 
 
 def kept_effects(loop: ClosedLoop, axis: str) -> dict[str, FoundEffect]:
-    """Give the effects that were found on an axis and kept, by name, in the order of rounds."""
+    """Return the effects that were found on an axis and kept, by name, in the order of rounds."""
     kept: dict[str, FoundEffect] = {}
     for part in loop.rounds:
         if part.accepted is None or axis not in part.accepted.refinement.axes:
@@ -58,7 +58,7 @@ def kept_effects(loop: ClosedLoop, axis: str) -> dict[str, FoundEffect]:
 
 
 def found_beside_plant(loop: ClosedLoop, axis: str) -> list[tuple[str, str, str, str]]:
-    """Give effect, what the simulated plant has of it, what was found and how much it explains."""
+    """Return effect, what the simulated plant has of it, what was found, how much it explains."""
     there = undeclared_effects(loop.first.machine, axis)
     kept = kept_effects(loop, axis)
     rows = []
@@ -82,7 +82,7 @@ def found_beside_plant(loop: ClosedLoop, axis: str) -> list[tuple[str, str, str,
 
 
 def before_and_after(loop: ClosedLoop) -> list[tuple[str, str, dict[str, str]]]:
-    """Give axis, motion, and each measure before and after, in µm and V."""
+    """Return axis, motion, and each measure before and after, in µm and V."""
     rows = []
     for axis, judgement in loop.overall.items():
         for motion, pair in judgement.tracking.items():

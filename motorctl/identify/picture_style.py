@@ -30,7 +30,7 @@ STYLE: dict[Any, Any] = {
 
 
 def colour(k: int) -> str:
-    """Give the colour of the k-th run."""
+    """Return the colour of the k-th run."""
     return COLOURS[k % len(COLOURS)]
 
 

@@ -54,14 +54,14 @@ def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -
 
 
 def _axis_of(machine: Machine, name: str) -> Axis | None:
-    """Give the axis of that name, or the only one, from which the model is taken too."""
+    """Return the axis of that name, or the only one, from which the model is taken too."""
     if len(machine.axes) == 1:
         return next(iter(machine.axes.values()))
     return machine.axes.get(name)
 
 
 def against(data: Measured, axis: Axis) -> list[str]:
-    """Give what speaks against a recording: encoder, travel and voltage."""
+    """Return what speaks against a recording: encoder, travel and voltage."""
     found = []
     resolution, count = axis.encoder.resolution_m, data.resolution
     if count is not None and abs(count - resolution) > SAME_RESOLUTION * resolution:
@@ -90,7 +90,7 @@ def against(data: Measured, axis: Axis) -> list[str]:
 
 
 def inertia_against(data: Measured, axis: Axis) -> list[str]:
-    """Give what the inertia says against a recording; nothing where it cannot be told."""
+    """Return what the inertia says against a recording; nothing where it cannot be told."""
     place = axis.model.index_of("acceleration")
     if place is None:
         return []
@@ -107,7 +107,7 @@ def inertia_against(data: Measured, axis: Axis) -> list[str]:
 
 
 def _off_grid(position: np.ndarray, resolution: float) -> float:
-    """Give the share of steps between samples that are no whole number of counts."""
+    """Return the share of steps between samples that are no whole number of counts."""
     counts = np.diff(position) / resolution
     counts = counts[np.abs(counts) > OFF_GRID]
     if len(counts) == 0:

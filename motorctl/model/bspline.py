@@ -32,7 +32,7 @@ Knots = Annotated[tuple[Finite, Finite, int], AfterValidator(_in_order)]
 
 
 def spline_constants(knots: Knots | None) -> tuple[float, float, float]:
-    """Give lowest position [m], cells per metre and number of functions; 0 functions for None."""
+    """Return lowest position [m], cells per metre and number of functions; 0 functions for None."""
     if knots is None:
         return 0.0, 0.0, 0.0
     low, high, count = knots
@@ -40,7 +40,7 @@ def spline_constants(knots: Knots | None) -> tuple[float, float, float]:
 
 
 def finer_knots(knots: Knots | None, spans: Spans) -> list[Knots]:
-    """Give the divisions of the used travel that have more functions than `knots`."""
+    """Return the divisions of the used travel that have more functions than `knots`."""
     if spans.travel_m < SHORTEST_M:
         return []
     now = 0 if knots is None else knots[2]
@@ -49,7 +49,7 @@ def finer_knots(knots: Knots | None, spans: Spans) -> list[Knots]:
 
 @inner_kernel(error_model="numpy")
 def basis(j: int, x: float, low: float, cells_per_m: float, count: float) -> float:
-    """Give the j-th of `count` cubic B-splines at x [m]; constant beyond the ends.
+    """Return the j-th of `count` cubic B-splines at x [m]; constant beyond the ends.
 
     Together they are 1 everywhere (de Boor, A Practical Guide to Splines, 1978).
     """

@@ -46,7 +46,7 @@ def columns(x, c, out):
 def state_columns(
     effect: Effect, x: Array, v: Array, a: Array, vs: Array, t: Array, others: Array | None = None
 ) -> Array:
-    """Give the columns of a state effect, shape (parameters, N), over signals of shape (N,).
+    """Return the columns of a state effect, shape (parameters, N), over signals of shape (N,).
 
     others of shape (N, axes, 3) is the motion x, v, a of the effect's other axes; it is at rest
     where it is not given. Raises ValueError where shapes differ.

@@ -302,5 +302,5 @@ def _number(effect: Effect, member: str) -> float:
 
 
 def _is_inherited(cls: type[Effect], member: str) -> bool:
-    """Tell whether a member is still that of the base class."""
+    """Return whether a member is still that of the base class."""
     return getattr(cls, member).__func__ is getattr(Effect, member).__func__

@@ -208,18 +208,18 @@ class Effect(ABC):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give the forms that diagnosis tries first, in the order of their nonlinear option.
+        """Return the forms that diagnosis tries first, in the order of their nonlinear option.
 
         Without options there is one form. None where the recording cannot show the effect.
         """
         return (cls(),)
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Give the options that diagnosis refines, each with a first step in its own unit."""
+        """Return the options that diagnosis refines, each with a first step in its own unit."""
         return {}
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give forms one step richer than this one, which diagnosis takes where they pay."""
+        """Return forms one step richer than this one, which diagnosis takes where they pay."""
         return ()
 
     @classmethod
@@ -274,7 +274,7 @@ class Effect(ABC):
         return self.kernel("slope")
 
     def with_options(self, **changes: object) -> Effect:
-        """Give this effect with other options; raises pydantic.ValidationError where wrong."""
+        """Return this effect with other options; raises pydantic.ValidationError where wrong."""
         return type(self)(self.Options.model_validate(self.options.model_dump() | changes))
 
     def kernel(self, name: str) -> Callable[..., float]:

@@ -6,7 +6,7 @@ import math
 
 
 def log_grid(low: float, high: float, per_decade: int) -> list[float]:
-    """Give values from low to high, both included, at least per_decade of them a decade.
+    """Return values from low to high, both included, at least per_decade of them a decade.
 
     Empty where low and high are not positive, finite and in this order.
     """
@@ -20,12 +20,12 @@ def log_grid(low: float, high: float, per_decade: int) -> list[float]:
 
 
 def log_step(value: float, per_decade: int) -> float:
-    """Give the distance from a value to its next neighbour in such a grid."""
+    """Return the distance from a value to its next neighbour in such a grid."""
     return float(value * (10.0 ** (1.0 / per_decade) - 1.0))
 
 
 def even_grid(low: float, high: float, step: float) -> list[float]:
-    """Give low, low + step, ... up to high; empty where there is nothing between them."""
+    """Return low, low + step, ... up to high; empty where there is nothing between them."""
     if not (0.0 < step < math.inf and -math.inf < low <= high < math.inf):
         return []
     return [low + i * step for i in range(int((high - low) / step) + 1)]

@@ -9,7 +9,7 @@ PER_DECADE = 8
 
 
 def trial_times(spans: Spans) -> list[float]:
-    """Give the times [s] that are worth trying, for a lag or a delay.
+    """Return the times [s] that are worth trying, for a lag or a delay.
 
     Amplifiers and buses take 0.05 to 5 ms. Less than a twentieth of a sample cannot be seen, and
     slowly sampled machines may be slow themselves.

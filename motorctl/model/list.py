@@ -76,7 +76,7 @@ class EffectList:
         return EffectList, (self.effects,)
 
     def without_electromagnetic(self) -> EffectList:
-        """Give the list that C1 runs on: all but the electromagnetic effects."""
+        """Return the list that C1 runs on: all but the electromagnetic effects."""
         return EffectList([e for e in self.effects if not e.electromagnetic])
 
     @property
@@ -124,7 +124,7 @@ class EffectList:
         u: Array,
         others: Array | None = None,
     ) -> Array:
-        """Give psi over a recording: arrays of shape (N,) in, shape (N, n) out.
+        """Return psi over a recording: arrays of shape (N,) in, shape (N, n) out.
 
         others of shape (N, axes, 3) is x, v, a of each of `other_axes`. Raises ValueError where
         their shapes differ.
@@ -188,7 +188,7 @@ class EffectList:
         return "\n".join(lines) + "\n"
 
     def _places(self) -> list[tuple[int, Effect, int]]:
-        """Give index in theta, effect and index within the effect of every parameter."""
+        """Return index in theta, effect and index within the effect of every parameter."""
         pairs = [(e, j) for e in self.effects for j in range(len(e.parameters))]
         return [(i, effect, j) for i, (effect, j) in enumerate(pairs)]
 

@@ -38,12 +38,12 @@ class PitchOptions(EffectOptions):
 
 
 def pitch_constants(options: PitchOptions) -> tuple[float, ...]:
-    """Give the wave number [rad/m] of each order."""
+    """Return the wave number [rad/m] of each order."""
     return tuple(2.0 * math.pi * order / options.pitch_m for order in options.orders)
 
 
 def wave_number_step(spans: Spans) -> float:
-    """Give the distance of two wave numbers 1/P [1/m] that a search must look at.
+    """Return the distance of two wave numbers 1/P [1/m] that a search must look at.
 
     Over a travel L a wave is told from one that is 1/L away; at half of that between neighbours
     nine tenths of an amplitude are still seen, at 1/1.5 L eight tenths.
@@ -54,7 +54,7 @@ def wave_number_step(spans: Spans) -> float:
 
 
 def trial_pitches(spans: Spans) -> list[float]:
-    """Give the pitches [m] that are worth trying, from the longest to the shortest."""
+    """Return the pitches [m] that are worth trying, from the longest to the shortest."""
     if not SHORTEST_TRAVEL_M < spans.travel_m < math.inf:
         return []
     lowest, step = 0.75 / spans.travel_m, wave_number_step(spans)
@@ -64,14 +64,14 @@ def trial_pitches(spans: Spans) -> list[float]:
 
 
 def pitch_steps(options: PitchOptions, spans: Spans) -> dict[str, float]:
-    """Give the step of the pitch that is one step of its wave number."""
+    """Return the step of the pitch that is one step of its wave number."""
     if not SHORTEST_TRAVEL_M < spans.travel_m < math.inf:
         return {}
     return {"pitch_m": options.pitch_m**2 / options.orders[-1] * wave_number_step(spans)}
 
 
 def richer_pitches(options: PitchOptions, spans: Spans) -> list[PitchOptions]:
-    """Give the forms with one order more, of this pitch or of one that this is a part of."""
+    """Return the forms with one order more, of this pitch or of one that this is a part of."""
     pitch, orders = options.pitch_m, options.orders
     richer = [(pitch, (*orders, n)) for n in ORDERS if n not in orders]
     for multiple in MULTIPLES:
@@ -85,7 +85,7 @@ def richer_pitches(options: PitchOptions, spans: Spans) -> list[PitchOptions]:
 
 
 def _highest(spans: Spans) -> float:
-    """Give the highest wave number [1/m]: a millimetre, or a hundredth of a short travel."""
+    """Return the highest wave number [1/m]: a millimetre, or a hundredth of a short travel."""
     highest = max(1000.0, 100.0 / spans.travel_m)
     if spans.resolution_m > 0.0:
         highest = min(highest, 1.0 / (8.0 * spans.resolution_m))

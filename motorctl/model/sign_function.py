@@ -34,7 +34,7 @@ def with_slope(effect: Effect, slope_s_m: float | None) -> Effect:
 
 @njit(inline="always")
 def sf(v: float, slope: float) -> float:
-    """Give Sf(v) = (2/pi) arctan(slope v) (Chen, Yao, Wang 2013)."""
+    """Return Sf(v) = (2/pi) arctan(slope v) (Chen, Yao, Wang 2013)."""
     if v == 0.0:
         return 0.0
     return 2.0 / math.pi * math.atan(slope * v)

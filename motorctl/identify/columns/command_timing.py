@@ -124,7 +124,7 @@ def _moment(begin: float, end: float, rate: float, a: float, b: float) -> float:
 
 
 def later(u: Array, ticks: int) -> Array:
-    """Give a series so many ticks later, its first value before."""
+    """Return a series so many ticks later, its first value before."""
     if ticks == 0:
         return u
     return np.concatenate([np.full(min(ticks, len(u)), u[0]), u[:-ticks]])

@@ -61,7 +61,7 @@ def settling_samples(sections: Sections, decay: float) -> int:
 
 
 def picked(samples: int, factor: int) -> NDArray[np.int64]:
-    """Give the indices that decimation keeps: every `factor`-th, counted from the last."""
+    """Return the indices that decimation keeps: every `factor`-th, counted from the last."""
     return np.arange((samples - 1) % factor, samples, factor, dtype=np.int64)
 
 
@@ -71,7 +71,7 @@ def velocity_of(position: Array, period_s: float) -> Array:
 
 
 def acceleration_of(position: Array, velocity: Array, period_s: float, how: Derivative) -> Array:
-    """Give the acceleration, shape (N,).
+    """Return the acceleration, shape (N,).
 
     "second_difference" spans two periods, "central" differentiates `velocity` once more and
     spans four.

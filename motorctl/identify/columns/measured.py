@@ -81,7 +81,7 @@ class Measured:
         return f"{self.source}: axis {self.axis}"
 
     def stretches(self, shortest: int) -> Iterator[slice]:
-        """Give the runs of at least `shortest` usable samples without a gap in time.
+        """Yield the runs of at least `shortest` usable samples without a gap in time.
 
         Very long runs come in pieces, so that memory stays bounded.
         """
@@ -151,7 +151,7 @@ def _picked(data: Measured, rows: NDArray[np.int64]) -> Measured:
 
 
 def beside(data: Measured, others: Mapping[str, Measured]) -> dict[str, Measured]:
-    """Give the other axes that move, at the times of `data`: they may have another rate."""
+    """Return the other axes that move, at the times of `data`: they may have another rate."""
     moving = {name: other for name, other in others.items() if np.ptp(other.position) > 0.0}
     return {name: _at_times(other, data.time_s) for name, other in moving.items()}
 
@@ -219,7 +219,7 @@ def _check_command(data: Measured) -> None:
 
 
 def resolution_of(position: Array) -> float:
-    """Give the smallest step between neighbouring samples, 0 where there is none."""
+    """Return the smallest step between neighbouring samples, 0 where there is none."""
     steps = np.abs(np.diff(position))
     steps = steps[steps > 1e-12 * max(1.0, float(np.max(np.abs(position))))]
     return float(np.min(steps)) if len(steps) else 0.0

@@ -61,7 +61,7 @@ def position_noise_density(data: Measured) -> float:
 
 
 def acceleration_noise_rms(density: float, cutoff_hz: float) -> float:
-    """Give the noise that white position noise leaves in the acceleration below `cutoff_hz`.
+    """Return the noise that white position noise leaves in the acceleration below `cutoff_hz`.
 
     The square root of the integral of (2 pi f)^4 times the density [unit/s^2].
     """
@@ -69,12 +69,12 @@ def acceleration_noise_rms(density: float, cutoff_hz: float) -> float:
 
 
 def velocity_noise_rms(density: float, cutoff_hz: float) -> float:
-    """Give the noise that it leaves in the velocity below `cutoff_hz` [unit/s]."""
+    """Return the noise that it leaves in the velocity below `cutoff_hz` [unit/s]."""
     return float(np.sqrt(density * (2.0 * np.pi) ** 2 * cutoff_hz**3 / 3.0))
 
 
 def choose_band_hz(data: Measured) -> float:
-    """Give the widest band in which noise stays small beside the acceleration."""
+    """Return the widest band in which noise stays small beside the acceleration."""
     widest = min(WIDEST_BAND_HZ, BAND_PER_RATE * data.sample_rate_hz)
     density = position_noise_density(data)
     band = widest
@@ -87,7 +87,7 @@ def choose_band_hz(data: Measured) -> float:
 
 
 def choose_velocity_band_hz(data: Measured, band_hz: float, slope_s_m: float) -> float:
-    """Give the widest band in which velocity noise stays small beside 1/slope.
+    """Return the widest band in which velocity noise stays small beside 1/slope.
 
     At least `band_hz`, which is also the answer for a sign without slope.
     """
@@ -103,7 +103,7 @@ def choose_velocity_band_hz(data: Measured, band_hz: float, slope_s_m: float) ->
 
 
 def reference_is_quieter(data: Measured, band_hz: float) -> bool:
-    """Tell whether the reference's velocity differs from the measured one by noise alone."""
+    """Return whether the reference's velocity differs from the measured one by noise alone."""
     desired = data.desired_velocity
     if desired is None or not np.all(np.isfinite(desired[data.usable])):
         return False
@@ -117,7 +117,7 @@ def reference_is_quieter(data: Measured, band_hz: float) -> bool:
 
 
 def top_speed(data: Measured, band_hz: float) -> float:
-    """Give the speed that one sample in a hundred exceeds."""
+    """Return the speed that one sample in a hundred exceeds."""
     speeds = [np.abs(velocity) for _, velocity in _velocities(data, band_hz)]
     return float(np.percentile(np.concatenate(speeds), 99.0)) if speeds else 0.0
 
@@ -130,7 +130,7 @@ def _velocities(data: Measured, band_hz: float) -> Iterator[tuple[slice, Array]]
 
 
 def choose_decimation(sample_rate_hz: float, band_hz: float) -> int:
-    """Give the factor that keeps the band just below the new Nyquist frequency."""
+    """Return the factor that keeps the band just below the new Nyquist frequency."""
     return max(1, int(sample_rate_hz / (SAMPLES_PER_BAND * band_hz)))
 
 

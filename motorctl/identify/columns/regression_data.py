@@ -82,13 +82,13 @@ class RegressionData:
     """(m,) the row of `held` that belongs to each row."""
 
     def taps(self, delay_samples: float) -> Taps:
-        """Give the alignment of the command for an input delay."""
+        """Return the alignment of the command for an input delay."""
         if not self.options.hold_alignment:
             return sample_taps(delay_samples)
         return hold_taps(delay_samples, 1 if self.options.derivative == "second_difference" else 2)
 
     def at(self, delay_s: float) -> tuple[Array, Array]:
-        """Give psi (m, n) and the command (m,) for an input delay [s], positive: acts later."""
+        """Return psi (m, n) and the command (m,) for an input delay [s], positive: acts later."""
         taps = self.taps(delay_s / self.period_s)
         aligned = np.zeros((len(self.pick), self.held.shape[1]))
         for lag, weight in zip(taps.lags, taps.weights, strict=True):
@@ -98,7 +98,7 @@ class RegressionData:
         return psi, aligned[:, 0]
 
     def rows(self, chosen: NDArray[np.bool_]) -> RegressionData:
-        """Give only some of the rows; `chosen` of shape (m,)."""
+        """Return only some of the rows; `chosen` of shape (m,)."""
         return replace(
             self,
             time_s=self.time_s[chosen],
@@ -107,14 +107,14 @@ class RegressionData:
         )
 
     def within(self, segments: tuple[Segment, ...]) -> RegressionData:
-        """Give the rows whose time lies in one of the segments, begin included, end not."""
+        """Return the rows whose time lies in one of the segments, begin included, end not."""
         time = self.time_s + 0.5 * self.period_s
         inside = [(time >= begin) & (time < end) for begin, end in segments]
         return self.rows(np.logical_or.reduce(inside))
 
 
 def delay_range_s(options: FitOptions, sample_rate_hz: float) -> Segment:
-    """Give the delays among which the best is sought."""
+    """Return the delays among which the best is sought."""
     if options.delay_range_s is not None:
         return options.delay_range_s
     longest = max(LONGEST_DELAY_SAMPLES, round(LONGEST_DELAY_S * sample_rate_hz))
@@ -218,7 +218,7 @@ def _stretch(
     input_index: Indices,
     reach: tuple[int, int],
 ) -> tuple[Array, Array, Array, Indices]:
-    """Give time, state columns, held columns and picks of one stretch without gaps."""
+    """Return time, state columns, held columns and picks of one stretch without gaps."""
     assert options.filter_hz is not None
     assert options.decimation is not None
     sections = low_pass(

@@ -40,7 +40,7 @@ calls many moves one, smaller misses a plain one. Arithmetic, the half chosen by
 
 
 def repeats(time_s: Array, reference: Array, period_s: float) -> bool:
-    """Tell whether the last period of a reference is like the one before.
+    """Return whether the last period of a reference is like the one before.
 
     True also where the recording is too short to show that it is not.
     """
@@ -93,7 +93,7 @@ def _uniform(time_s: Array, reference: Array) -> tuple[Array, float]:
 
 
 def period_of(velocity: Array, sample_period_s: float) -> float:
-    """Give the period [s] of one move, there and back, that is made again and again; else 0."""
+    """Return the period [s] of one move, there and back, that is made again and again; else 0."""
     every = max(1, round(STEP_S / sample_period_s))
     v, step_s = velocity[::every], every * sample_period_s
     lags = np.arange(max(1, int(LEAST_PERIOD_S / step_s)), len(v) // FEWEST_PERIODS)

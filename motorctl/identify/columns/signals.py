@@ -128,11 +128,11 @@ class Signals:
         return self.period_s * self.decimation
 
     def with_response(self, response: Response) -> Signals:
-        """Give the same signals behind another filter."""
+        """Return the same signals behind another filter."""
         return replace(self, response=response, _gains={})
 
     def picked(self, signal: Callable[[Stretch], Array]) -> Array:
-        """Give an unfiltered signal at the rows, (m,)."""
+        """Return an unfiltered signal at the rows, (m,)."""
         parts = [
             signal(stretch)[:: self.decimation][kept]
             for stretch, kept in zip(self.stretches, self.kept, strict=True)
@@ -167,12 +167,12 @@ class Signals:
         )
 
     def acceleration(self) -> Array:
-        """Give the filtered second difference of the measured position, (m,)."""
+        """Return the filtered second difference of the measured position, (m,)."""
         columns = [second_difference(s.position, self.period_s)[None] for s in self.stretches]
         return np.asarray(self.filtered(columns)[0])
 
     def smoothed_acceleration(self, bands: float) -> list[Array]:
-        """Give the measured acceleration of each stretch up to `bands` times the band, (N,)."""
+        """Return the measured acceleration of each stretch up to `bands` times the band, (N,)."""
         return [
             smoothed(
                 second_difference(s.position, self.period_s), bands * self.band_hz, self.period_s
@@ -183,7 +183,7 @@ class Signals:
     def state(
         self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
     ) -> Array:
-        """Give the columns of a state effect, (p, m).
+        """Return the columns of a state effect, (p, m).
 
         acceleration is that of each stretch at the full rate; by default none, zero. step is the
         decimation at which the columns are formed.
@@ -201,7 +201,7 @@ class Signals:
         return self.filtered(columns, d)
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
-        """Give the command and the columns of input effects, (1 + p, m), aligned with the rows."""
+        """Return the command and the columns of input effects at the rows, (1 + p, m)."""
         columns = []
         for s in self.stretches:
             total = np.zeros((1 + sum(len(e.parameters) for e in effects), len(s.x)))
@@ -223,25 +223,25 @@ class Signals:
         return self.filtered(columns)
 
     def row_variance(self, force_noise: float) -> float:
-        """Give the variance of the rows' noise, if the filter whitens noise of this density."""
+        """Return the variance of the rows' noise where the filter whitens noise of this density."""
         frequency = np.linspace(0.0, EDGE * self.band_hz, 400)
         passed = low_pass_response(self.band_hz)(frequency) ** 2
         return float(force_noise * np.trapezoid(passed, frequency))
 
     def noise_variance(self, force_noise: float) -> float:
-        """Give the variance of rows behind the plain low pass of this band."""
+        """Return the variance of rows behind the plain low pass of this band."""
         frequency = np.linspace(0.0, EDGE * self.band_hz, 400)
         passed = low_pass_response(self.band_hz)(frequency) ** 2
         density = force_noise + (2.0 * np.pi * frequency) ** 4 * self.position_noise
         return float(np.trapezoid(density * passed, frequency))
 
     def plain(self, band_hz: float) -> Signals:
-        """Give the same rows behind a plain low pass, for errors that people compare."""
+        """Return the same rows behind a plain low pass, for errors that people compare."""
         band = min(band_hz, self.band_hz)
         return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
 
     def history(self, shifts: Sequence[int]) -> Array:
-        """Give the command so many samples later, filtered, (shifts, m)."""
+        """Return the command so many samples later, filtered, (shifts, m)."""
         columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
         return self.filtered(columns)
 
@@ -266,7 +266,7 @@ class Signals:
 
 
 def low_pass_response(band_hz: float) -> Response:
-    """Give a gain of one up to the band's end that falls to zero like a raised cosine."""
+    """Return a gain of one up to the band's end that falls to zero like a raised cosine."""
 
     def response(frequency: Array) -> Array:
         place = np.clip((frequency / band_hz - 1.0) / (EDGE - 1.0), 0.0, 1.0)
@@ -333,7 +333,7 @@ def make_signals(
 
 
 def without(signals: Signals, begin_s: float, end_s: float) -> Signals:
-    """Give the rows that lie not between two times."""
+    """Return the rows that lie not between two times."""
     kept = []
     for s, used in zip(signals.stretches, signals.kept, strict=True):
         time_s = s.time_s[:: signals.decimation]
@@ -342,7 +342,7 @@ def without(signals: Signals, begin_s: float, end_s: float) -> Signals:
 
 
 def shortened(signals: Signals, longest_s: float) -> Signals:
-    """Give pieces of a long recording, spread evenly over it, that last about `longest_s`."""
+    """Return pieces of a long recording, spread evenly over it, that last about `longest_s`."""
     total_s = sum(len(s.x) for s in signals.stretches) * signals.period_s
     every = int(total_s / longest_s)
     if every < 2:
@@ -377,7 +377,7 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
 
 
 def spans_of(signals: Signals) -> Spans:
-    """Tell what the rows of the signals span."""
+    """Return what the rows of the signals span."""
     x = np.concatenate([s.x for s in signals.stretches])
     v = np.concatenate([s.v for s in signals.stretches])
     u = np.concatenate([s.command for s in signals.stretches])
@@ -447,7 +447,7 @@ def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
 
 
 def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
-    """Tell where the position stays within a range, hunting included, for about a rest."""
+    """Return where the position stays within a range, hunting included, for about a rest."""
     size = max(3, round(REST_S / period_s))
     highest: Array = maximum_filter1d(x, size)
     lowest: Array = minimum_filter1d(x, size)

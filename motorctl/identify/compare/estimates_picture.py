@@ -49,7 +49,7 @@ def plot_estimates(comparison: Comparison, axis: str, path: Path) -> Path:
 
 
 def _model(run: ComparedRun, axis: str) -> Mapping[str, Any]:
-    """Give the model of an axis as the log's configuration has it."""
+    """Return the model of an axis as the log's configuration has it."""
     try:
         model = run.recording.metadata["config"]["axes"][axis]["model"]
     except (KeyError, TypeError):

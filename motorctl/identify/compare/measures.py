@@ -129,7 +129,7 @@ def measure_recording(
 
 
 def measure_timing(recording: Recording) -> Timing:
-    """Give percentiles and the worst case of turnaround and lateness."""
+    """Return percentiles and the worst case of turnaround and lateness."""
     return Timing(
         _durations(recording.time_s, recording.turnaround_s),
         _durations(recording.time_s, recording.lateness_s),
@@ -139,7 +139,7 @@ def measure_timing(recording: Recording) -> Timing:
 def measured_document(
     run: MeasuredRun, position_unit: str = "m", command_unit: str = "V"
 ) -> dict[str, Any]:
-    """Give the measures of an axis, by the paper's symbols, as they stand in JSON documents."""
+    """Return the measures of an axis, by the paper's symbols, as they stand in JSON documents."""
     units = (position_unit, position_unit, position_unit, command_unit)
     return dict(zip(SYMBOLS, astuple(run.measures), strict=True)) | {
         "units": dict(zip(SYMBOLS, units, strict=True)),
@@ -149,13 +149,13 @@ def measured_document(
 
 
 def table_headings(position_unit: str = "m", command_unit: str = "V") -> tuple[str, ...]:
-    """Give the headings of `table_cells`: errors in millionths of m or rad."""
+    """Return the headings of `table_cells`: errors in millionths of m or rad."""
     micro = f"µ{position_unit}"
     return (f"eM {micro}", f"eF {micro}", f"L2[e] {micro}", f"uM {command_unit}")
 
 
 def table_cells(measures: Measures) -> list[str]:
-    """Give the measures with the digits of the published table."""
+    """Return the measures with the digits of the published table."""
     return [
         f"{measures.eM_m * 1e6:.1f}",
         f"{measures.eF_m * 1e6:.1f}",
@@ -175,14 +175,14 @@ def _durations(time_s: Array, values: Array | None) -> Durations | None:
 
 
 def _under_control(axis: AxisRecording) -> NDArray[np.bool_]:
-    """Tell the rows in which a tracking error means something; all where that is not known."""
+    """Return the rows in which a tracking error means something; all where that is not known."""
     if axis.state is None or not np.isin(axis.state, IN_FORCE).any():
         return np.ones(len(axis.position), np.bool_)
     return np.isin(axis.state, IN_FORCE)
 
 
 def _run(axis: AxisRecording) -> slice:
-    """Give the rows from the first to the last that follow a program; all where none does."""
+    """Return the rows from the first to the last that follow a program; all where none does."""
     if axis.state is not None:
         running = np.flatnonzero(axis.state == AxisState.RUNNING)
         if len(running):
@@ -213,7 +213,7 @@ def _program_period(metadata: Mapping[str, Any], axis: str) -> float | None:
 
 
 def _end(time_s: Array, reference: Array, period_s: float | None) -> tuple[int, int]:
-    """Give the rows of the last two periods, up to where the motion ended."""
+    """Return the rows of the last two periods, up to where the motion ended."""
     rows = len(time_s)
     if period_s is None:
         return rows - max(rows // 3, 1), rows

@@ -114,7 +114,7 @@ def plot_command(comparison: Comparison, axis: str, path: Path) -> Path:
 
 
 def _time(run: ComparedRun, axis: str) -> Array:
-    """Give the times of an axis' run, from its beginning."""
+    """Return the times of an axis' run, from its beginning."""
     time_s = run.recording.time_s[run.axes[axis].rows]
     return time_s - float(time_s[0])
 

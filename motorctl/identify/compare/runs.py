@@ -40,22 +40,22 @@ class Comparison:
     """Axes that every run has."""
 
     def measures(self, axis: str) -> dict[str, Measures]:
-        """Give the measures of one axis by the labels of the runs."""
+        """Return the measures of one axis by the labels of the runs."""
         return {run.label: run.axes[axis].measures for run in self.runs}
 
     def ratios(self, axis: str) -> list[dict[str, float]]:
-        """Give the first run's measures over each later run's: above 1 the later one is better."""
+        """Return the first run's measures over each later run's; above 1 the later is better."""
         first, *later = self.measures(axis).values()
         return [ratios(first, other) for other in later]
 
     def units(self, axis: str) -> tuple[str, str]:
-        """Give the units of an axis' position and command."""
+        """Return the units of an axis' position and command."""
         record = self.runs[0].recording.axes[axis]
         return record.position_unit, record.command_unit
 
 
 def ratios(first: Measures, other: Measures) -> dict[str, float]:
-    """Give the first's measures over the other's, by their symbols; NaN over zero."""
+    """Return the first's measures over the other's, by their symbols; NaN over zero."""
     pairs = zip(SYMBOLS, astuple(first), astuple(other), strict=True)
     return {name: value / against if against else nan for name, value, against in pairs}
 
@@ -86,7 +86,7 @@ def compare(recordings: Sequence[Recording], period_s: float | None = None) -> C
 
 
 def comparison_document(comparison: Comparison) -> dict[str, Any]:
-    """Give the comparison as the JSON document of `compare --json`."""
+    """Return the comparison as the JSON document of `compare --json`."""
     axes: dict[str, Any] = {}
     for axis in comparison.axes:
         position_unit, command_unit = comparison.units(axis)
@@ -122,7 +122,7 @@ def comparison_document(comparison: Comparison) -> dict[str, Any]:
 
 
 def _controller(recording: Recording, measured: Mapping[str, MeasuredRun]) -> str | None:
-    """Give the law that all axes ran on, where the log tells it."""
+    """Return the law that all axes ran on, where the log tells it."""
     try:
         axes = recording.metadata["config"]["axes"]
         laws = {str(axes[name]["controller"]) for name in measured}
@@ -132,7 +132,7 @@ def _controller(recording: Recording, measured: Mapping[str, MeasuredRun]) -> st
 
 
 def _told_apart(runs: list[ComparedRun]) -> list[ComparedRun]:
-    """Give every run a label of its own: its law, else its file, else its path, else a number."""
+    """Return a label of its own for every run: its law, else its file, its path, or a number."""
     sources = [run.recording.source for run in runs]
     choices = (
         [run.label for run in runs],

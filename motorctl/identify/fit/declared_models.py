@@ -15,7 +15,7 @@ from motorctl.model.catalog import built_in_effects
 def declared_models(
     recording: Recording, model: str | None = None, axis: str | None = None
 ) -> dict[str, EffectList]:
-    """Give the list of effects of every axis of `recording`, or of `axis` alone.
+    """Return the list of effects of every axis of `recording`, or of `axis` alone.
 
     `model` None is what the configuration in the log declares, and C1 where there is none. C1
     and C2 are the log's own list without or with the electromagnetic effects. Else it is the
@@ -38,7 +38,7 @@ def declared_models(
 
 
 def machine_of(recording: Recording, model: str | None = None) -> Machine | None:
-    """Give the machine that the recording should be of: that of `model`, else of its own log.
+    """Return the machine that the recording should be of: that of `model`, else of its own log.
 
     None where nothing is known of it. Raises DataError and ConfigError.
     """
@@ -46,7 +46,7 @@ def machine_of(recording: Recording, model: str | None = None) -> Machine | None
 
 
 def controller_list(declared: EffectList | None, controller: str | None) -> EffectList:
-    """Give C1's or C2's list, made from what an axis declares where that is known."""
+    """Return C1's or C2's list, made from what an axis declares where that is known."""
     if declared is None:
         declared = EffectList([cls() for cls in basic_effects().values()])
         if controller is None:

@@ -56,7 +56,7 @@ def estimate_delay(data: RegressionData) -> DelayEstimate:
 
 
 def delay_trials(data: RegressionData) -> Array:
-    """Give the delays of a scan that cannot step over the best."""
+    """Return the delays of a scan that cannot step over the best."""
     assert data.options.filter_hz is not None
     low, high = delay_range_s(data.options, 1.0 / data.period_s)
     step = 1.0 / (STEPS_PER_PERIOD * data.options.filter_hz)
@@ -64,14 +64,14 @@ def delay_trials(data: RegressionData) -> Array:
 
 
 def unexplained(data: RegressionData, delay_s: float) -> float:
-    """Give |y - X b|^2 / |y|^2 at the best b for this delay."""
+    """Return |y - X b|^2 / |y|^2 at the best b for this delay."""
     problem = regression(*data.at(delay_s), data.model, data.options.left)
     R = np.asarray(np.linalg.qr(np.column_stack([problem.X, problem.y]), mode="r"))
     return float(R[-1, -1] ** 2 / np.sum(R[:, -1] ** 2))
 
 
 def delay_sensitivity(data: RegressionData, delay_s: float, theta: Array, left: Side) -> Array:
-    """Give -d(y - X b)/d(delay), shape (m,), in units of the left side per second."""
+    """Return -d(y - X b)/d(delay), shape (m,), in units of the left side per second."""
     step = DIFFERENCE_SAMPLES * data.period_s
     residuals = []
     for delay in (delay_s - step, delay_s + step):

@@ -43,11 +43,11 @@ class FitEstimate:
         return float(np.sqrt(max(self.covariance[-1, -1], 0.0)))
 
     def weaker_than(self, other: FitEstimate) -> Flags:
-        """Tell which parameters (n,) this estimate hardly determines beside the other."""
+        """Return which parameters (n,) this estimate hardly determines beside the other."""
         return np.asarray(self.std_error > WEAK * other.std_error)
 
     def disagrees_with(self, other: FitEstimate, psi: Array, command: Array) -> Flags:
-        """Tell which parameters (n,) differ significantly, and by something that matters.
+        """Return which parameters (n,) differ significantly, and by something that matters.
 
         `psi` (m, n) and `command` (m,) weigh a difference by what it does to the command.
         """

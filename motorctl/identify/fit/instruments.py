@@ -112,7 +112,7 @@ def _two_stage(
 
 
 def _basis(ideal: RegressionData, delay_s: float) -> Array:
-    """Give an orthonormal basis (m, k) of the instruments."""
+    """Return an orthonormal basis (m, k) of the instruments."""
     assert ideal.options.filter_hz is not None
     low, high = delay_range_s(ideal.options, 1.0 / ideal.period_s)
     shift = 1.0 / (SHIFTS_PER_PERIOD * ideal.options.filter_hz)

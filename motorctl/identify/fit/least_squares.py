@@ -59,7 +59,7 @@ def by_least_squares(data: Measured, columns: RegressionData, bandwidth_rows: in
 
 
 def physical_bounds(model: EffectList, data: Measured) -> tuple[Array, Array]:
-    """Give the bounds of theta, (n,) each.
+    """Return the bounds of theta, (n,) each.
 
     The effects' bounds are numbers in volts and metres; in other units only their signs hold.
     """
@@ -71,7 +71,7 @@ def physical_bounds(model: EffectList, data: Measured) -> tuple[Array, Array]:
 
 
 def within(theta: Array, lower: Array, upper: Array) -> bool:
-    """Tell whether all of theta lies in its bounds."""
+    """Return whether all of theta lies in its bounds."""
     return bool(np.all((theta >= lower) & (theta <= upper)))
 
 
@@ -83,7 +83,7 @@ def _covariance(
     delay_s: float,
     bandwidth_rows: int,
 ) -> Array:
-    """Give the covariance of (theta, delay), shape (n + 1, n + 1); zero where fixed."""
+    """Return the covariance of (theta, delay), shape (n + 1, n + 1); zero where fixed."""
     b = problem.coefficients(theta)
     n = len(b)
     free = np.append(~fixed, columns.options.estimate_delay)

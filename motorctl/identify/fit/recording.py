@@ -127,7 +127,7 @@ def fit_axis(
 
 
 def evaluate(fit: AxisFit, other: Measured) -> FitError:
-    """Give the error that the identified model leaves on another recording, in the same band."""
+    """Return the error that the identified model leaves on another recording, in the same band."""
     return _evaluate(other, fit.columns, fit.estimate)
 
 

@@ -38,7 +38,7 @@ class Regression:
     """Index of the inertia in theta where the acceleration is on the left."""
 
     def theta(self, b: Array) -> Array:
-        """Give theta (n,) of the coefficients b (n,)."""
+        """Return theta (n,) of the coefficients b (n,)."""
         if self.inertia is None:
             return b
         theta: Array = -b / b[self.inertia]
@@ -46,11 +46,11 @@ class Regression:
         return theta
 
     def coefficients(self, theta: Array) -> Array:
-        """Give b (n,) of theta (n,); its own inverse."""
+        """Return b (n,) of theta (n,); its own inverse."""
         return self.theta(theta)
 
     def jacobian(self, b: Array) -> Array:
-        """Give d theta / d b, shape (n, n)."""
+        """Return d theta / d b, shape (n, n)."""
         if self.inertia is None:
             return np.eye(len(b))
         i, b1 = self.inertia, b[self.inertia]
@@ -74,7 +74,7 @@ def regression(psi: Array, command: Array, model: EffectList, left: Side) -> Reg
 
 
 def inertia_index(model: EffectList) -> int | None:
-    """Give the index of the parameter whose column is the acceleration."""
+    """Return the index of the parameter whose column is the acceleration."""
     return model.index_of("acceleration")
 
 

@@ -23,7 +23,7 @@ _ESTIMATORS = {
 
 
 def fit_document(fit: RecordingFit) -> dict[str, Any]:
-    """Give the document of ``fit --json``."""
+    """Return the document of ``fit --json``."""
     return {
         "source": fit.source,
         "sample_rate_hz": fit.sample_rate_hz,
@@ -50,7 +50,7 @@ def print_fit(console: Console, fit: RecordingFit) -> None:
 def parameter_values(
     fit: AxisFit, estimate: FitEstimate | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Give value, standard error and unit of every parameter in units of the command."""
+    """Return value, standard error and unit of every parameter in units of the command."""
     taken = estimate or fit.estimate
     values = zip(fit.model.parameter_names, taken.theta, taken.std_error, _units(fit), strict=True)
     found = {

@@ -77,17 +77,17 @@ class AxisFit:
         return self.estimate.delay_s
 
     def value(self, name: str) -> float:
-        """Give one parameter by its full name."""
+        """Return one parameter by its full name."""
         return float(self.theta[self.model.parameter_names.index(name)])
 
     def weak(self) -> Flags:
-        """Tell which parameters (n,) the instruments hardly determine."""
+        """Return which parameters (n,) the instruments hardly determine."""
         if self.instruments is None:
             return np.ones(len(self.theta), dtype=np.bool_)
         return self.instruments.weaker_than(self.least_squares)
 
     def disagreement(self) -> Flags:
-        """Tell on which parameters (n,) instruments and least squares disagree."""
+        """Return on which parameters (n,) instruments and least squares disagree."""
         if self.instruments is None:
             return np.zeros(len(self.theta), dtype=np.bool_)
         psi, command = self.columns.at(self.delay_s)

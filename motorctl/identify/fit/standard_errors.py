@@ -35,7 +35,7 @@ def long_run_covariance(scores: Array, at_least: int) -> Array:
 
 
 def sandwich(bread: Array, scores: Array, at_least: int) -> Array:
-    """Give the covariance (p, p) of an estimate whose score is the rows of `scores` (m, p).
+    """Return the covariance (p, p) of an estimate whose score is the rows of `scores` (m, p).
 
     `bread` is the inverse of the derivative of the summed score.
     """
@@ -43,7 +43,7 @@ def sandwich(bread: Array, scores: Array, at_least: int) -> Array:
 
 
 def _andrews_bandwidth(scores: Array) -> float:
-    """Give the optimal bandwidth in rows; eq. 6.4 with the columns weighted to equal power."""
+    """Return the optimal bandwidth in rows; eq. 6.4 with the columns weighted to equal power."""
     before, after = scores[:-1], scores[1:]
     power = np.sum(before**2, axis=0)
     power = np.where(power > 0.0, power, 1.0)

@@ -40,7 +40,7 @@ input map stays monotonic within them. Chosen by hand."""
 def admissible(
     axis: Axis, model: EffectList, estimates: Sequence[Estimate], programs: Sequence[Program]
 ) -> tuple[list[Estimate], list[str]]:
-    """Give estimates that the axis can start with, and in words what had to be changed.
+    """Return estimates that the axis can start with, and in words what had to be changed.
 
     estimates: one for each parameter of `model`. What the input map cannot mend, such as a
     program that needs too much voltage for its inertia, is left for the configuration to refuse.

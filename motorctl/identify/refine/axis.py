@@ -54,7 +54,7 @@ class AxisRefinement:
     """The same with the new ones."""
 
     def estimates(self) -> dict[str, Estimate]:
-        """Give every parameter's estimate by its full name."""
+        """Return every parameter's estimate by its full name."""
         return {
             part.effect.full_name(parameter): estimate
             for part in self.wanted
@@ -159,7 +159,7 @@ def _done(
 
 
 def current_model(machine: Machine, axis: str) -> tuple[WantedEffect, ...]:
-    """Give the model of an axis as its configuration has it."""
+    """Return the model of an axis as its configuration has it."""
     resolved: Mapping[str, Any] = decode(machine.resolved)["axes"][axis]["model"]
     return tuple(
         WantedEffect(effect, _estimates_in(effect, resolved[effect.name]), _type(resolved, effect))
@@ -228,7 +228,7 @@ def _absent(estimate: Estimate) -> Estimate:
 
 
 def _error_of(wanted: tuple[WantedEffect, ...], found: AxisDiagnosis) -> float:
-    """Give the error of a model's start values on the recording; NaN where there is none."""
+    """Return the error of a model's start values on the recording; NaN where there is none."""
     model = EffectList([part.effect for part in wanted])
     theta = np.array([e.initial for part in wanted for e in part.estimates])
     try:

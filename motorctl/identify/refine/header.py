@@ -19,7 +19,7 @@ FIRST_LINES = ("# yaml-language-server", "%", "---", "#!")
 def header_lines(
     diagnosis: RecordingDiagnosis, told: Sequence[tuple[str, Sequence[str]]]
 ) -> list[str]:
-    """Give the comment's lines; `told` gives for each axis what was done with it."""
+    """Return the comment's lines; `told` gives for each axis what was done with it."""
     source = PurePath(diagnosis.source).name
     lines = [
         f"Refined by motorctl from {source}: {diagnosis.duration_s:.4g} s at "

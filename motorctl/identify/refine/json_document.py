@@ -17,7 +17,7 @@ from motorctl.identify.refine.refinement import Refinement
 def refinement_document(
     diagnosis: RecordingDiagnosis, refinement: Refinement, before: Machine, report: list[Path]
 ) -> dict[str, Any]:
-    """Give the document; `before` is the machine as it was configured."""
+    """Return the document; `before` is the machine as it was configured."""
     return {
         "source": diagnosis.source,
         "config": str(refinement.source),

@@ -26,7 +26,7 @@ def signals_for(data: Measured, others: Mapping[str, Measured] | None = None) ->
 
 
 def model_columns(signals: Signals, model: EffectList) -> tuple[Array, Array]:
-    """Give the command that acts, (m,), and the columns psi at the measured motion, (n, m)."""
+    """Return the command that acts, (m,), and the columns psi at the measured motion, (n, m)."""
     path = CommandPath(model.delay_s, model.lag_s)
     inputs = [effect for effect in model.effects if effect.kind == "input"]
     command, *held = signals.inputs(inputs, path)
@@ -49,7 +49,7 @@ def force_error_rms(
     theta: Array,
     corrected_by: Collection[str] = (),
 ) -> float:
-    """Give the rms of the command minus the model at the measured motion, over the moving rows.
+    """Return the rms of the command minus the model at the measured motion, over the moving rows.
 
     theta (n,) in the order of `model`; in units of the command. `corrected_by` names the effects
     of the measurement that the recorded position is free of already. Raises DataError where the

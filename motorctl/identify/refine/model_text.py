@@ -30,7 +30,7 @@ class WantedEffect:
     option_errors: Mapping[str, float] | None = None
 
     def data(self) -> dict[str, Any]:
-        """Give what the configuration should mean: keys and values of the effect."""
+        """Return what the configuration should mean: keys and values of the effect."""
         values = {} if self.type is None else {"type": self.type}
         values |= self.effect.options.model_dump(mode="json", exclude_none=True)
         named = {}
@@ -42,7 +42,7 @@ class WantedEffect:
         return values | ({"parameters": named} if named else {})
 
     def item(self) -> Item:
-        """Give it as keys to be written, with units in comments."""
+        """Return the effect as keys to be written, with units in comments."""
         name, above = self.effect.name, self.above
         options = self._option_items()
         single = [(p, e) for p, e in self._pairs() if not p.name]

@@ -41,7 +41,7 @@ class Refinement:
 
     @property
     def changed(self) -> bool:
-        """Tell whether any axis' model was changed."""
+        """Return whether any axis' model was changed."""
         return any(axis.changed for axis in self.axes.values())
 
     def write(self) -> Path:
@@ -62,7 +62,7 @@ def refine_config(
     without: Mapping[str, Collection[str]] | None = None,
     kept: Mapping[str, str] | None = None,
 ) -> Refinement:
-    """Give `config` with the model of each diagnosed axis as the diagnosis found it.
+    """Return `config` with the model of each diagnosed axis as the diagnosis found it.
 
     `config` is a file or a shipped configuration's name, `out` where the result shall stand.
     `without` names found effects that are left out, by axis; the values of the rest are those of
@@ -119,7 +119,7 @@ def _with_models(text: str, machine: Machine, axes: Mapping[str, AxisRefinement]
 
 
 def _models_in(text: str, out: Path) -> dict[str, Any]:
-    """Give what stands in the text as the model of each axis."""
+    """Return what stands in the text as the model of each axis."""
     written = _beside(out, text)
     try:
         axes = read_document(written).at(("axes",))
@@ -140,7 +140,7 @@ def load_machine(path: str | Path) -> tuple[Machine, bool]:
 
 
 def moved_text(machine: Machine, out: Path) -> str:
-    """Give a machine's configuration so that its files of points are found from `out` too."""
+    """Return a machine's configuration so that its files of points are found from `out` too."""
     source = machine.source
     text = source.read_bytes().decode("utf-8-sig")
     old, new = source.parent.resolve(), out.parent.resolve()

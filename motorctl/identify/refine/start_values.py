@@ -50,7 +50,7 @@ class Sizes:
 
 
 def estimates_of(model: EffectList, theta: Array, std_error: Array, sizes: Sizes) -> list[Estimate]:
-    """Give an estimate for each of the n parameters; theta, std_error (n,).
+    """Return an estimate for each of the n parameters; theta, std_error (n,).
 
     What makes no difference to the command needs no narrow bounds. Gamma(0) is the inverse of
     psi^2 times the learning time (Chen, Yao, Wang 2013, eq. 27, without forgetting), no more than
@@ -75,7 +75,7 @@ def estimates_of(model: EffectList, theta: Array, std_error: Array, sizes: Sizes
 
 
 def amplitudes(model: EffectList, theta: Array) -> Array:
-    """Give for each parameter how large its effect is in the parameter's unit, (n,).
+    """Return how large the effect of each parameter is, in the parameter's unit, (n,).
 
     Sine and cosine of one order share the length of their vector, and the coefficients of a
     spline the largest of them, for a small one of them is not known any better.
@@ -120,7 +120,7 @@ def sizes_of(model: EffectList, signals: Signals) -> Sizes:
 
 
 def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[float, float]:
-    """Give bounds around a start value that the effect allows; the lower is always the smaller."""
+    """Return bounds around a start value that the effect allows, the lower one first."""
     width = width or SHARE * (abs(parameter.initial) or 1e-3)
     lower = rounded_within(parameter, rounded(initial - width, BOUND_DIGITS))
     upper = rounded_within(parameter, rounded(initial + width, BOUND_DIGITS))
@@ -129,7 +129,7 @@ def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[f
 
 
 def with_rounded_options(effect: Effect) -> Effect:
-    """Give an effect whose options have no more digits than are worth writing."""
+    """Return an effect whose options have no more digits than are worth writing."""
     options = effect.options.model_dump()
     return effect.with_options(**{name: _option(value) for name, value in options.items()})
 
@@ -171,7 +171,7 @@ def _rms(values: Array) -> Array:
 
 
 def _order(name: str) -> str | None:
-    """Give what follows sin or cos in a parameter's name."""
+    """Return what follows sin or cos in a parameter's name."""
     for wave in ("sin", "cos"):
         if name.startswith(wave):
             return name.removeprefix(wave)

@@ -68,11 +68,11 @@ class YamlText:
         self._changes: list[_Change] = []
 
     def mapping(self, path: KeyPath) -> bool:
-        """Tell whether a mapping stands at `path`, written there and not named by an alias."""
+        """Return whether a mapping stands at `path`, written there and not named by an alias."""
         return self._mapping(path) is not None
 
     def has(self, path: KeyPath) -> bool:
-        """Tell whether the key itself stands in the text, whatever its value."""
+        """Return whether the key itself stands in the text, whatever its value."""
         return self._entry(path) is not None
 
     def replace(self, path: KeyPath, value: str) -> None:
@@ -146,7 +146,7 @@ class YamlText:
         self._change(place, place, "".join(self._newline + line for line in lines), indent)
 
     def applied(self) -> str:
-        """Give the text with all changes made."""
+        """Return the text with all changes made."""
         text = self._text
         changes = sorted(self._with_comments_in_place())
         for change in reversed(changes):  # what is behind moves no place
@@ -223,7 +223,7 @@ class YamlText:
         raise KeyError(key.value)
 
     def _content_end(self, node: yaml.Node, key: yaml.Node | None = None) -> int:
-        """Give where the last character of a node stands; a block's own mark lies beyond it."""
+        """Return the place of a node's last character; a block's own mark lies beyond it."""
         if key is not None and id(key) in self._aliases:
             return self._aliases[id(key)][1]
         if isinstance(node, yaml.MappingNode) and _is_block(node) and node.value:

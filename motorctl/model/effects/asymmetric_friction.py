@@ -51,5 +51,5 @@ class AsymmetricFriction(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give |Sf| or |v|."""
+    """Return |Sf| or |v|."""
     return abs(sf(vs, c[0])) if j == 0 else abs(v)

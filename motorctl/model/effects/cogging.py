@@ -85,7 +85,7 @@ class Cogging(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give one order at every pitch that the travel can tell from the next."""
+        """Return one order at every pitch that the travel can tell from the next."""
         return [cls(PitchOptions(pitch_m=pitch)) for pitch in trial_pitches(spans)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
@@ -93,7 +93,7 @@ class Cogging(Effect):
         return pitch_steps(self.options, spans)
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give one order more."""
+        """Return one order more."""
         return [type(self)(options) for options in richer_pitches(self.options, spans)]
 
 
@@ -101,6 +101,6 @@ class Cogging(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give minus the sine or the cosine: the command makes up for what pushes the carriage."""
+    """Return minus the sine or the cosine: the command makes up for what pushes the carriage."""
     angle = c[j >> 1] * x
     return -math.sin(angle) if j & 1 == 0 else -math.cos(angle)

@@ -37,5 +37,5 @@ class CoulombFriction(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give Sf of the velocity that is free of quantisation."""
+    """Return Sf of the velocity that is free of quantisation."""
     return sf(vs, c[0])

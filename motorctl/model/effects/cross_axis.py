@@ -74,11 +74,11 @@ class CrossAxis(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give each axis that was recorded too."""
+        """Return each axis that was recorded too."""
         return [cls(CrossAxisOptions(axes=(axis,))) for axis in spans.other_axes]
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give one axis more."""
+        """Return one axis more."""
         axes = self.options.axes
         more = [axis for axis in spans.other_axes if axis not in axes]
         return [self.with_options(axes=(*axes, axis)) for axis in more]
@@ -88,7 +88,7 @@ class CrossAxis(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
 ) -> float:
-    """Give what `advance` took over, in the order of the parameters."""
+    """Return what `advance` took over, in the order of the parameters."""
     return float(w[j])
 
 

@@ -68,7 +68,7 @@ class DeadZone(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give half widths from a two-thousandth to a tenth of the largest command."""
+        """Return half widths from a two-thousandth to a tenth of the largest command."""
         low, high = max(5e-4 * spans.command_v, 1e-9), 0.1 * spans.command_v
         return [
             cls(DeadZoneOptions(half_width_v=width)) for width in log_grid(low, high, PER_DECADE)
@@ -81,11 +81,11 @@ class DeadZone(Effect):
 
 @njit(inline="always")
 def column(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give -clip(u/w, -1, 1)."""
+    """Return -clip(u/w, -1, 1)."""
     return -min(max(u * c[1], -1.0), 1.0)
 
 
 @njit(inline="always")
 def slope(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give its derivative."""
+    """Return its derivative."""
     return -c[1] if abs(u) < c[0] else 0.0

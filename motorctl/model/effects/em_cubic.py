@@ -27,11 +27,11 @@ class EmCubic(Effect):
 
 @njit(inline="always")
 def column(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give u^3."""
+    """Return u^3."""
     return u * u * u
 
 
 @njit(inline="always")
 def slope(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give its derivative."""
+    """Return its derivative."""
     return 3.0 * u * u

@@ -27,11 +27,11 @@ class EmQuadratic(Effect):
 
 @njit(inline="always")
 def column(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give u|u|."""
+    """Return u|u|."""
     return u * abs(u)
 
 
 @njit(inline="always")
 def slope(j: int, u: float, c: tuple[float, ...]) -> float:
-    """Give its derivative."""
+    """Return its derivative."""
     return 2.0 * abs(u)

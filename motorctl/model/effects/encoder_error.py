@@ -79,7 +79,7 @@ class EncoderError(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give the periods that encoders of this resolution have; no error yet."""
+        """Return the periods that encoders of this resolution have; no error yet."""
         count = spans.resolution_m
         periods = {*(n * count for n in COUNTS), *PERIODS_M}
         return [
@@ -97,7 +97,7 @@ class EncoderError(Effect):
 
 @njit(error_model="numpy")
 def correct(y: float, c: tuple[float, ...]) -> float:
-    """Give the position x that the encoder shows as y, by three steps of Newton's method."""
+    """Return the position x that the encoder shows as y, by three steps of Newton's method."""
     x = y
     for _ in range(3):
         sine, cosine = math.sin(c[0] * x), math.cos(c[0] * x)
@@ -109,5 +109,5 @@ def correct(y: float, c: tuple[float, ...]) -> float:
 
 @njit(inline="always")
 def column(j: int, x: float, c: tuple[float, ...]) -> float:
-    """Give what the encoder shows too much at x for an amplitude of one."""
+    """Return what the encoder shows too much at x for an amplitude of one."""
     return math.sin(c[0] * x) if j == 0 else math.cos(c[0] * x)

@@ -105,7 +105,7 @@ class FlexibleMode(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give frequencies up to the band's, broad resonances first."""
+        """Return frequencies up to the band's, broad resonances first."""
         if not (spans.period_s > 0.0 and spans.duration_s > 0.0):
             return ()
         low = max(min(SLOWEST_HZ, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
@@ -128,7 +128,7 @@ class FlexibleMode(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
 ) -> float:
-    """Give -r'' [m/s^2]; w is (r, r', last acceleration)."""
+    """Return -r'' [m/s^2]; w is (r, r', last acceleration)."""
     return float(2.0 * c[1] * w[1] + c[0] * c[0] * w[0] - a)
 
 

@@ -88,7 +88,7 @@ class ForceRipple(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give one order at every pitch that the travel can tell from the next."""
+        """Return one order at every pitch that the travel can tell from the next."""
         return [cls(PitchOptions(pitch_m=pitch)) for pitch in trial_pitches(spans)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
@@ -96,19 +96,19 @@ class ForceRipple(Effect):
         return pitch_steps(self.options, spans)
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give one order more."""
+        """Return one order more."""
         return [type(self)(options) for options in richer_pitches(self.options, spans)]
 
 
 @njit(inline="always")
 def column(j: int, u: float, x: float, t: float, c: tuple[float, ...]) -> float:
-    """Give the command times sine or cosine."""
+    """Return the command times sine or cosine."""
     angle = c[j >> 1] * x
     return u * math.sin(angle) if j & 1 == 0 else u * math.cos(angle)
 
 
 @njit(inline="always")
 def slope(j: int, u: float, x: float, t: float, c: tuple[float, ...]) -> float:
-    """Give its derivative."""
+    """Return its derivative."""
     angle = c[j >> 1] * x
     return math.sin(angle) if j & 1 == 0 else math.cos(angle)

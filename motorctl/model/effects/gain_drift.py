@@ -77,7 +77,7 @@ class GainDrift(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give time constants around the recording's duration, from its first sample."""
+        """Return time constants around the recording's duration, from its first sample."""
         low, high = max(0.1 * spans.duration_s, 1e-6), 3.0 * spans.duration_s
         return [
             cls(GainDriftOptions(time_constant_s=time, begin_s=spans.time_s[0]))
@@ -96,11 +96,11 @@ def _lost(t: float, c: tuple[float, ...]) -> float:
 
 @njit(inline="always")
 def column(j: int, u: float, x: float, t: float, c: tuple[float, ...]) -> float:
-    """Give minus the command times the part of the drift that has happened."""
+    """Return minus the command times the part of the drift that has happened."""
     return -u * _lost(t, c)
 
 
 @njit(inline="always")
 def slope(j: int, u: float, x: float, t: float, c: tuple[float, ...]) -> float:
-    """Give its derivative."""
+    """Return its derivative."""
     return -_lost(t, c)

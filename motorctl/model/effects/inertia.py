@@ -28,5 +28,5 @@ class Inertia(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the acceleration."""
+    """Return the acceleration."""
     return a

@@ -61,7 +61,7 @@ class InputDelay(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give times from a fraction of a sample to tens of them."""
+        """Return times from a fraction of a sample to tens of them."""
         return [cls(InputDelayOptions(time_s=time)) for time in trial_times(spans)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:

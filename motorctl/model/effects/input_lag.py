@@ -56,7 +56,7 @@ class InputLag(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give times from a fraction of a sample to tens of them."""
+        """Return times from a fraction of a sample to tens of them."""
         return [cls(InputLagOptions(time_s=time)) for time in trial_times(spans)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:

@@ -28,5 +28,5 @@ class Offset(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give minus one."""
+    """Return minus one."""
     return -1.0

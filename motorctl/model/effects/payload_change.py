@@ -65,7 +65,7 @@ class PayloadChange(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give times all over the recording but its ends."""
+        """Return times all over the recording but its ends."""
         outer = OUTER * spans.duration_s
         times = even_grid(spans.time_s[0] + outer, spans.time_s[1] - outer, _step(spans))
         return [cls(PayloadOptions(time_s=time)) for time in times]
@@ -83,5 +83,5 @@ def _step(spans: Spans) -> float:
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the acceleration, once the load has changed."""
+    """Return the acceleration, once the load has changed."""
     return a if t >= c[0] else 0.0

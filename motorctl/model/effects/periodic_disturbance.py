@@ -81,7 +81,7 @@ class PeriodicDisturbance(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give every frequency that the duration can tell from the next."""
+        """Return every frequency that the duration can tell from the next."""
         if not spans.duration_s > 0.0:
             return ()
         low = max(min(LOWEST_HZ, spans.band_hz / 100.0), 2.0 / spans.duration_s, 1e-9)
@@ -102,5 +102,5 @@ def _step(spans: Spans) -> float:
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give minus the sine or the cosine of time."""
+    """Return minus the sine or the cosine of time."""
     return -math.sin(c[0] * t) if j == 0 else -math.cos(c[0] * t)

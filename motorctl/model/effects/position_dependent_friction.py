@@ -81,7 +81,7 @@ class PositionDependentFriction(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give the straight line and the parabola around the middle of the travel."""
+        """Return the straight line and the parabola around the middle of the travel."""
         if spans.travel_m < SHORTEST_M:
             return ()
         middle = sum(spans.position_m) / 2.0
@@ -89,7 +89,7 @@ class PositionDependentFriction(Effect):
         return line, line.with_options(degree=2)
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give the parabola and ever finer splines over the travel."""
+        """Return the parabola and ever finer splines over the travel."""
         line = self.options.knots is None and self.options.degree == 1
         parabola = [self.with_options(degree=2)] if line else []
         finer = finer_knots(self.options.knots, spans)
@@ -100,7 +100,7 @@ class PositionDependentFriction(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give Sf times the j-th power or spline; c[4] is the number of splines."""
+    """Return Sf times the j-th power or spline; c[4] is the number of splines."""
     if c[4] > 0.0:
         return sf(vs, c[0]) * basis(j, x, c[2], c[3], c[4])
     d = x - c[1]

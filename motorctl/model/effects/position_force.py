@@ -89,7 +89,7 @@ class PositionForce(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give a spring around the middle of the travel, and any cubic polynomial."""
+        """Return a spring around the middle of the travel, and any cubic polynomial."""
         if spans.travel_m < SHORTEST_M:
             return ()
         spring = cls(PositionForceOptions(center_m=sum(spans.position_m) / 2.0))
@@ -101,7 +101,7 @@ class PositionForce(Effect):
         return {"center_m": spans.travel_m / 8.0} if cubic and spans.travel_m >= SHORTEST_M else {}
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Give the cubic spring and ever finer splines over the travel."""
+        """Return the cubic spring and ever finer splines over the travel."""
         line = self.options.knots is None and self.options.degree == 1
         cubic = [self.with_options(degree=3)] if line else []
         finer = finer_knots(self.options.knots, spans)
@@ -112,7 +112,7 @@ class PositionForce(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the j-th power or spline; c[3] is the number of splines."""
+    """Return the j-th power or spline; c[3] is the number of splines."""
     if c[3] > 0.0:
         return basis(j, x, c[1], c[2], c[3])
     d = x - c[0]

@@ -83,7 +83,7 @@ class Presliding(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give displacements from a few counts, or millionths of the travel, to a thousandth."""
+        """Return displacements from a few counts, or millionths of the travel, to a thousandth."""
         low = max(COUNTS * spans.resolution_m, 2e-6 * spans.travel_m, 1e-12)
         high = max(1e-3 * spans.travel_m, 30.0 * low)
         if not spans.travel_m > high:
@@ -102,7 +102,7 @@ class Presliding(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
 ) -> float:
-    """Give what h adds to Sf, or the rate of the bristles [m/s]; w is (h, last x, started)."""
+    """Return what h adds to Sf, or the rate of the bristles [m/s]; w is (h, last x, started)."""
     h = float(w[0])
     return h - sf(vs, c[1]) if j == 0 else v - abs(v) * h
 

@@ -37,5 +37,5 @@ class QuadraticDrag(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give v|v|."""
+    """Return v|v|."""
     return v * abs(v)

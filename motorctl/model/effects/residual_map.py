@@ -94,7 +94,7 @@ class ResidualMap(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give none: it explains everything and names nothing."""
+        """Return no form: it explains everything and names nothing."""
         return ()
 
 
@@ -102,7 +102,7 @@ class ResidualMap(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the product of one function over velocity and one over position."""
+    """Return the product of one function over velocity and one over position."""
     functions = int(c[3])
     height = basis(j % functions, math.asinh(vs * c[0]), c[1], c[2], c[3])
     if c[6] > 0.0 and height != 0.0:

@@ -67,7 +67,7 @@ class Stribeck(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Give speeds up to a third of the top speed, decaying as exp and as a bell."""
+        """Return speeds up to a third of the top speed, decaying as exp and as a bell."""
         # slower than where Sf turns over, the two cannot be told apart
         turnover = 1.0 / StribeckOptions.model_fields["slope_s_m"].default
         slowest = max(spans.speed_m_s / 5e3, turnover)
@@ -92,5 +92,5 @@ class Stribeck(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the decay times Sf, both of the velocity that is free of quantisation."""
+    """Return the decay times Sf, both of the velocity that is free of quantisation."""
     return math.exp(-((abs(vs) * c[0]) ** c[1])) * sf(vs, c[2])

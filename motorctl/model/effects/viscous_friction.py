@@ -29,5 +29,5 @@ class ViscousFriction(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Give the velocity."""
+    """Return the velocity."""
     return v

@@ -29,7 +29,7 @@ from motorctl.identify.diagnose.result import (
 
 
 def diagnosis_document(diagnosis: RecordingDiagnosis) -> dict[str, Any]:
-    """Give the document of ``diagnose --json``; numbers that are not finite are None."""
+    """Return the document of ``diagnose --json``; numbers that are not finite are None."""
     return {
         "source": diagnosis.source,
         "sample_rate_hz": diagnosis.sample_rate_hz,
@@ -41,7 +41,7 @@ def diagnosis_document(diagnosis: RecordingDiagnosis) -> dict[str, Any]:
 
 
 def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
-    """Give what the document says of one axis.
+    """Return what the document says of one axis.
 
     `parameters` are those of the declared effects, fitted together with what was found;
     `parameters_declared_alone` are those that the declared model takes where it stands alone.

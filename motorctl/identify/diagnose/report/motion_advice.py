@@ -68,7 +68,7 @@ class Reach:
         return self.high - self.low
 
     def at(self, share: float) -> float:
-        """Give the position at a share of the travel."""
+        """Return the position at a share of the travel."""
         return self.low + min(max(share, 0.0), 1.0) * self.travel
 
 
@@ -138,7 +138,7 @@ RECIPES: Mapping[Motion, Recipe] = {
 
 
 def advise(effects: Sequence[type[Effect]], data: Measured, spans: Spans) -> Program:
-    """Give the keys of a program file that would show `effects` and tell them apart.
+    """Return the keys of a program file that would show `effects` and tell them apart.
 
     One axis, within the travel, speed and acceleration that the recording used; other axes should
     follow programs of their own meanwhile, begun at another time. Empty where the axis did not
@@ -175,7 +175,7 @@ def program_keys(axis: str, reach: Reach, strokes: Sequence[Stroke]) -> Program:
 
 
 def duration_s(reach: Reach, strokes: Sequence[Stroke]) -> float:
-    """Give about how long the strokes take."""
+    """Return about how long the strokes take."""
     total, at = 0.0, 0.5
     for stroke in strokes:
         distance = abs(stroke.to - at) * reach.travel

@@ -28,7 +28,7 @@ def next_steps(
     *,
     refined: bool = False,
 ) -> dict[str, list[Step]]:
-    """Give what to do by axis.
+    """Return what to do by axis.
 
     `config` is the configuration to be refined, where it is known; `programs` names the files
     that `write_programs` has written. `refined`: what was found stands in a configuration already.

@@ -145,7 +145,7 @@ def _effect(axis: AxisDiagnosis, found: FoundEffect, picture: Figure | None) -> 
 
 
 def _tracking(comparison: TrackingComparison) -> list[dict[str, Any]]:
-    """Give a table for each pair of units, since headings tell them."""
+    """Return a table for each pair of units, since headings tell them."""
     units = dict.fromkeys((row.position_unit, row.command_unit) for row in comparison.rows)
     tables = []
     for pair in units:

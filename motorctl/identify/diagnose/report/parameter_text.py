@@ -35,7 +35,7 @@ class Value:
     unit: str
 
     def document(self) -> dict[str, float | str | None]:
-        """Give it as JSON documents have it."""
+        """Return the value as JSON documents have it."""
         return {
             "value": finite(self.value),
             "std_error": finite(self.std_error),
@@ -43,7 +43,7 @@ class Value:
         }
 
     def told(self) -> str:
-        """Give it in words: with a prefix that suits it, to two digits of its standard error."""
+        """Return the value in words: with a fitting prefix, to two digits of its standard error."""
         if not math.isfinite(self.value):
             return "–"
         scale, unit = prefixed(self.value, self.unit)
@@ -60,12 +60,12 @@ class Value:
 
 
 def finite(value: float | None) -> float | None:
-    """Give a number as JSON can hold it: None for what is not finite."""
+    """Return a number as JSON can hold it: None for what is not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def percent(share: float) -> str:
-    """Give a share of one in percent; what is not all does not read as all."""
+    """Return a share of one in percent; what is not all does not read as all."""
     if not math.isfinite(share):
         return "–"
     if 0.99 < share < 1.0:
@@ -79,7 +79,7 @@ def pretty(unit: str) -> str:
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
-    """Give the scale and the unit in which a value is neither tiny nor huge."""
+    """Return the scale and the unit in which a value is neither tiny nor huge."""
     choices = _PREFIXES.get(unit, ((1.0, unit),))
     fitting = [choice for choice in choices if abs(value) >= choice[0]]
     return (fitting or choices[-1:] if value else choices)[0]
@@ -88,7 +88,7 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 def parameter_values(
     data: Measured, model: EffectList, theta: Array, std_error: Array
 ) -> dict[str, Value]:
-    """Give every parameter by its full name; NaN where theta is empty: nothing was fitted."""
+    """Return every parameter by its full name; NaN where theta is empty: nothing was fitted."""
     found = {}
     for i, (name, parameter) in enumerate(
         zip(model.parameter_names, model.parameters, strict=True)
@@ -98,17 +98,17 @@ def parameter_values(
 
 
 def whole_model_values(axis: AxisDiagnosis) -> dict[str, Value]:
-    """Give the parameters of the whole model, fitted together."""
+    """Return the parameters of the whole model, fitted together."""
     return parameter_values(axis.data, axis.model, axis.theta, axis.std_error)
 
 
 def declared_alone_values(axis: AxisDiagnosis) -> dict[str, Value]:
-    """Give the parameters of the declared model, fitted without what was found."""
+    """Return the parameters of the declared model, fitted without what was found."""
     return parameter_values(axis.data, axis.declared, axis.declared_theta, axis.declared_std_error)
 
 
 def force_values(axis: AxisDiagnosis) -> dict[str, Value]:
-    """Give those parameters of the whole model that are forces, on the load's side.
+    """Return those parameters of the whole model that are forces, on the load's side.
 
     Empty where the force constant is not known.
     """
@@ -128,7 +128,7 @@ def force_values(axis: AxisDiagnosis) -> dict[str, Value]:
 
 
 def found_values(data: Measured, found: FoundEffect) -> dict[str, Value]:
-    """Give the options and parameters of a found effect.
+    """Return the options and parameters of a found effect.
 
     Of the options those that are numbers and that the data gave. A pair of a sine's and a
     cosine's coefficient is given as amplitude and phase too: A sin(.. + phase).
@@ -137,14 +137,14 @@ def found_values(data: Measured, found: FoundEffect) -> dict[str, Value]:
 
 
 def compensation_values(data: Measured, unknown: UnknownStructure) -> dict[str, Value]:
-    """Give options and parameters of the compensation of unknown structure; else nothing."""
+    """Return options and parameters of the compensation of unknown structure; else nothing."""
     if unknown.compensation is None:
         return {}
     return _effect_values(data, unknown.compensation, unknown.theta, unknown.std_error, {})
 
 
 def as_force(data: Measured, effect: Effect, value: Value) -> Value | None:
-    """Give a value in units of the command as a force; None where it is none, or not known."""
+    """Return a value in units of the command as a force; None where it is none, or not known."""
     gain, unit = data.force_per_command, data.command_unit
     apart = effect.kind not in ("state", "input") or not value.unit.startswith(unit)
     if gain is None or apart:
@@ -154,7 +154,7 @@ def as_force(data: Measured, effect: Effect, value: Value) -> Value | None:
 
 
 def option_document(effect: Effect) -> dict[str, Any]:
-    """Give all options of an effect, as a configuration has them."""
+    """Return all options of an effect, as a configuration has them."""
     return effect.options.model_dump(mode="json")
 
 

@@ -50,7 +50,7 @@ class TrackingComparison:
 
 
 def error_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
-    """Give headings and rows of the errors of the declared model alone and of the whole model.
+    """Return headings and rows of the errors of the declared model alone and of the whole model.
 
     No rows where nothing could be fitted.
     """
@@ -83,7 +83,7 @@ def error_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
 
 
 def parameter_rows(axis: AxisDiagnosis, *, forces: bool = True) -> tuple[tuple[str, ...], Rows]:
-    """Give headings and rows of the parameters: declared alone, in the whole model, as forces.
+    """Return headings and rows of the parameters: declared alone, in the whole model, as forces.
 
     No rows where nothing could be fitted.
     """
@@ -106,7 +106,7 @@ def parameter_rows(axis: AxisDiagnosis, *, forces: bool = True) -> tuple[tuple[s
 
 
 def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> Rows:
-    """Give name, value and, where that is known, force of what was found of an effect.
+    """Return name, value and, where that is known, force of what was found of an effect.
 
     Amplitude and phase stand for sine and cosine, and one line for all coefficients of a spline.
     """
@@ -165,7 +165,7 @@ def _splines_in_one(rows: Rows, values: Mapping[str, Value]) -> Rows:
 
 
 def _more(axis: AxisDiagnosis) -> bool:
-    """Tell whether the whole model is more than the declared one."""
+    """Return whether the whole model is more than the declared one."""
     return bool(axis.effects) or axis.model.names != axis.declared.names
 
 

@@ -29,7 +29,7 @@ would do as well. Convention."""
 
 
 def largest_gain(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> float:
-    """Give the largest gain in held-out log-likelihood that any effect has on clean twins."""
+    """Return the largest gain in held-out log-likelihood that any effect has on clean twins."""
     rows = hypothesis.regressors.signals.rows
     fitted_rest = residual(hypothesis.problem, hypothesis.solution.b)[:rows]
     noise = saturated_residual(hypothesis, SmoothFunctions(hypothesis.regressors.signals))

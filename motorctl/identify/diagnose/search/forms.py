@@ -85,7 +85,7 @@ class Form:
 
 
 def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
-    """Give the effects that the hypothesis lacks and that could be tried.
+    """Return the effects that the hypothesis lacks and that could be tried.
 
     With the command on the left, functions of the command would explain it by itself.
     """
@@ -103,7 +103,7 @@ def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
 def best_form(
     hypothesis: Hypothesis, cls: type[Effect], spans: Spans, slope_s_m: float | None
 ) -> Form | None:
-    """Give the best form of an effect, roughly: not yet refined; None where there is none."""
+    """Return the best form of an effect, roughly: not yet refined; None where there is none."""
     if cls.groups & WAVES:
         forms: Iterable[Effect] = _lines(hypothesis, cls, spans)
     else:
@@ -213,7 +213,7 @@ def by_simplex(
 def option_bounds(
     cls: type[Effect], names: Sequence[str], spans: Spans
 ) -> list[tuple[float, float]]:
-    """Give the range in which each option makes sense: that of the forms that are tried."""
+    """Return the range in which each option makes sense: that of the forms that are tried."""
     if "wave_over_position" in cls.groups:
         return [(0.0, LONGEST_PITCH * spans.travel_m)] * len(names)
     bounds = []
@@ -226,7 +226,7 @@ def option_bounds(
 
 
 def at_bound(effect: Effect, spans: Spans) -> bool:
-    """Tell whether a form stands at an end of what was sought: then it is something else."""
+    """Return whether a form stands at an end of what was sought: then it is something else."""
     ends = effect.refuted_at_end
     names = [name for name in effect.steps(spans) if name in ends]
     bounds = option_bounds(type(effect), names, spans)
@@ -300,7 +300,7 @@ def _left_over(hypothesis: Hypothesis) -> Array:
 
 
 def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[int, ...]]]:
-    """Give pitches of which the lines are whole orders, with these orders."""
+    """Return pitches of which the lines are whole orders, with these orders."""
     found: dict[tuple[float, tuple[int, ...]], float] = {}
     tolerance = 0.5 / spans.travel_m
     first = waves[0]

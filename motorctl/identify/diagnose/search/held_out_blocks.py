@@ -35,7 +35,7 @@ class Blocks:
     length: int
 
     def split(self, columns: Array) -> Array:
-        """Give columns (p, m) as (b, p, q), zero where the last block is short."""
+        """Return columns (p, m) as (b, p, q), zero where the last block is short."""
         p, m = columns.shape
         padded = np.zeros((p, self.count * self.length))
         padded[:, :m] = columns
@@ -121,7 +121,7 @@ def solve(problem: BlockedRegression, whole: BlockedRegression | None = None) ->
 
 
 def held_out_sse(problem: BlockedRegression) -> Array:
-    """Give each fold's squared residuals under the fit to all others, (folds,).
+    """Return each fold's squared residuals under the fit to all others, (folds,).
 
     A fold is every third block, so that what only one block shows is not taken for knowledge.
     """
@@ -146,6 +146,6 @@ def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
 
 
 def residual(problem: BlockedRegression, b: Array) -> Array:
-    """Give y - X b at every row, (m',), zeros after the last."""
+    """Return y - X b at every row, (m',), zeros after the last."""
     left = problem.columns[:, -1]
     return np.asarray((left - np.einsum("bpq,p->bq", problem.columns[:, :-1], b)).ravel())

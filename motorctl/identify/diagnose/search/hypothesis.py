@@ -63,7 +63,7 @@ class Regressors:
         self._columns: dict[object, Array] = {}
 
     def with_offset(self, offset: Array) -> Regressors:
-        """Give a regressors with the same columns and another left side."""
+        """Return regressors with the same columns and another left side."""
         other = copy.copy(self)
         other.offset = offset
         return other
@@ -83,14 +83,14 @@ class Regressors:
         return Hypothesis(self).refreshed().held_out
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
-        """Give the command and the columns of input effects, (1 + p, m)."""
+        """Return the command and the columns of input effects, (1 + p, m)."""
         key = (path, tuple(map(form_key, effects)))
         if key not in self._columns:
             self._columns[key] = self.signals.inputs(effects, path)
         return self._columns[key]
 
     def state(self, effect: Effect, acceleration: Sequence[Array] | None) -> Array:
-        """Give the columns of a state effect, (p, m); with the acceleration only where it acts."""
+        """Return the columns of a state effect, (p, m); the acceleration only where it acts."""
         if uses_acceleration(effect):
             return self.signals.state(effect, acceleration)
         key = form_key(effect)
@@ -122,7 +122,7 @@ class Hypothesis:
         return CommandPath(sum(e.delay_s for e in every), sum(e.lag_s for e in every))
 
     def of_kind(self, kind: str) -> list[Effect]:
-        """Give declared effects of a kind, then the added ones; without inertia.
+        """Return declared effects of a kind, then the added ones; without inertia.
 
         Declared errors of the measurement have been corrected before the position was recorded.
         """
@@ -175,7 +175,7 @@ class Hypothesis:
         return acceleration_form(self.solution.b, self.regressors.side)
 
     def noise_sse(self, force_noise: float) -> float:
-        """Give the squared residual that noise alone would leave."""
+        """Return the squared residual that noise alone would leave."""
         signals = self.regressors.signals
         if self.regressors.side == "acceleration":
             return signals.row_variance(force_noise) * signals.rows
@@ -201,7 +201,7 @@ class Hypothesis:
         return Hypothesis(self.regressors, forms, self.acceleration)
 
     def extended(self, effect: Effect, coarse: bool = False) -> BlockedRegression:
-        """Give the regression with an effect added, formed from that without it where possible.
+        """Return the regression with an effect added, formed from that without it where possible.
 
         coarse forms the columns of state effects at the rate of the rows.
         """
@@ -218,7 +218,7 @@ class Hypothesis:
         return with_columns(self.problem, columns, is_loose(effect))
 
     def refreshed(self) -> Hypothesis:
-        """Give effects that act on the acceleration the one that this hypothesis predicts.
+        """Let effects that act on the acceleration see the one that this hypothesis predicts.
 
         With the command on the left it is the measured one, as for inertia itself: what is
         predicted from the command would explain the command by itself.
@@ -230,7 +230,7 @@ class Hypothesis:
         return Hypothesis(self.regressors, self.added, tuple(acceleration))
 
     def predicted_acceleration(self) -> list[Array]:
-        """Give the acceleration that the model gives the recorded command.
+        """Return the acceleration that the model gives the recorded command.
 
         Without resonances: a mode's columns are formed on what the machine would do if it were
         rigid, since on the machine's own acceleration a sharp mode would be found by a fixed
@@ -271,7 +271,7 @@ def acceleration_form(b: Array, side: Side) -> Array:
 
 
 def is_loose(effect: Effect) -> bool:
-    """Tell whether an effect is a spline of so many parts that rows may say little of some."""
+    """Return whether an effect is a spline of so many parts that rows may say little of some."""
     return effect.is_spline and len(effect.parameters) > MOST_PHYSICAL
 
 
@@ -284,7 +284,7 @@ _USES: dict[type[Effect], bool] = {}
 
 
 def uses_acceleration(effect: Effect) -> bool:
-    """Tell whether a state effect's columns depend on the acceleration."""
+    """Return whether a state effect's columns depend on the acceleration."""
     cls = type(effect)
     if cls not in _USES:
         x = np.linspace(0.0, 1.0, 64)

@@ -192,7 +192,7 @@ def whitened(
     side: Side = "acceleration",
     catalogue: Catalogue | None = None,
 ) -> tuple[Regressors, float]:
-    """Give a regressors whose rows have nearly white noise, and the noise's density.
+    """Return regressors whose rows have nearly white noise, and the noise's density.
 
     With the command on the left nothing is whitened: it is for machines whose unexplained forces
     drown any noise of the measurement.
@@ -300,7 +300,7 @@ def both_ways(
 
 
 def explained_share(found: Found) -> float:
-    """Give the part of what is above the noise that the found effects take away."""
+    """Return the part of what is above the noise that the found effects take away."""
     floor = min(found.final.noise_sse(found.force_noise), found.final.held_out)
     above = max(found.base.held_out - floor, 1e-300)
     return (found.base.held_out - found.final.held_out) / above
@@ -322,7 +322,7 @@ def over_all(
 def ranked(
     hypothesis: Hypothesis, classes: list[type[Effect]], spans: Spans, slope_s_m: float | None
 ) -> list[Form]:
-    """Give the best form of every effect, best first; those in front refined."""
+    """Return the best form of every effect, best first; those in front refined."""
     scanned = [best_form(hypothesis, cls, spans, slope_s_m) for cls in classes]
     forms = sorted((f for f in scanned if f is not None), key=lambda f: f.held_out)
     if not forms:
@@ -339,7 +339,7 @@ def ranked(
 
 
 def gain(before: Hypothesis, held_out: float) -> float:
-    """Give the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
+    """Return the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
     rows = before.regressors.signals.rows
     return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
 
@@ -347,7 +347,7 @@ def gain(before: Hypothesis, held_out: float) -> float:
 def acceptable(
     before: Hypothesis, form: Form, noise: float, spans: Spans, least_gain: float = LEAST_GAIN
 ) -> bool:
-    """Tell whether a form takes enough away, and not in one place alone."""
+    """Return whether a form takes enough away, and not in one place alone."""
     floor = before.noise_sse(noise)
     excess = max(before.held_out - floor, 0.0)
     taken = before.held_out - form.held_out
@@ -383,13 +383,14 @@ def acceptable(
 
 
 def relevant_part(regressors: Regressors) -> float:
-    """Give the squared residual below which nothing matters."""
+    """Return the squared residual below which nothing matters."""
     return RELEVANT**2 * regressors.command_energy
 
 
 def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
-    """Tell whether an effect has a line of one that is there already: then it may be what that one
-    leaves where its own form is not quite the machine's.
+    """Return whether an effect has a line of one that is there already.
+
+    Then it may be what that one leaves where its own form is not quite the machine's.
     """
     for other in added:
         if other.name == effect.name:
@@ -404,7 +405,7 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
 
 
 def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
-    """Tell whether an effect repeats with the one move as what is there already does."""
+    """Return whether an effect repeats with the one move as what is there already does."""
     over_place = len(forces_of_position((effect, *before.added))) > 1
     if over_place and before.regressors.side == "acceleration":
         return True
@@ -420,7 +421,7 @@ def forces_of_position(effects: Iterable[Effect]) -> list[Effect]:
 
 
 def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
-    """Tell whether the motion at a frequency stands well above the noise of the measurement."""
+    """Return whether the motion at a frequency stands well above the noise of the measurement."""
     signals = hypothesis.regressors.signals
     left = hypothesis.problem.columns[:, -1].ravel()[: signals.rows]
     rest = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
@@ -458,7 +459,7 @@ def sideways(
 ) -> Hypothesis:
     """Exchange an added effect for one that came near where that now explains more.
 
-    Not the newest, which has just won. SmoothFunctions that lose twice are tried no more.
+    Not the newest, which has just won. Effects that lose twice are tried no more.
     """
     for effect in hypothesis.added:
         present = {e.name for e in hypothesis.added}
@@ -512,7 +513,7 @@ def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:
 
 
 def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
-    """Give what each smooth function takes away of the held-out squared residual."""
+    """Return what each smooth function takes away of the held-out squared residual."""
     rivals = SmoothFunctions(hypothesis.regressors.signals)
     gains = {}
     for name, variables in VARIABLES.items():

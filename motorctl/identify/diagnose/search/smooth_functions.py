@@ -46,7 +46,7 @@ VARIABLES: Mapping[str, tuple[str, ...]] = {
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """Give the piecewise linear functions that are one at a knot, (knots, N)."""
+    """Return the piecewise linear functions that are one at a knot, (knots, N)."""
     place = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place - np.arange(len(knots))[:, None])))
 
@@ -65,14 +65,14 @@ class SmoothFunctions:
         self._top_command = max(float(np.abs(s.command).max()) for s in signals.stretches)
 
     def columns(self, name: str) -> Array:
-        """Give the filtered columns of a rival, (p, m)."""
+        """Return the filtered columns of a rival, (p, m)."""
         d = self.signals.decimation
         if name == "history":
             return self.signals.history(self._shifts())
         return self.signals.filtered([self._of(name, s, d) for s in self.signals.stretches], d)
 
     def _shifts(self) -> list[int]:
-        """Give delays [samples] from one sample to about a twentieth of a second."""
+        """Return delays [samples] from one sample to about a twentieth of a second."""
         last = HISTORY_S / self.signals.period_s
         first = np.arange(1, min(6, int(last) + 2))
         later = np.arange(6.0, last, max(1.0, 0.35 / self.signals.band_hz / self.signals.period_s))

@@ -38,7 +38,7 @@ simulated campaign."""
 def position_spectrum(
     signals: Signals, left_over: Array, weight: Array | None
 ) -> tuple[Array, Array]:
-    """Give wave numbers [cycles/unit] and the gain in squared residual of a line at each.
+    """Return wave numbers [cycles/unit] and the gain in squared residual of a line at each.
 
     left_over (m,) are whitened rows; weight (m,) multiplies the line (the command, for ripple).
     """
@@ -69,7 +69,7 @@ def position_spectrum(
 
 
 def time_spectrum(signals: Signals, left_over: Array) -> tuple[Array, Array]:
-    """Give frequencies [Hz] and the gain in squared residual of a line at each."""
+    """Return frequencies [Hz] and the gain in squared residual of a line at each."""
     t = signals.time_s
     r = adjoint(signals, left_over)
     first, period = float(t[0]), signals.row_period_s
@@ -85,7 +85,7 @@ def time_spectrum(signals: Signals, left_over: Array) -> tuple[Array, Array]:
 
 
 def strongest(place: Array, gain: Array, count: int) -> list[float]:
-    """Give the places of the highest peaks, highest first."""
+    """Return the places of the highest peaks, highest first."""
     inner = np.flatnonzero((gain[1:-1] >= gain[:-2]) & (gain[1:-1] >= gain[2:])) + 1
     order = inner[np.argsort(gain[inner])[::-1][:count]]
     return [float(place[i]) for i in order]
@@ -104,7 +104,7 @@ def adjoint(signals: Signals, rows: Array) -> Array:
 
 
 def _energy(signals: Signals, v: Array, weight: Array, kappa: Array) -> Array:
-    """Give the energy that the filter leaves of half a line, from the speeds at the rows."""
+    """Return the energy that the filter leaves of half a line, from the speeds at the rows."""
     speed = np.abs(v)
     edges = np.linspace(0.0, float(speed.max()) * 1.0001 + 1e-12, SPEED_BINS + 1)
     index = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, SPEED_BINS - 1)
@@ -115,7 +115,7 @@ def _energy(signals: Signals, v: Array, weight: Array, kappa: Array) -> Array:
 
 
 def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
-    """Give the part of the travel over which waves pass the filter, in effect; place is 0 to 1.
+    """Return the part of the travel over which waves pass the filter, in effect; place is 0 to 1.
 
     Short waves pass only where the axis is slow: if that is at the ends of its moves alone, they
     fit whatever happens there.
@@ -130,5 +130,5 @@ def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
 
 
 def _slow(v: Array) -> float:
-    """Give a speed that a good part of the rows stay below."""
+    """Return a speed that a good part of the rows stay below."""
     return max(float(np.percentile(np.abs(v), 25.0)), 1e-9)

@@ -16,7 +16,7 @@ ones. Chosen by hand."""
 
 
 def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
-    """Give the declared list without what the recording cannot carry, and why that was dropped.
+    """Return the declared list without what the recording cannot carry, and why that was dropped.
 
     The electromagnetic effects bend the input map: where the commands are too small to determine
     the bend, its parameters take whatever noise and missing effects make of them.

@@ -28,7 +28,7 @@ SATURATING = ("position", "velocity", "time", "position_and_command", "history")
 
 
 def saturated_residual(hypothesis: Hypothesis, rivals: SmoothFunctions) -> Array:
-    """Give what the model and smooth functions of position, velocity, time leave, (m,).
+    """Return what the model and smooth functions of position, velocity, time leave, (m,).
 
     With the command on the left no functions of the command, which would leave nothing of it.
     """
@@ -41,7 +41,7 @@ def saturated_residual(hypothesis: Hypothesis, rivals: SmoothFunctions) -> Array
 
 
 def spectrum(rows: Array, row_period_s: float) -> tuple[Array, Array]:
-    """Give frequencies [Hz] and one-sided density of rows, the median over windows."""
+    """Return frequencies [Hz] and one-sided density of rows, the median over windows."""
     window = min(len(rows), max(64, int(1.0 / row_period_s)))
     frequency, density = signal.welch(
         rows, 1.0 / row_period_s, nperseg=window, average="median", detrend=False
@@ -66,7 +66,7 @@ def force_noise_density(signals: Signals, left_over: Array) -> float:
 
 
 def whitening_response(signals: Signals, force_noise: float) -> Response:
-    """Give the low pass with a gain that falls where quantisation exceeds the force noise."""
+    """Return the low pass with a gain that falls where quantisation exceeds the force noise."""
     low_pass = low_pass_response(signals.band_hz)
 
     def response(frequency: Array) -> Array:

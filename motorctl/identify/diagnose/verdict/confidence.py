@@ -48,7 +48,7 @@ class Evidence:
 
 
 def confidence(evidence: Evidence) -> float:
-    """Give the probability that the name is right, 0 to 1."""
+    """Return the probability that the name is right, 0 to 1."""
     lead = math.log(1.0 / max(evidence.rival_share, 1e-3))
     strength = math.log(max(evidence.gain / evidence.needed, 1.0))
     score = INTERCEPT + PER_LEAD * lead + PER_GAIN * strength

@@ -82,7 +82,7 @@ def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
 
 
 def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
-    """Give the columns of a hypothesis, with the acceleration on the left, to compare errors in."""
+    """Return the columns of a hypothesis with the acceleration on the left, to compare errors."""
     regressors = hypothesis.regressors
     if regressors.side == "acceleration":
         return hypothesis.problem if extra is None else hypothesis.extended(extra)
@@ -90,21 +90,21 @@ def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegr
 
 
 def in_plain_band(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
-    """Give the same behind a plain low pass, for pictures."""
+    """Return the same behind a plain low pass, for pictures."""
     return in_band(hypothesis, hypothesis.regressors.signals.plain(REPORT_HZ), extra)
 
 
 def in_band(
     hypothesis: Hypothesis, signals: Signals, extra: Effect | None = None
 ) -> BlockedRegression:
-    """Give the same behind another filter."""
+    """Return the same behind another filter."""
     regressors = Regressors(signals, hypothesis.regressors.declared, hypothesis.regressors.blocks)
     other = Hypothesis(regressors, hypothesis.added, hypothesis.acceleration)
     return other.problem if extra is None else other.extended(extra)
 
 
 def floor_of(hypothesis: Hypothesis, force_noise: float, b: Array) -> float:
-    """Give the rms that noise alone would leave there, in units of the command."""
+    """Return the rms that noise alone would leave there, in units of the command."""
     signals = hypothesis.regressors.signals
     if hypothesis.regressors.side == "acceleration":
         return math.sqrt(signals.row_variance(force_noise)) / abs(float(b[0]))
@@ -117,7 +117,7 @@ def fitted(hypothesis: Hypothesis, problem: BlockedRegression, chosen: Rows) -> 
 
 
 def rms_of(problem: BlockedRegression, b: Array, chosen: Rows) -> float:
-    """Give the rms that parameters leave over some rows, in units of the command."""
+    """Return the rms that parameters leave over some rows, in units of the command."""
     r = residual(problem, b)[: len(chosen)]
     return float(np.sqrt(np.mean(r[chosen] ** 2)) / abs(b[0]))
 
@@ -151,7 +151,7 @@ def model_error(
 
 
 def explained(before: float, after: float, floor: float) -> float:
-    """Give the part of the explainable error that is gone, 0 to 1."""
+    """Return the part of the explainable error that is gone, 0 to 1."""
     explainable = before**2 - floor**2
     if explainable <= 0.0:
         return 0.0
@@ -159,7 +159,7 @@ def explained(before: float, after: float, floor: float) -> float:
 
 
 def ambiguous_with(found: Found, effect: Effect) -> list[str]:
-    """Give the effects that could stand in an effect's place as well, the others being there."""
+    """Return the effects that could stand in an effect's place as well, the others being there."""
     same = []
     for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != effect.name:
@@ -196,7 +196,7 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
 
 
 def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, ...]:
-    """Give what else was tried in an effect's place, and why it was not taken."""
+    """Return what else was tried in an effect's place, and why it was not taken."""
     for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != name:
             continue
@@ -222,7 +222,7 @@ def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, .
 
 
 def own_shares(found: Found, names: Sequence[str]) -> dict[str, float]:
-    """Give for each effect the squared residual that comes back without it, over all explained."""
+    """Return the squared residual that comes back without each effect, over all explained."""
     whole = max(found.base.solution.sse - found.final.solution.sse, 1e-300)
     shares = {}
     for name in names:

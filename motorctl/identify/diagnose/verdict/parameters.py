@@ -36,7 +36,7 @@ class FittedModel:
 def values_of(
     hypothesis: Hypothesis, extra: tuple[Effect, BlockedRegression, int] | None = None
 ) -> FittedModel:
-    """Give the parameters of a hypothesis; measurement errors get their amplitudes as options.
+    """Return the parameters of a hypothesis; measurement errors get their amplitudes as options.
 
     extra is one more state effect, the problem with its columns last, and how many they are.
     """
@@ -83,7 +83,7 @@ def values_of(
 
 
 def _turned(b: Array, covariance: Array, side: Side) -> tuple[Array, Array]:
-    """Give coefficients and covariance with the acceleration on the left."""
+    """Return coefficients and covariance with the acceleration on the left."""
     if side == "acceleration":
         return b, covariance
     jacobian = -np.eye(len(b)) / b[0]
@@ -94,7 +94,7 @@ def _turned(b: Array, covariance: Array, side: Side) -> tuple[Array, Array]:
 
 
 def robust_covariance(problem: BlockedRegression, found: BlockedFit) -> Array:
-    """Give the covariance of b, at least as large as the blocks' scores say.
+    """Return the covariance of b, at least as large as the blocks' scores say.
 
     Rows close in time are correlated where something is left unexplained: the sums of scores
     over blocks are what is independent.
@@ -114,7 +114,7 @@ def robust_covariance(problem: BlockedRegression, found: BlockedFit) -> Array:
 
 
 def option_errors(hypothesis: Hypothesis, effect: Effect, spans: Spans) -> dict[str, float]:
-    """Give standard errors of the nonlinear options, from how the residual rises around them."""
+    """Return standard errors of the nonlinear options, from how the residual rises around them."""
     rest = hypothesis.without(effect.name)
     best = measure(rest, effect)
     if best is None:
@@ -139,7 +139,7 @@ def option_errors(hypothesis: Hypothesis, effect: Effect, spans: Spans) -> dict[
 
 
 def theta_of(values: FittedModel, effect: Effect) -> tuple[Array, Array]:
-    """Give the linear parameters of one effect of a model, and their errors."""
+    """Return the linear parameters of one effect of a model, and their errors."""
     start = 0
     for each in values.model.effects:
         count = len(each.parameters)
@@ -150,7 +150,7 @@ def theta_of(values: FittedModel, effect: Effect) -> tuple[Array, Array]:
 
 
 def column_index(hypothesis: Hypothesis, effects: Sequence[str]) -> list[int]:
-    """Give the columns that belong to some effects."""
+    """Return the columns that belong to some effects."""
     return [i for i, name in enumerate(hypothesis.names) if name in effects]
 
 

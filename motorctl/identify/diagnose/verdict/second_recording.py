@@ -33,7 +33,7 @@ Chosen by hand."""
 def error_on(
     test: Measured, others: Mapping[str, Measured], found: Found, error: ModelError
 ) -> tuple[ModelError, list[str]]:
-    """Give the errors before and after on `test`, and what was found again there.
+    """Return the errors before and after on `test`, and what was found again there.
 
     others are the other axes of the same recording.
     """
@@ -67,7 +67,7 @@ def error_on(
 
 
 def _rms(hypothesis: Hypothesis, signals: Signals) -> tuple[float, float]:
-    """Give what the parameters leave on other rows, and those rows' command."""
+    """Return what the parameters leave on other rows, and those rows' command."""
     blocks = make_blocks(signals.rows, signals.row_period_s)
     regressors = Regressors(signals, hypothesis.regressors.declared, blocks)
     columns = Hypothesis(regressors, hypothesis.added).refreshed().problem.columns

@@ -26,7 +26,7 @@ def ordinary(catalogue: Catalogue) -> tuple[type[Effect], ...]:
 
 
 def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
-    """Give the effects that this motion cannot show, with the part of them that is left."""
+    """Return the effects that this motion cannot show, with the part of them that is left."""
     hypothesis = found.base
     present = {e.name for e in (*hypothesis.regressors.declared.effects, *found.final.added)}
     hidden = {}
@@ -44,7 +44,7 @@ def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
 
 
 def unexplained(hypothesis: Hypothesis, effect: Effect) -> float:
-    """Give the part of an effect's columns that the hypothesis' columns do not explain, 0 to 1."""
+    """Return the part of an effect's columns that the hypothesis' do not explain, 0 to 1."""
     problem = hypothesis.extended(effect)
     n, total = hypothesis.problem.size, problem.gram.sum(axis=0)
     parts = []
@@ -68,7 +68,7 @@ def tested_apart(catalogue: Catalogue, data: Measured, signals: Signals) -> Cata
 
 
 def _in_step(data: Measured, signals: Signals) -> bool:
-    """Tell whether the reference's own motion is that of every other axis.
+    """Return whether the reference's own motion is that of every other axis.
 
     Of axes that move in step one cannot tell the other's inertia from one's own. On measured
     data this does not show: what the feedback adds unties them only seemingly.

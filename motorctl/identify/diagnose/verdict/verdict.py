@@ -153,7 +153,7 @@ def judge(found: Found) -> Judged:
 
 
 def low_frequency_excess(found: Found) -> float:
-    """Give the residual's power at low frequencies over what the noise model expects."""
+    """Return the residual's power at low frequencies over what the noise model expects."""
     hypothesis = found.final
     rows = residual(hypothesis.problem, hypothesis.solution.b)[: hypothesis.regressors.signals.rows]
     frequency, density = spectrum(rows, hypothesis.regressors.signals.row_period_s)
@@ -164,7 +164,7 @@ def low_frequency_excess(found: Found) -> float:
 
 
 def bursts(found: Found) -> float:
-    """Give the part of the slow residual's energy that comes in bursts.
+    """Return the part of the slow residual's energy that comes in bursts.
 
     What no noise of the machine does, and what the counts of an encoder can not: at a steady speed
     their rounding may fall into the band, but with no more power than rounding has.
@@ -192,7 +192,7 @@ def depends_on(rival: str | None) -> tuple[str, ...]:
 
 
 def _strongest(gains: Mapping[str, float]) -> tuple[str | None, float]:
-    """Give the rival that gains most; one of fewer variables where it gains nearly as much."""
+    """Return the rival that gains most; one of fewer variables where it gains nearly as much."""
     best: str | None = None
     for name in sorted(gains, key=lambda n: len(VARIABLES[n])):
         gain = gains[name]

@@ -173,7 +173,7 @@ def column_sum(
     time: Array | float = 0.0,
     command: Array | float = 0.0,
 ) -> Array:
-    """Give theta psi of a state or an input effect over arrays of one shape (k,)."""
+    """Return theta psi of a state or an input effect over arrays of one shape (k,)."""
     x, v, t, u = (
         np.ascontiguousarray(part, np.float64)
         for part in np.broadcast_arrays(position, velocity, time, command)

@@ -100,7 +100,7 @@ def bridge_rests(time_s: Array, position: Array, signals: list[Array]) -> tuple[
 def _cross_spectra(
     time_s: Array, signals: Array, period_s: float
 ) -> tuple[Array, NDArray[np.complex128], int]:
-    """Give frequencies (f,), sums of conj(signal i) signal j (3, 3, f), and how many windows."""
+    """Return frequencies (f,), sums of conj(signal i) signal j (3, 3, f), and how many windows."""
     stretches = list(unbroken(time_s, period_s))
     lengths = np.array([s.stop - s.start for s in stretches], dtype=np.int64)
     size = _window_size(lengths, round(LONGEST_WINDOW_S / period_s))
@@ -120,7 +120,7 @@ def _cross_spectra(
 
 
 def _window_size(lengths: NDArray[np.int64], longest: int) -> int:
-    """Give the longest power of two that fits into the stretches with half of all rows."""
+    """Return the longest power of two that fits into the stretches with half of all rows."""
     size = 1 << int(np.log2(max(min(int(np.max(lengths, initial=0)), longest), 1)))
     while size > 1 and np.sum(lengths[lengths >= size]) < 0.5 * np.sum(lengths):
         size //= 2

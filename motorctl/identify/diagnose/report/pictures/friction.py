@@ -122,7 +122,7 @@ def _reversal_panel(panel: Axes, subject: AxisSignals, found: FoundEffect) -> No
 
 
 def _models(subject: AxisSignals) -> list[tuple[Array, float, str, str, str]]:
-    """Give the models' friction and constant force, with colour, line and name."""
+    """Return the models' friction and constant force, with colour, line and name."""
     return [
         (
             subject.declared_friction,

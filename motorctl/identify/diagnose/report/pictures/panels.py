@@ -117,7 +117,7 @@ def zero_line(panel: Axes) -> None:
 
 
 def figure_of(panel: Axes) -> Figure:
-    """Give the figure that a panel stands in."""
+    """Return the figure that a panel stands in."""
     figure = panel.get_figure(root=True)
     assert figure is not None
     return figure

@@ -245,7 +245,7 @@ def _pitch_spectrum(
 
 
 def _window(position: Array, pitch: float, orders: tuple[int, ...]) -> tuple[float, float]:
-    """Give the whole way, or so many waves in its middle as can be seen one by one."""
+    """Return the whole way, or so many waves in its middle as can be seen one by one."""
     low, high = float(np.min(position)), float(np.max(position))
     wave = pitch / min(max(orders), 6)
     if high - low <= MOST_WAVES * wave:

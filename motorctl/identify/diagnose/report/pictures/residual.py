@@ -100,7 +100,7 @@ def plot_spectra(subject: AxisSignals, path: Path) -> Path:
 def position_spectra(
     subject: AxisSignals, highest: float | None = None
 ) -> tuple[Array, Array, Array]:
-    """Give wave numbers, and the amplitudes of the residuals before and after."""
+    """Return wave numbers, and the amplitudes of the residuals before and after."""
     traces = subject.traces
     highest = highest or _highest_wave(subject)
     wave, before = position_spectrum(traces.position, traces.residual_before, highest)
@@ -194,7 +194,7 @@ def _noise_line(panel: Axes, subject: AxisSignals) -> None:
 
 
 def _highest_wave(subject: AxisSignals) -> float:
-    """Give the shortest waves that the rows can show at the usual speed, as a wave number."""
+    """Return the shortest waves that the rows can show at the usual speed, as a wave number."""
     traces = subject.traces
     travel = float(np.ptp(traces.position))
     if travel <= 0.0:

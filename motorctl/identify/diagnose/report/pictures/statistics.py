@@ -42,7 +42,7 @@ class Bins:
 
 
 def binned(variable: Array, values: Array, edges: Array) -> Bins:
-    """Give median and quartiles of values (m,) in the bins between `edges`, (k + 1,).
+    """Return median and quartiles of values (m,) in the bins between `edges`, (k + 1,).
 
     Bins with few values are left out, values that are not finite too.
     """
@@ -56,7 +56,7 @@ def binned(variable: Array, values: Array, edges: Array) -> Bins:
 def ratio_in_bins(
     variable: Array, values: Array, regressor: Array, edges: Array
 ) -> tuple[Array, Array]:
-    """Give the bins' centres, and in each the c for which c * regressor is closest to values."""
+    """Return the bins' centres, and in each the c for which c * regressor is closest to values."""
     found = [
         (
             np.median(variable[rows]),
@@ -72,14 +72,14 @@ def ratio_in_bins(
 
 
 def even_edges(variable: Array, most: int, per_bin: int = 20) -> Array:
-    """Give edges of bins of equal width, at most `most`, fewer where there is little data."""
+    """Return edges of bins of equal width, at most `most`, fewer where there is little data."""
     count = int(np.clip(len(variable) // per_bin, 1, most))
     low, high = float(np.min(variable)), float(np.max(variable))
     return np.linspace(low, high if high > low else low + 1.0, count + 1)
 
 
 def position_spectrum(position: Array, values: Array, highest: float) -> tuple[Array, Array]:
-    """Give wave numbers (k,) up to `highest` [cycles a unit of position] and amplitudes (k,).
+    """Return wave numbers (k,) up to `highest` [cycles a unit of position] and amplitudes (k,).
 
     Values are first averaged by place, so that a place where the axis dwells counts no more than
     others. The amplitude of a sine that goes through all of the travel is its own.
@@ -102,7 +102,7 @@ def position_spectrum(position: Array, values: Array, highest: float) -> tuple[A
 
 
 def position_noise(position: Array, rms: float, highest: float) -> float:
-    """Give what 99 % of the amplitudes of `position_spectrum` stay below where values are noise.
+    """Return what 99 % of the amplitudes of `position_spectrum` stay below where values are noise.
 
     `rms` is that of independent noise in every row. The amplitudes have a Rayleigh distribution.
     """
@@ -114,7 +114,7 @@ def position_noise(position: Array, rms: float, highest: float) -> float:
 
 
 def unbroken(time_s: Array, period_s: float) -> Iterator[slice]:
-    """Give the stretches of rows between gaps in time."""
+    """Yield the stretches of rows between gaps in time."""
     broken = np.flatnonzero(np.diff(time_s) > GAP_PERIODS * period_s) + 1
     edges = [0, *broken.tolist(), len(time_s)]
     for first, last in pairwise(edges):
@@ -123,7 +123,7 @@ def unbroken(time_s: Array, period_s: float) -> Iterator[slice]:
 
 
 def since_reversal(position: Array, least: float) -> tuple[Array, Array]:
-    """Give the way since motion last turned round, and its direction, both of shape (m,).
+    """Return the way since motion last turned round, and its direction, both of shape (m,).
 
     A turn counts once the motion has gone back by `least`. Direction 0: before the first turn.
     """
@@ -137,7 +137,7 @@ def since_reversal(position: Array, least: float) -> tuple[Array, Array]:
 
 
 def _turns(position: Array, least: float) -> list[tuple[int, int]]:
-    """Give the row of every turn, and the direction after it."""
+    """Return the row of every turn, and the direction after it."""
     turns: list[tuple[int, int]] = []
     heading, low, high = 0, 0, 0
     for k, x in enumerate(position):
@@ -155,7 +155,7 @@ def _turns(position: Array, least: float) -> list[tuple[int, int]]:
 
 
 def _cells(position: Array, highest: float) -> tuple[NDArray[np.int64], Array, Array]:
-    """Give the cell of the way that each row lies in, and each cell's rows and weight."""
+    """Return the cell of the way that each row lies in, and each cell's rows and weight."""
     low, travel = float(np.min(position)), float(np.ptp(position))
     cells = int(np.clip(4.0 * highest * travel, 16, 1 << 15))
     place = np.minimum(((position - low) / travel * cells).astype(np.int64), cells - 1)
@@ -166,7 +166,7 @@ def _cells(position: Array, highest: float) -> tuple[NDArray[np.int64], Array, A
 
 
 def _members(variable: Array, values: Array, edges: Array) -> Iterator[NDArray[np.int64]]:
-    """Give the rows of every bin that has enough of them."""
+    """Yield the rows of every bin that has enough of them."""
     good = np.flatnonzero(np.isfinite(variable) & np.isfinite(values))
     place = np.searchsorted(edges, variable[good], side="right") - 1
     place[variable[good] == edges[-1]] = len(edges) - 2

@@ -61,7 +61,7 @@ def plot_unknown(subject: AxisSignals, unknown: UnknownStructure, path: Path) ->
 
 
 def _variables(subject: AxisSignals, unknown: UnknownStructure) -> list[str]:
-    """Give four variables, those that the residual depends on first."""
+    """Return four variables, those that the residual depends on first."""
     possible = ("position", "velocity", "command", "acceleration", "time", "history")
     first = [name for name in possible if name in unknown.depends_on]
     return [*first, *(name for name in possible if name not in first)][:4]
@@ -104,7 +104,7 @@ def _panel(panel: Axes, subject: AxisSignals, name: str) -> None:
 
 
 def _variable(subject: AxisSignals, name: str) -> tuple[Array, float, str]:
-    """Give a variable's values, the factor in which it is drawn, and its label."""
+    """Return a variable's values, the factor in which it is drawn, and its label."""
     traces, (scale, unit) = subject.traces, subject.place
     match name:
         case "position":
