@@ -26,8 +26,24 @@ def load(
 ) -> Machine:
     """Load a configuration, or a shipped one by its bare name.
 
-    `controller` takes the place of what every axis says. Without `hardware` the drivers are left
-    out, so that they need not be installed: for analysis. Raises ConfigError with every problem.
+    Parameters
+    ----------
+    path
+        The file, or the name of a shipped configuration.
+    controller
+        Takes the place of what every axis says.
+    hardware
+        Without it the drivers are left out, so that they need not be installed: for analysis.
+
+    Returns
+    -------
+    Machine
+        The checked machine, which never changes.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the file, each with its line and key.
     """
     source = locate(path)
     document = read_document(source)
@@ -39,9 +55,25 @@ def load_resolved(
 ) -> Machine:
     """Build the machine again from its plain data `Machine.resolved`, as logs hold it.
 
-    Without `hardware` the drivers are left out, so that they need not be installed, and so are
-    programs whose files of points are gone. `source` names the data in messages. Raises
-    ConfigError with every problem.
+    Parameters
+    ----------
+    resolved
+        The plain data.
+    source
+        Names the data in messages.
+    hardware
+        Without it the drivers are left out, so that they need not be installed, and so are programs
+        whose files of points are gone.
+
+    Returns
+    -------
+    Machine
+        The checked machine, which never changes.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the data, each with its key.
     """
     document = Document(str(source), decode(resolved))
     if not hardware:

@@ -44,7 +44,18 @@ class MarginsAt(LoopMargins):
 
 
 def summarise(machine: Machine) -> dict[str, Any]:
-    """Return everything that `check` shows, fit for JSON; what is infinite becomes null."""
+    """Return everything that `check` shows.
+
+    Parameters
+    ----------
+    machine
+        A checked machine.
+
+    Returns
+    -------
+    dict
+        The document of ``check --json``, with units in the keys; what is infinite becomes None.
+    """
     axes = {n: _axis(axis, machine.period_of(n)) for n, axis in machine.axes.items()}
     drivers = dict(_drivers(machine))
     summary = {

@@ -167,7 +167,12 @@ class Effect(ABC):
         """Return memories of an input effect at which the slope of its column is looked at.
 
         The command stays invertible (Assumption 2) at these, so the steepest fall that any history
-        can lead to should be among them. By default the memory at rest alone.
+        can lead to should be among them.
+
+        Returns
+        -------
+        sequence of tuple of float
+            Each of `memory_size` numbers; by default the memory at rest alone.
         """
         return ((0.0,) * self.memory_size,)
 
@@ -210,32 +215,78 @@ class Effect(ABC):
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return the forms that diagnosis tries first, in the order of their nonlinear option.
 
-        Without options there is one form. None where the recording cannot show the effect.
+        Parameters
+        ----------
+        spans
+            What the recording spans: travel [m], top speed [m/s], duration [s] and the like.
+
+        Returns
+        -------
+        sequence of Effect
+            One form without options; empty where the recording cannot show the effect.
         """
         return (cls(),)
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Return the options that diagnosis refines, each with a first step in its own unit."""
+        """Return the options that diagnosis refines.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        mapping
+            A first step for each option, in the option's own unit.
+        """
         return {}
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Return forms one step richer than this one, which diagnosis takes where they pay."""
+        """Return forms one step richer than this one, which diagnosis takes where they pay.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        sequence of Effect
+            Empty where there is no richer form.
+        """
         return ()
 
     @classmethod
     def typical(cls, spans: Spans) -> Effect | None:
-        """Return a form of middling options, to ask whether a motion could show it at all."""
+        """Return a form of middling options, to ask whether a motion could show it; None where none can."""
         forms = list(cls.trials(spans))
         return forms[len(forms) // 2] if forms else None
 
     @classmethod
     def delaying(cls, delay_s: float) -> Effect | None:
-        """Return the form that delays the command by so much and does nothing else, or None."""
+        """Return the form that delays the command by `delay_s` [s] and does nothing else, or None."""
         return None
 
     @classmethod
     def at_line(cls, line: float) -> Effect:
-        """Return the form of a wave with one line, at a wave number [1/m] or a frequency [Hz]."""
+        """Return the form of a wave with one line.
+
+        Parameters
+        ----------
+        line
+            A wave number [1/m] or a frequency [Hz].
+
+        Returns
+        -------
+        Effect
+            The form.
+
+        Raises
+        ------
+        TypeError
+            The effect belongs to a group of waves and does not define this.
+        """
         raise TypeError(f"{cls.__name__} is a wave and does not define at_line")
 
     @classmethod
@@ -252,15 +303,39 @@ class Effect(ABC):
         return None
 
     def on_own_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
-        """Return a resonance as it acts on the machine's own acceleration, with its parameters.
+        """Return a resonance as it acts on the machine's own acceleration.
 
-        It was fitted on the acceleration that the machine would have if it were rigid; theta are
-        its parameters there, in parts of the inertia.
+        It was fitted on the acceleration that the machine would have if it were rigid.
+
+        Parameters
+        ----------
+        theta
+            Its parameters there, in parts of the inertia, in the order of `parameters`.
+
+        Returns
+        -------
+        effect
+            The form on the machine's own acceleration.
+        theta
+            Its parameters, in parts of the inertia.
         """
         return self, tuple(theta)
 
     def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
-        """Return what of it belongs into a configuration, theta being its fitted parameters."""
+        """Return what of the effect belongs into a configuration.
+
+        Parameters
+        ----------
+        theta
+            Its fitted parameters, in the order and the units of `parameters`.
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        CarriedOver
+            By default the effect as it is.
+        """
         return CarriedOver()
 
     @property
@@ -274,21 +349,57 @@ class Effect(ABC):
         return self.kernel("slope")
 
     def with_options(self, **changes: object) -> Effect:
-        """Return this effect with other options; raises pydantic.ValidationError where wrong."""
+        """Return this effect with other options.
+
+        Parameters
+        ----------
+        **changes
+            New values by the options' names.
+
+        Returns
+        -------
+        Effect
+            A new one; this one stays as it is.
+
+        Raises
+        ------
+        pydantic.ValidationError
+            An option is unknown or its value is not allowed.
+        """
         return type(self)(self.Options.model_validate(self.options.model_dump() | changes))
 
     def kernel(self, name: str) -> Callable[..., float]:
-        """Return a compiled function of the effect's module."""
+        """Return a compiled function of the effect's module, such as ``column`` or ``advance``."""
         kernel: Callable[..., float] = getattr(sys.modules[type(self).__module__], name)
         return kernel
 
     def full_name(self, parameter: Parameter) -> str:
-        """Name one of the effect's parameters in logs and reports."""
+        """Return the name of one of the effect's parameters in logs and reports."""
         return f"{self.name}_{parameter.name}" if parameter.name else self.name
 
 
 def make_effect(cls: type[Effect], options: Mapping[str, Any] | None = None) -> Effect:
-    """Return an effect with plain options; raises pydantic.ValidationError where they are wrong."""
+    """Return an effect with plain options.
+
+    Parameters
+    ----------
+    cls
+        The effect's class.
+    options
+        Values by the options' names; what is left out has its default.
+
+    Returns
+    -------
+    Effect
+        The effect.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        An option is unknown or its value is not allowed.
+    UsageError
+        The class has no name.
+    """
     if not getattr(cls, "name", ""):
         raise UsageError(f"effect class {cls.__module__}:{cls.__qualname__} has no name")
     return cls(cls.Options.model_validate(dict(options or {})))

@@ -161,8 +161,25 @@ def resolve_options(data: Measured, model: EffectList, options: FitOptions) -> F
 def prepare(data: Measured, model: EffectList, options: FitOptions) -> RegressionData:
     """Form, filter and decimate the columns of `model` over the usable rows of `data`.
 
-    `options` may leave choices open (see `resolve_options`). Raises DataError where no stretch
-    of usable rows is long enough for the filter to settle.
+    Parameters
+    ----------
+    data
+        What was measured of the axis.
+    model
+        The effects whose columns are formed.
+    options
+        May leave choices open (see `resolve_options`).
+
+    Returns
+    -------
+    RegressionData
+        Command, columns and times of the rows that are left, with every choice stated.
+
+    Raises
+    ------
+    DataError
+        No stretch of usable rows is long enough for the filter to settle, or a choice does not fit
+        the sample rate.
     """
     model = EffectList([with_slope(e, options.coulomb_slope_s_m) for e in model.effects])
     options = resolve_options(data, model, options)

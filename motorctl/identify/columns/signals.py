@@ -283,9 +283,27 @@ def make_signals(
 ) -> Signals:
     """Cut a recording into stretches and smooth its position.
 
-    slope_s_m is that of the declared friction at rest: the velocity that friction depends on is
-    smoothed until its noise is small beside 1/slope. Raises DataError where no stretch is long
-    enough.
+    Parameters
+    ----------
+    data
+        What was measured of the axis.
+    others
+        The other axes that move, by name, at the same times.
+    band_hz
+        Band of the rows [Hz]; by default the widest that the sample rate carries.
+    slope_s_m
+        Slope of the declared friction at rest [s/m]: the velocity that friction depends on is
+        smoothed until its noise is small beside 1/slope.
+
+    Returns
+    -------
+    Signals
+        The stretches, and which of their rows are used.
+
+    Raises
+    ------
+    DataError
+        No stretch is long enough, or there is nothing but noise.
     """
     rate = data.sample_rate_hz
     band = band_hz or min(WIDEST_BAND_HZ, BAND_PER_RATE * rate)

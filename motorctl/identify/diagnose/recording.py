@@ -45,11 +45,30 @@ def diagnose_recording(
 ) -> RecordingDiagnosis:
     """Diagnose each axis that `models` names; all other axes count as possible causes.
 
-    `evaluate_on` is a second recording of the same machine, on which the errors before and after
-    are measured; without it, a part of this one is held out. `further` are effects to be tried
-    beside those that are built in, installed, or declared for any axis. progress(what, share) is
-    told what is being done. An axis that cannot be diagnosed is told in the result. Raises
-    DataError where no axis can be.
+    Parameters
+    ----------
+    recording
+        What is diagnosed.
+    models
+        The declared list of effects of each axis to be diagnosed.
+    progress
+        Called as progress(what, share) with what is being done and the share done, 0 to 1.
+    evaluate_on
+        A second recording of the same machine, on which the errors before and after are measured;
+        without it, a part of this one is held out.
+    further
+        Effects to be tried beside those that are built in, installed, or declared for any axis.
+
+    Returns
+    -------
+    RecordingDiagnosis
+        Axis by axis what was found; an axis that cannot be diagnosed stands in `refused`, with the
+        reason.
+
+    Raises
+    ------
+    DataError
+        No axis can be diagnosed.
     """
     catalogue = dict(known_effects())
     catalogue |= {type(e).name: type(e) for model in models.values() for e in model.effects}
@@ -94,7 +113,36 @@ def diagnose_axis(
     test: Test | None = None,
     catalogue: Catalogue | None = None,
 ) -> AxisDiagnosis:
-    """Diagnose one axis. Raises DataError where the data cannot tell anything."""
+    """Diagnose one axis.
+
+    Parameters
+    ----------
+    data
+        What was measured of the axis, in its own units.
+    declared
+        The effects that its model has.
+    others
+        The other axes of the recording, as possible causes.
+    tell
+        Called with what is being done.
+    segments
+        Begin and end [s] of the parts to fit and to hold out; the held-out part stays out of the
+        search.
+    test
+        The axis in another recording, with the other axes there, to measure errors on.
+    catalogue
+        The effects that are tried, by name; every known one by default.
+
+    Returns
+    -------
+    AxisDiagnosis
+        Verdict, effects with parameters and standard errors, and the errors before and after.
+
+    Raises
+    ------
+    DataError
+        The data cannot tell anything, and the message says why.
+    """
     began = time.monotonic()
     tell = tell or (lambda _: None)
     check_usable(data)

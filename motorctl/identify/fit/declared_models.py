@@ -17,10 +17,30 @@ def declared_models(
 ) -> dict[str, EffectList]:
     """Return the list of effects of every axis of `recording`, or of `axis` alone.
 
-    `model` None is what the configuration in the log declares, and C1 where there is none. C1
-    and C2 are the log's own list without or with the electromagnetic effects. Else it is the
-    path or name of a configuration; its axis is that of the same name, or its only one. Raises
-    UsageError, DataError and ConfigError.
+    Parameters
+    ----------
+    recording
+        Its own configuration is looked at, where its log has one.
+    model
+        None for what that configuration declares, or C1 where there is none; C1 or C2 for the
+        declared list without or with the electromagnetic effects; else the path or name of a
+        configuration, whose axis is that of the same name, or its only one.
+    axis
+        The one axis that is wanted; None for all.
+
+    Returns
+    -------
+    dict
+        The list of effects by the axis' name.
+
+    Raises
+    ------
+    UsageError
+        The recording or the configuration has no such axis.
+    DataError
+        The configuration in the log cannot be read.
+    ConfigError
+        The configuration `model` is not valid.
     """
     if axis is not None and axis not in recording.axes:
         known = ", ".join(recording.axes)

@@ -43,10 +43,32 @@ def fit_recording(
 ) -> RecordingFit:
     """Identify each axis that `models` names.
 
-    `evaluate_on` is a second recording that gives the held-out error; its axis is that of the
-    same name, or its only one. `progress` is told each axis before its turn. An axis that cannot
-    be identified, such as one that did not move, is told in the result. Raises DataError where
-    no axis can be, and UsageError.
+    Parameters
+    ----------
+    recording
+        What is fitted.
+    models
+        The list of effects of each axis to be identified.
+    options
+        Choices of the identification; what they leave open is chosen from the recording.
+    evaluate_on
+        A second recording that gives the held-out error; its axis is that of the same name, or its
+        only one.
+    progress
+        Called with the name of each axis before its turn.
+
+    Returns
+    -------
+    RecordingFit
+        Axis by axis what was identified; an axis that cannot be, such as one that did not move,
+        stands in `refused`, with the reason.
+
+    Raises
+    ------
+    DataError
+        No axis can be identified.
+    UsageError
+        `evaluate_on` has several axes and none of the same name, or an option is out of range.
     """
     options = options or FitOptions()
     held_out = options.held_out_segments or _described(recording, "held_out")
@@ -86,8 +108,27 @@ def fit_axis(
 ) -> AxisFit:
     """Identify `model` from one axis.
 
-    Raises DataError where the data cannot tell anything: too short, no motion, a constant or
-    saturated command, columns that seem exchanged or of opposite sign.
+    Parameters
+    ----------
+    data
+        What was measured of the axis, in its own units.
+    model
+        The effects whose parameters are estimated.
+    options
+        Choices of the identification; what they leave open is chosen from `data`.
+    evaluate_on
+        The axis in another recording, which gives the held-out error.
+
+    Returns
+    -------
+    AxisFit
+        Parameters with standard errors in the model's order, the error and the residual.
+
+    Raises
+    ------
+    DataError
+        The data cannot tell anything: too short, no motion, a constant or saturated command,
+        columns that seem exchanged or of opposite sign.
     """
     check_usable(data)
     everything = prepare(data, model, options or FitOptions())

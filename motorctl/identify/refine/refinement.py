@@ -64,13 +64,33 @@ def refine_config(
 ) -> Refinement:
     """Return `config` with the model of each diagnosed axis as the diagnosis found it.
 
-    `config` is a file or a shipped configuration's name, `out` where the result shall stand.
-    `without` names found effects that are left out, by axis; the values of the rest are those of
-    the whole model all the same, for a fit without an effect that is there would bend them to make
-    up for it. `kept` names axes that stay as they are, and says why. The result is loaded before
-    it is given, so it is valid and means what was intended.
-    Raises ConfigError where no valid configuration can be made, UsageError where its text cannot
-    be changed in place.
+    The result is loaded before it is returned, so it is valid and means what was intended.
+
+    Parameters
+    ----------
+    diagnosis
+        What was found on a recording of the machine.
+    config
+        A configuration's file, or a shipped one's name.
+    out
+        Where the result shall stand; nothing is written yet.
+    without
+        Found effects that are left out, by axis. The values of the rest are those of the whole
+        model all the same: a fit without an effect that is there would bend them to make up.
+    kept
+        Axes that stay as they are, each with the reason.
+
+    Returns
+    -------
+    Refinement
+        The new text, its difference from the old one, and what was done with each axis.
+
+    Raises
+    ------
+    ConfigError
+        No valid configuration can be made.
+    UsageError
+        The text of the configuration cannot be changed in place.
     """
     source = locate(config)
     machine, hardware = load_machine(source)

@@ -216,7 +216,28 @@ def search(
     side: Side = "acceleration",
     catalogue: Catalogue | None = None,
 ) -> Found:
-    """Find the effects that the declared model lacks."""
+    """Find the effects that the declared model lacks, one after the other.
+
+    Parameters
+    ----------
+    signals
+        The axis' motion and command.
+    declared
+        The effects that its model has.
+    slope_s_m
+        Slope of its friction at rest [s/m], None where none is declared.
+    progress
+        Called with what is being done.
+    side
+        What stands on the left of the regression.
+    catalogue
+        The effects that are tried, by name; every known one by default.
+
+    Returns
+    -------
+    Found
+        The declared model alone, the model with what was found, and each step between.
+    """
     spans = spans_of(signals)
     tell = progress or (lambda _: None)
     added: tuple[Effect, ...] = ()
@@ -272,12 +293,30 @@ def both_ways(
 ) -> Found:
     """Search with the acceleration on the left, and again with the command where that fits better.
 
-    whole_band has the same rows where `signals` was narrowed to the band of the motion, which is of
-    no use where forces, and not the measurement's noise, are what is left.
-
     The acceleration carries the measurement's noise, so it belongs on the left as long as that
     noise is what is left over. Where unexplained forces are, which the feedback answers to, the
     command carries them, and would be scaled down as a regressor.
+
+    Parameters
+    ----------
+    signals
+        The axis' motion and command.
+    declared
+        The effects that its model has.
+    slope_s_m
+        Slope of its friction at rest [s/m], None where none is declared.
+    progress
+        Called with what is being done.
+    catalogue
+        The effects that are tried, by name; every known one by default.
+    whole_band
+        The same rows where `signals` was narrowed to the band of the motion, which is of no use
+        where forces, and not the measurement's noise, are what is left.
+
+    Returns
+    -------
+    Found
+        The search that explains more, fitted to the whole recording.
     """
     short = shortened(signals, LONGEST_SEARCH_S)
     found = search(short, declared, slope_s_m, progress, catalogue=catalogue)
