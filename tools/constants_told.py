@@ -30,16 +30,15 @@ def untold(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _constant(statement: ast.stmt) -> str | None:
-    """Return the name in capitals that a statement sets to numbers, if it does."""
-    if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-        target: ast.expr = statement.targets[0]
+    """Return the names in capitals that a statement sets to numbers, if it does."""
+    if isinstance(statement, ast.Assign):
+        targets = statement.targets
     elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
-        target = statement.target
+        targets = [statement.target]
     else:
         return None
-    if isinstance(target, ast.Name) and target.id.isupper() and _is_numeric(statement.value):
-        return target.id
-    return None
+    names = ", ".join(map(ast.unparse, targets))
+    return names if names.isupper() and _is_numeric(statement.value) else None
 
 
 def _is_numeric(value: ast.expr | None) -> bool:

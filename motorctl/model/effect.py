@@ -259,13 +259,13 @@ class Effect(ABC):
 
     @classmethod
     def typical(cls, spans: Spans) -> Effect | None:
-        """Return a form of middling options, to ask whether a motion could show it; None where none can."""
+        """Return a form of middling options, to ask whether a motion could show it, or None."""
         forms = list(cls.trials(spans))
         return forms[len(forms) // 2] if forms else None
 
     @classmethod
     def delaying(cls, delay_s: float) -> Effect | None:
-        """Return the form that delays the command by `delay_s` [s] and does nothing else, or None."""
+        """Return the form that only delays the command by `delay_s` [s]; None if there is none."""
         return None
 
     @classmethod

@@ -172,17 +172,21 @@ def check_usable(data: Measured) -> None:
         raise DataError(
             f"{where}: too short: {length} samples at {data.sample_rate_hz:g} Hz are "
             f"{length / data.sample_rate_hz:.3g} s; at least {SHORTEST_SAMPLES} samples and "
-            f"{SHORTEST_S:g} s are needed"
+            f"{SHORTEST_S:g} s are needed: record a longer motion"
         )
     for name, column in (("position", data.position), ("command", data.command)):
         bad = ~np.isfinite(column) & rows
         if bad.any():
             first = data.time_s[np.argmax(bad)]
             raise DataError(
-                f"{where}: {name} is not a number in {bad.sum()} rows, first at {first:g} s"
+                f"{where}: {name} is not a number in {bad.sum()} rows, first at {first:g} s: "
+                "repair these rows or cut them out"
             )
     if not rows.any():
-        raise DataError(f"{where}: the axis was never enabled: no sample has its command in force")
+        raise DataError(
+            f"{where}: the axis was never enabled: no sample has its command in force; record it "
+            "while it runs"
+        )
     _check_motion(data)
     _check_command(data)
 
@@ -192,9 +196,10 @@ def _check_motion(data: Measured) -> None:
     span = float(np.ptp(position))
     count = data.resolution or resolution_of(position)
     if span == 0.0 or (count > 0.0 and span <= MOVED_COUNTS * count):
+        counts = f" ({span / count:.0f} counts, limit {MOVED_COUNTS})" if count > 0.0 else ""
         raise DataError(
             f"{data.place}: no motion: the position stays within {span:.3g} {data.position_unit}"
-            + (f" ({span / count:.0f} counts)" if count > 0.0 else "")
+            f"{counts}: record a motion, or check which column is the position"
         )
 
 
@@ -202,7 +207,10 @@ def _check_command(data: Measured) -> None:
     command = data.command[data.usable]
     unit = data.command_unit
     if np.ptp(command) == 0.0:
-        raise DataError(f"{data.place}: the command is constant at {command[0]:g} {unit}")
+        raise DataError(
+            f"{data.place}: the command is constant at {command[0]:g} {unit}: record a motion, or "
+            "check which column is the command"
+        )
     largest = float(np.max(np.abs(command)))
     at_limit = np.abs(command) >= 0.999 * largest
     reversals = np.count_nonzero(np.diff(np.sign(command[at_limit])))
@@ -213,8 +221,9 @@ def _check_command(data: Measured) -> None:
         return
     if share > SATURATED_SHARE:
         raise DataError(
-            f"{data.place}: the command is saturated throughout: {100 * share:.0f} % of it stands "
-            f"at {largest:g} {unit}"
+            f"{data.place}: the command is saturated throughout: {100 * share:.0f} % of its "
+            f"samples are at {largest:g} {unit}, the limit is {100 * SATURATED_SHARE:.0f} %: "
+            "record a motion with less acceleration"
         )
 
 

@@ -129,7 +129,7 @@ def resolve_options(data: Measured, model: EffectList, options: FitOptions) -> F
     if highest >= nyquist:
         raise DataError(
             f"{data.place}: the filter at {highest:g} Hz is not below half the sample rate, "
-            f"{nyquist:g} Hz"
+            f"{nyquist:g} Hz: choose a lower filter_hz or friction_hz"
         )
     decimation = options.decimation or choose_decimation(data.sample_rate_hz, band)
     sections = low_pass(options.filter_kind, options.filter_order, band, data.sample_rate_hz)
@@ -145,7 +145,8 @@ def resolve_options(data: Measured, model: EffectList, options: FitOptions) -> F
         friction = "reference" if reference_is_quieter(data, friction_hz) else "measured"
     elif friction == "reference" and data.reference is None:
         raise DataError(
-            f"{data.place}: friction after the reference needs a reference; there is none"
+            f"{data.place}: friction after the reference needs a reference, and there is none: "
+            "choose friction_velocity: measured"
         )
     rest = min(REST_SLOPES / steepest, REST_PART * top_speed(data, band)) if slopes else 0.0
     return options.resolved(
@@ -201,7 +202,8 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
     if not parts:
         raise DataError(
             f"{data.place}: no usable stretch reaches {shortest * data.period_s:.3g} s, which a "
-            f"filter at {options.filter_hz:g} Hz needs to settle"
+            f"filter at {options.filter_hz:g} Hz needs to settle: record longer without a gap, or "
+            "choose a higher filter_hz"
         )
     starts = np.cumsum([0, *(len(held) for _, _, held, _ in parts)])
     return RegressionData(

@@ -329,13 +329,14 @@ def make_signals(
         kept.append(used)
     if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
         raise DataError(
-            f"{data.place}: only noise: the position hardly ever goes further in {REST_S:g} s than "
-            f"{REST_RANGE * rms:.3g} {data.position_unit}, which its own noise does"
+            f"{data.place}: only noise: the position hardly ever moves by more than "
+            f"{REST_RANGE * rms:.3g} {data.position_unit} in {REST_S:g} s, as its own noise does: "
+            "record a larger or faster motion"
         )
     if enough < FEWEST_ROWS:
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
-            "a gap; longer motion is needed"
+            "a gap: record a longer motion"
         )
     return Signals(
         data=data,

@@ -58,7 +58,7 @@ def check_direction(
     if b < -SIGNIFICANT * error:
         raise DataError(
             f"{data.place}: a positive command accelerates towards negative positions: the sign "
-            "of one of the two is reversed"
+            "of one of the two is reversed; reverse it in the recording"
         )
     raise NothingExplainedError(
         f"{data.place}: the command explains none of the acceleration; are these the position "
@@ -91,7 +91,7 @@ def check_exchanged(data: Measured, error: FitError | None, options: FitOptions)
     if b[0] > 0.0 and unexplained < GOOD_ERROR:
         raise DataError(
             f"{data.place}: position and command seem to be exchanged: the other way round the "
-            f"model leaves only {100 * unexplained:.0f} % of the command"
+            f"model leaves only {100 * unexplained:.0f} % of the command; exchange the two columns"
         )
 
 
@@ -107,19 +107,20 @@ def judge(fit: AxisFit, found: LeastSquares) -> AxisFit:
         notes.append("the model has no inertia, so the command stands on the left")
     if found.delay_at_end and fit.estimator == "least_squares":
         notes.append(
-            f"the input delay stands at the end of the range that was sought "
-            f"({1e3 * fit.delay_s:.3g} ms)"
+            f"the input delay is at the end of the range searched ({1e3 * fit.delay_s:.3g} ms): "
+            "widen delay_range_s"
         )
     if fit.error.relative > BAD_ERROR:
         notes.append(
-            f"the model explains little of the command: {100 * fit.error.relative:.0f} % is left"
+            f"the model leaves {100 * fit.error.relative:.0f} % of the command unexplained, more "
+            f"than {100 * BAD_ERROR:.0f} %: motorctl diagnose looks for what it lacks"
         )
     return replace(fit, notes=tuple(notes))
 
 
 def _bound_notes(fit: AxisFit) -> list[str]:
     return [
-        f"{name} would leave its physical bounds; it is held at the {bound} one"
+        f"{name} would leave its physical bounds and is held at the {bound} one"
         for name, bound in fit.estimate.at_bound.items()
     ]
 
@@ -132,7 +133,8 @@ def _excitation_notes(fit: AxisFit, solution: Solution) -> list[str]:
     ]
     if not notes and solution.condition > ILL_CONDITIONED:
         notes.append(
-            f"poor excitation: the regressor's condition number is {solution.condition:.0f}"
+            f"poor excitation: the regressor's condition number is {solution.condition:.0f}, above "
+            f"{ILL_CONDITIONED:.0f}: record a motion with more speeds and accelerations"
         )
     psi, command = fit.columns.at(fit.delay_s)
     effects = [effect for effect in fit.model.effects for _ in effect.parameters]
@@ -141,7 +143,8 @@ def _excitation_notes(fit: AxisFit, solution: Solution) -> list[str]:
         if size > POORLY_DETERMINED:
             notes.append(
                 f"{name} is poorly determined: its standard error is {100 * size:.1f} % of the "
-                f"command; it becomes visible in {effect.visible_in}"
+                f"command, above {100 * POORLY_DETERMINED:.0f} %; it becomes visible in "
+                f"{effect.visible_in}"
             )
     vague = [
         name
@@ -149,7 +152,7 @@ def _excitation_notes(fit: AxisFit, solution: Solution) -> list[str]:
         if name not in fit.estimate.at_bound and abs(value) < INDISTINCT * error
     ]
     if vague:
-        notes.append(f"not to be told from zero: {', '.join(vague)}")
+        notes.append(f"less than {INDISTINCT:g} standard errors from zero: {', '.join(vague)}")
     return notes
 
 
@@ -161,7 +164,7 @@ def _instrument_notes(fit: AxisFit) -> list[str]:
     taken = fit.estimator.replace("_", " ")
     return [
         f"least squares and instruments built from the reference disagree on {names}: noise or an "
-        f"undeclared effect comes back through the feedback; the values are those of {taken}"
+        f"undeclared effect returns through the feedback; the values are those of {taken}"
     ]
 
 
@@ -177,5 +180,6 @@ def _map_notes(fit: AxisFit) -> list[str]:
     if np.all(np.diff(v) > 0.0):
         return []
     return [
-        f"the input map v(u) is not strictly monotonic up to {largest:.3g} {fit.data.command_unit}"
+        f"the input map v(u) is not strictly monotonic up to {largest:.3g} {fit.data.command_unit}:"
+        " a controller cannot invert it"
     ]

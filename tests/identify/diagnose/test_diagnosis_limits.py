@@ -50,7 +50,7 @@ def test_a_move_there_and_back_is_answered_with_the_motion_that_would_tell(tmp_p
     found = diagnosed(case, tmp_path)
     assert found.verdict == "insufficient_data"
     assert names(found) == []
-    assert "speeds up or slows down 3 times alone" in found.sentence
+    assert "speeds up or slows down only 3 times" in found.sentence
     assert found.missing[0].program is not None
 
 

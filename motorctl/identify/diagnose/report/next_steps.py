@@ -93,13 +93,21 @@ def _model_steps(name: str, axis: AxisDiagnosis, source: str, config: str | None
             words = f"Add to the configuration of axis {name}, with values and bounds: {found}"
             return [Step(words, refine)]
         case "unknown_structure" if compensation is not None:
-            words = f"Compensate what has no name by a spline ({compensation.name}), and look for "
-            return [Step(words + "its cause in the pictures", refine)]
+            words = (
+                f"Compensate the unknown structure with a spline ({compensation.name}), and look "
+            )
+            return [Step(words + "for its cause in the pictures", refine)]
         case "unknown_structure":
-            words = "Look for the cause in the pictures; no controller could use a spline"
+            words = (
+                "Look for the cause in the pictures; no spline that a controller could use fits it"
+            )
             return [Step(words)]
         case "complete":
-            return [Step(f"Nothing: the declared model of axis {name} is complete for this motion")]
+            return [
+                Step(
+                    f"Nothing to do: the declared model of axis {name} is complete for this motion"
+                )
+            ]
         case _:
             return []
 

@@ -107,8 +107,8 @@ def _print_effect(console: Console, k: int, axis: AxisDiagnosis, found: FoundEff
     console.print(heading)
     _line(
         console,
-        f"confidence {percent(found.confidence)}; takes away "
-        f"{percent(found.explained_fraction)} of what can be explained",
+        f"confidence {percent(found.confidence)}; explains "
+        f"{percent(found.explained_fraction)} of the explainable error",
         DEEPER,
     )
     for row in effect_rows(axis.data, found.effect, found_values(axis.data, found)):

@@ -58,8 +58,8 @@ def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict
     error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
     if error > UNSURE * largest:
         why = (
-            f"commands of up to {largest:.3g} V do not determine the bend of the input map "
-            f"(its standard error would be {error:.2g} V there)"
+            f"commands of up to {largest:.3g} V do not determine the bend of the input map: its "
+            f"standard error there would be {error:.2g} V, the limit is {UNSURE * largest:.2g} V"
         )
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
     return declared, {}

@@ -52,6 +52,8 @@ from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,
     COLOURED,
+    LOW_HZ,
+    USUAL_POWER,
     Judged,
     depends_on,
     judge,
@@ -117,8 +119,9 @@ def assemble(
     if verdict == "effect" and error.explained_fraction < HELPS:
         verdict = "insufficient_data"
         why = (
-            "no effect that was tried lowers the error on rows that were held out, though each "
-            "explains a part of the others"
+            "no effect that was tried lowers the error on held-out rows by "
+            f"{100.0 * HELPS:.0f} % of what can be explained, though each explains a part of the "
+            "rows it was fitted to"
         )
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
@@ -214,7 +217,7 @@ def _evidence(
     lines = [
         f"without it the held-out error is {without:.3g} {unit} rms, with it "
         f"{error.held_out_after_rms:.3g} {unit}; the noise is {error.noise_floor_rms:.3g} {unit}",
-        f"held-out log-likelihood rises by {score:.0f}; at least {LEAST_GAIN:.0f} is asked",
+        f"held-out log-likelihood rises by {score:.0f}; at least {LEAST_GAIN:.0f} is required",
     ]
     blocks = found.final.regressors.blocks.count
     lines.append(f"fitted and tested on {blocks} blocks in turn; {effect.identified}")
@@ -231,14 +234,14 @@ def _missing(
     if hidden:
         catalogue = found.final.regressors.catalogue
         why = (
-            f"this motion ties {', '.join(hidden)} to the declared effects: less than "
-            f"{100.0 * UNEXPLAINED:.0f} % of what they would add is their own"
+            f"in this motion {', '.join(hidden)} cannot be told from the declared effects, which "
+            f"mimic all but {100.0 * UNEXPLAINED:.0f} % of what they would add"
         )
         missing.append(_missing_motion([catalogue[name] for name in hidden], why, data, found))
     for effect in effects:
         if effect.indistinguishable_from:
             alike = effect.indistinguishable_from
-            why = f"{effect.name} and {', '.join(alike)} explain this recording equally"
+            why = f"{effect.name} and {', '.join(alike)} explain this recording equally well"
             classes = [found.final.regressors.catalogue[name] for name in alike]
             missing.append(_missing_motion([type(effect.effect), *classes], why, data, found))
     return tuple(missing)
@@ -266,21 +269,24 @@ def _unknown(
     share = min(judged.rival_share, 1.0)
     if variables:
         sentence = (
-            f"what is left depends on {' and '.join(variables)}: a smooth function of it explains "
-            f"{100 * share:.0f} % of the explainable error, and no known effect has its form"
+            f"the residual depends on {' and '.join(variables)}: a smooth function of "
+            f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
+            "explainable error, and no known effect has this form"
         )
     elif judged.bursts > BURSTS:
         sentence = (
-            f"what is left comes in bursts: {100 * judged.bursts:.0f} % of it below "
-            f"{BURST_HZ:g} Hz lies in moments far above the usual, and no function of position, "
-            "velocity or command explains them"
+            f"the residual comes in bursts: {100 * judged.bursts:.0f} % of its energy below "
+            f"{BURST_HZ:g} Hz exceeds {USUAL_POWER:g} times the usual power (limit "
+            f"{100 * BURSTS:.0f} %), and no function of position, velocity or command "
+            "explains them"
         )
     elif judged.coloured < COLOURED:
-        sentence = "what is left is more than noise, and no smooth function explains it"
+        sentence = "the residual is more than noise, and no smooth function explains it"
     else:
         sentence = (
-            f"what is left is coloured in time: {judged.coloured:.0f} times the noise at low "
-            "frequencies, and no function of position, velocity or command explains it"
+            f"the residual has {judged.coloured:.0f} times the power of the noise below "
+            f"{LOW_HZ:g} Hz (limit {COLOURED:g}), and no function of position, velocity or command "
+            "explains it"
         )
     if extra is None:
         return UnknownStructure(variables, sentence, None, np.zeros(0), np.zeros(0), share)
@@ -302,8 +308,9 @@ def _sentence(
     )
     if verdict == "complete":
         return (
-            f"The declared model is complete: it leaves {error.held_out_before_rms:.3g} {unit} rms "
-            f"of held-out data, which is noise ({error.noise_floor_rms:.3g} {unit})."
+            "The declared model is complete: its held-out error is "
+            f"{error.held_out_before_rms:.3g} {unit} rms, and noise alone "
+            f"would give {error.noise_floor_rms:.3g} {unit}."
         )
     names = " and ".join(effect.name for effect in effects)
     if verdict == "effect":
@@ -322,7 +329,7 @@ def _sentence(
             f"{missing[0].why if missing else names}."
         )
     return (
-        "Nothing beyond noise is left, but this motion could not have shown "
+        "The residual is only noise, but this motion could not have shown "
         f"{', '.join(missing[0].effects)}."
     )
 
@@ -332,17 +339,18 @@ def _notes(
 ) -> list[str]:
     notes = []
     if not split.stated:
-        notes.append("every third block of rows is held out of the fit and tested on")
+        notes.append("every third block of rows was held out of the fit to measure the errors")
     if judged.verdict == "effect" and judged.coloured > 3.0:
         notes.append(
-            f"what is left is still {judged.coloured:.1f} times the noise model at low frequencies"
+            f"below {LOW_HZ:g} Hz the residual still has {judged.coloured:.1f} times the power "
+            "of the noise"
         )
     forces = forces_of_position(effect.effect for effect in effects)
     if len(forces) > 1:
         names = " and ".join(effect.name for effect in forces)
         notes.append(
-            f"{names} are forces of position both: a wave that does not repeat exactly and a force "
-            "that does not repeat are the same here, and either may be a part of the other"
+            f"{names} are both forces of position: this recording cannot tell a wave that does not "
+            "repeat exactly from a force that does not repeat, so either may be a part of the other"
         )
     return notes
 

@@ -37,7 +37,9 @@ FEWEST_CHANGES = 4
 (start, stop, start, stop). Arithmetic. Fewer tell inertia from friction by chance, more refuses a
 plain test."""
 SLOW, QUICK = 0.25, 0.5
-"""Parts of the usual speed between which a change of speed counts."""
+"""Parts of the usual speed below and above which an axis is at rest and in motion, for counting its
+changes of speed. Closer together they count noise, further apart they miss gentle moves. Chosen by
+hand."""
 EXPLAINS_ENOUGH = 0.5
 """Share of the squared acceleration that is left, above the noise, up to which the command drives
 the position. Larger lets wrong columns pass, smaller asks `fit` about good ones. Chosen by hand."""
@@ -56,8 +58,8 @@ def check_magnitude(data: Measured) -> None:
         largest = float(np.nanmax(np.abs(column[data.usable])))
         if largest > LARGEST:
             raise DataError(
-                f"{data.place}: {name} reaches {largest:.3g}; beyond {LARGEST:g} it is that of no "
-                "machine, in any unit"
+                f"{data.place}: {name} reaches {largest:.3g}; no machine exceeds {LARGEST:g} in "
+                "any unit: check the column and its scale"
             )
 
 
@@ -73,7 +75,7 @@ def check_motion(data: Measured, signals: Signals) -> None:
     if duration < SHORTEST_S:
         raise DataError(
             f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
-            "hold a part of it out and test on it"
+            "hold a part of it out and test on it: record a longer motion"
         )
     if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
         raise DataError(
@@ -83,8 +85,8 @@ def check_motion(data: Measured, signals: Signals) -> None:
         )
     if float(np.ptp(x)) < SMALLEST[unit]:
         raise DataError(
-            f"{data.place}: it moves over {float(np.ptp(x)):.3g} {unit} alone: is the position "
-            f"in {unit}?"
+            f"{data.place}: it moves over only {float(np.ptp(x)):.3g} {unit}; at least "
+            f"{SMALLEST[unit]:g} {unit} are needed: is the position in {unit}?"
         )
 
 
@@ -94,9 +96,9 @@ def too_plain(signals: Signals) -> str | None:
     if changes >= FEWEST_CHANGES:
         return None
     return (
-        f"the axis speeds up or slows down {changes} times alone, which tells inertia, friction "
-        "and what the model lacks from each other no better than chance: moves there and back, at "
-        "more than one speed and acceleration, would"
+        f"the axis speeds up or slows down only {changes} times, and at least {FEWEST_CHANGES} are "
+        "needed to tell inertia, friction and what the model lacks from each other: record moves "
+        "there and back at more than one speed and acceleration"
     )
 
 
@@ -130,8 +132,8 @@ def check_explains(
     noise = plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
     if total < 3.0 * noise:
         raise DataError(
-            f"{data.place}: only noise: the acceleration below {plain.band_hz:g} Hz does not rise "
-            "above what the position's own noise gives"
+            f"{data.place}: only noise: the acceleration below {plain.band_hz:g} Hz does not reach "
+            "3 times the power of the position's own noise: record a faster motion"
         )
     left = hypothesis.solution.sse - noise
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:

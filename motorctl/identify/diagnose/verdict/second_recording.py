@@ -41,7 +41,7 @@ def error_on(
     signals = make_signals(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
     before, command = _rms(found.base, signals)
     after, _ = _rms(found.final, signals)
-    notes = [f"errors are those on {test.source}, to which nothing was fitted"]
+    notes = [f"errors are measured on {test.source}, which no parameter was fitted to"]
     shift = _shift(found.final, signals)
     if shift:
         shifted, _ = _rms(found.final, _shifted(signals, shift))
@@ -49,8 +49,8 @@ def error_on(
         told = f"{1e3 * shift:.3f} mm" if linear else f"{shift:.3g} {test.position_unit}"
         if shifted < after:
             notes.append(
-                f"its position starts {told} elsewhere, found from the periodic "
-                f"effects: without that the error would be {after:.3g} {error.unit}"
+                f"its zero of position is shifted by {told}, estimated from the periodic effects; "
+                f"without this shift the error would be {after:.3g} {error.unit}"
             )
             after = shifted
     gain = abs(float(found.final.b[0]))
