@@ -164,7 +164,7 @@ def test_the_lock_lasts_as_long_as_any_process_holds_it(tmp_path: Path) -> None:
 def test_a_file_that_is_no_socket_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("mine")
-    with pytest.raises(UsageError, match="not a socket"):
+    with pytest.raises(UsageError, match="a file that is no socket is there; remove it"):
         ControlSocket(path)
     assert path.read_text() == "mine"
 
