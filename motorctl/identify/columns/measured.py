@@ -131,6 +131,22 @@ def measured(recording: Recording, axis: str) -> Measured:
     return data if record.flags is None else _own_ticks(data, record.flags)
 
 
+def counterpart(recording: Recording, axis: str) -> str:
+    """Return the axis of another recording that stands for `axis`: of that name, or its only one.
+
+    Raises
+    ------
+    UsageError
+        Where it has several axes and none of that name.
+    """
+    if axis in recording.axes:
+        return axis
+    if len(recording.axes) == 1:
+        return next(iter(recording.axes))
+    known = ", ".join(recording.axes)
+    raise UsageError(f"{recording.source}: no axis '{axis}' to evaluate on; it has: {known}")
+
+
 def _own_ticks(data: Measured, flags: NDArray[np.int64]) -> Measured:
     """Leave out the rows between the ticks of an axis that has fewer than its log has rows."""
     own = np.flatnonzero((flags & SampleFlag.BETWEEN) == 0)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.errors import DataError
-from motorctl.identify.columns.measured import Measured, beside, check_usable, measured
+from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.measured import Measured, beside, check_usable, counterpart, measured
 from motorctl.identify.columns.signals import make_signals, without
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
@@ -84,11 +84,11 @@ def diagnose_recording(
 
         others = {other: data for other, data in every.items() if other != name}
         try:
-            test = None if evaluate_on is None else _counterpart(evaluate_on, name)
+            test = None if evaluate_on is None else _test_on(evaluate_on, name)
             axes[name] = diagnose_axis(
                 every[name], model, others, tell, recording.segments, test, catalogue
             )
-        except DataError as error:
+        except (DataError, UsageError) as error:
             refused[name] = str(error)
     if not axes:
         raise DataError("\n".join(refused.values()))
@@ -175,12 +175,8 @@ def diagnose_axis(
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
 
 
-def _counterpart(recording: Recording, name: str) -> Test:
-    if name in recording.axes:
-        axes = {axis: measured(recording, axis) for axis in recording.axes}
-        own = axes.pop(name)
-        return own, beside(own, axes)
-    if len(recording.axes) == 1:
-        return measured(recording, next(iter(recording.axes))), {}
-    known = ", ".join(recording.axes)
-    raise DataError(f"{recording.source}: no axis '{name}' to evaluate on; it has: {known}")
+def _test_on(recording: Recording, name: str) -> Test:
+    """Return the axis of another recording that errors are measured on, and those beside it."""
+    axes = {axis: measured(recording, axis) for axis in recording.axes}
+    own = axes.pop(counterpart(recording, name))
+    return own, beside(own, axes)

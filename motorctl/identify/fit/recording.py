@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.errors import DataError, UsageError
-from motorctl.identify.columns.measured import Measured, check_usable, measured
+from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured, check_usable, counterpart, measured
 from motorctl.identify.columns.regression_data import RegressionData, prepare
 from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.instruments import by_instruments
@@ -83,7 +83,7 @@ def fit_recording(
             progress(name)
         other = None
         if evaluate_on is not None:
-            other = measured(evaluate_on, _counterpart(evaluate_on, name))
+            other = measured(evaluate_on, counterpart(evaluate_on, name))
         try:
             fits[name] = fit_axis(measured(recording, name), model, options, other)
         except DataError as error:
@@ -175,15 +175,6 @@ def evaluate(fit: AxisFit, other: Measured) -> FitError:
 def _described(recording: Recording, part: str) -> tuple[Segment, ...] | None:
     found = [segment for name, segment in recording.segments.items() if name == part]
     return tuple(found) or None
-
-
-def _counterpart(recording: Recording, axis: str) -> str:
-    if axis in recording.axes:
-        return axis
-    if len(recording.axes) == 1:
-        return next(iter(recording.axes))
-    known = ", ".join(recording.axes)
-    raise UsageError(f"{recording.source}: no axis '{axis}' to evaluate on; it has: {known}")
 
 
 def _chosen(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath
+from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import choose_band_hz
 from motorctl.identify.columns.signals import Signals, make_signals
@@ -30,7 +31,7 @@ def model_columns(signals: Signals, model: EffectList) -> tuple[Array, Array]:
     path = CommandPath(model.delay_s, model.lag_s)
     inputs = [effect for effect in model.effects if effect.kind == "input"]
     command, *held = signals.inputs(inputs, path)
-    accelerations = [_second_difference(s.position, signals.period_s) for s in signals.stretches]
+    accelerations = [second_difference(s.position, signals.period_s) for s in signals.stretches]
     columns = []
     for effect in model.effects:
         if effect.kind == "input":
@@ -67,9 +68,3 @@ def corrected(data: Measured, model: EffectList, corrected_by: Collection[str] =
         return data
     correct = EffectList(errors).kernels.correct
     return replace(data, position=np.array([correct(y) for y in data.position]))
-
-
-def _second_difference(position: Array, period_s: float) -> Array:
-    result = np.zeros_like(position)
-    result[1:-1] = np.diff(position, 2) / period_s**2
-    return result

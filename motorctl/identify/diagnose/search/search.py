@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals, shortened, spans_of
+from motorctl.identify.diagnose.search.acceptance import (
+    LEAST_GAIN,
+    acceptable,
+    forces_of_position,
+    gain,
+)
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
     Form,
@@ -23,7 +29,6 @@ from motorctl.identify.diagnose.search.forms import (
 from motorctl.identify.diagnose.search.held_out_blocks import (
     held_out_sse,
     make_blocks,
-    residual,
     with_columns,
 )
 from motorctl.identify.diagnose.search.hypothesis import (
@@ -36,7 +41,6 @@ from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, Smooth
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
     saturated_residual,
-    spectrum,
     whitening_response,
 )
 from motorctl.identify.fit.settings import Side
@@ -76,9 +80,6 @@ misses forms with a coarse scan. Chosen by hand."""
 PARTLY_SEEN = 2.0
 """Factor on `NEAR` for effects of which a scan shows only a part. Larger takes time, smaller misses
 them. Chosen by hand."""
-LEAST_GAIN = 60.0
-"""Gain in log-likelihood of held-out rows that a name needs. Larger misses weak effects, smaller
-names chance. Chosen by hand; the clean twins guard what lies just above it."""
 PLAIN_GAIN = 600.0
 """Beyond this gain no clean twin of any machine has come: below, the machine's own twins are asked.
 Larger takes time, smaller lets false names pass unasked. Chosen by hand on the simulated
@@ -86,59 +87,9 @@ campaign."""
 TWINS_GAIN = 1.5
 """Multiples of the most that chance gains on the twins which a name needs. Larger misses weak
 effects, smaller names chance. Chosen by hand on the simulated campaign."""
-RELEVANT = 6e-4
-"""Part of the command's rms that an effect must take: less does not matter to any axis, and no
-declared form is exact to such a degree. Larger misses weak effects, smaller names what is left of a
-wrong shape. Chosen by hand on the simulated campaign."""
-LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
-"""Part of the squared residual left so far that an effect must take, by the left side. Larger
-misses weak effects, smaller names what is left of others. Chosen by hand."""
 DOWN_TO_NOISE = 1.2
 """Squared residual over that of noise alone, below which the search ends. Larger misses weak
 effects, smaller looks for names in noise. Chosen by hand."""
-NOISE_LIKE = 1.7
-"""Squared residual over that of noise alone, below which it counts as noise when the search is
-judged. Larger calls structure noise, smaller calls noise structure. Chosen by hand on the simulated
-campaign."""
-BAND_END = 0.85
-"""Part of the band beyond which a line lies at its end, where noise looks like one. Larger lets
-noise be named, smaller asks more of true lines. Chosen by hand."""
-AT_END_SHARE = 0.3
-"""Part of what is left that an effect there must take. Larger misses true ones, smaller names
-noise. Chosen by hand."""
-SHADOW_SHARE = 0.5
-"""Part of what is left that an effect must take which may be another one's shadow. Larger misses a
-true second line, smaller names what a wrong shape leaves. Chosen by hand on the simulated
-campaign."""
-SAME_SHARE = 0.9
-"""The same for a second force over position, and for one over time in step with the move, where one
-move is repeated. Larger misses true pairs, smaller names one cause twice. Chosen by hand on the
-simulated campaign."""
-IN_STEP = 0.05
-"""Distance of a disturbance from a whole number of cycles in a move's period, in cycles, up to
-which the two cannot be told apart. Larger doubts true ones, smaller names the move's own harmonics.
-Chosen by hand on the simulated campaign."""
-SMALL_PART = 0.005
-"""Fraction of the declared model's residual that a slightly wrong shape leaves: an effect that
-takes less needs `SMALL_SHARE`. Larger misses weak effects, smaller names remainders. Chosen by hand
-on the simulated campaign."""
-SMALL_SHARE = 0.35
-"""Part of what is left that an effect must take which takes no more than that small part. Larger
-misses weak effects, smaller names remainders. Chosen by hand on the simulated campaign."""
-REPEATED_SHARE = 0.5
-"""The same for a second effect where one move is repeated: all that is left there repeats too, and
-functions of place, time and speed can each draw a part of it. Larger misses true ones, smaller
-names a wrong one. Chosen by hand on the simulated campaign."""
-NEAR_MODE = 0.1
-"""Distance of a line from a resonance, as a part of its frequency, that may be its ringing. Larger
-doubts true lines, smaller names ringing. Chosen by hand on the simulated campaign."""
-CLEARLY = 30.0
-"""Density of the motion over that of the measurement's noise, from which the axis moves at a
-frequency. Larger doubts true resonances, smaller names the feedback of noise. Chosen by hand."""
-LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
-"""Part of what is left above the noise that an effect must take, by the left side; less where a
-machine is not down to its noise anyway. Larger misses weak effects, smaller names remainders.
-Chosen by hand."""
 AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
 """Part of the best form's gain from which another is taken where the best is not acceptable, by the
 left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
@@ -375,101 +326,6 @@ def ranked(
     improved = [refined(hypothesis, forms[k], spans) for k in front]
     rest = [form for k, form in enumerate(forms) if k not in front]
     return sorted([*improved, *rest], key=lambda f: f.held_out)
-
-
-def gain(before: Hypothesis, held_out: float) -> float:
-    """Return the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
-    rows = before.regressors.signals.rows
-    return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
-
-
-def acceptable(
-    before: Hypothesis, form: Form, noise: float, spans: Spans, least_gain: float = LEAST_GAIN
-) -> bool:
-    """Return whether a form takes enough away, and not in one place alone."""
-    floor = before.noise_sse(noise)
-    excess = max(before.held_out - floor, 0.0)
-    taken = before.held_out - form.held_out
-    over_time = "line_over_time" in form.effect.groups
-    frequency = form.effect.lines[0] if over_time else 0.0
-    least = LEAST_SHARE[before.regressors.side]
-    if "resonance" in form.effect.groups:
-        # the feedback of the encoder's own noise looks like a resonance where little else moves
-        faint = frequency > BAND_END * before.regressors.signals.band_hz
-        if faint or not _moves_at(before, frequency):
-            least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
-    elif (
-        "wave_over_time" in form.effect.groups
-        and frequency > BAND_END * before.regressors.signals.band_hz
-    ):
-        least = AT_END_SHARE
-    if shadows(before.added, form.effect, spans):
-        least = SHADOW_SHARE
-    if taken < SMALL_PART * before.regressors.declared_held_out:
-        least = max(least, SMALL_SHARE)
-    if before.added and before.regressors.signals.repeats_s:
-        if _repeats_with(before, form.effect):
-            least = SAME_SHARE
-        elif before.regressors.side == "acceleration":
-            least = REPEATED_SHARE
-    return bool(
-        gain(before, form.held_out) > least_gain
-        and (form.effect.kind == "measurement" or taken > relevant_part(before.regressors))
-        and taken > least * before.held_out
-        and not at_bound(form.effect, spans)
-        and taken > LEAST_EXCESS[before.regressors.side] * excess
-    )
-
-
-def relevant_part(regressors: Regressors) -> float:
-    """Return the squared residual below which nothing matters."""
-    return RELEVANT**2 * regressors.command_energy
-
-
-def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
-    """Return whether an effect has a line of one that is there already.
-
-    Then it may be what that one leaves where its own form is not quite the machine's.
-    """
-    for other in added:
-        if other.name == effect.name:
-            continue
-        common = other.groups & effect.groups
-        apart = np.abs(np.subtract.outer(other.lines, effect.lines))
-        if "wave_over_position" in common and apart.min() < 1.0 / spans.travel_m:
-            return True
-        if "line_over_time" in common and apart.min() < NEAR_MODE * other.lines[0]:
-            return True
-    return False
-
-
-def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
-    """Return whether an effect repeats with the one move as what is there already does."""
-    over_place = len(forces_of_position((effect, *before.added))) > 1
-    if over_place and before.regressors.side == "acceleration":
-        return True
-    if "wave_over_time" not in effect.groups:
-        return False
-    cycles = effect.lines[0] * before.regressors.signals.repeats_s
-    return abs(cycles - round(cycles)) < IN_STEP
-
-
-def forces_of_position(effects: Iterable[Effect]) -> list[Effect]:
-    """Return the effects that are forces of position alone."""
-    return [effect for effect in effects if "force_of_position" in effect.groups]
-
-
-def _moves_at(hypothesis: Hypothesis, frequency_hz: float) -> bool:
-    """Return whether the motion at a frequency stands well above the noise of the measurement."""
-    signals = hypothesis.regressors.signals
-    left = hypothesis.problem.columns[:, -1].ravel()[: signals.rows]
-    rest = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
-    frequency, density = spectrum(left - rest, signals.row_period_s)
-    place = int(np.argmin(np.abs(frequency - frequency_hz)))
-    noise = (2.0 * np.pi * frequency_hz) ** 4 * signals.position_noise
-    noise *= float(signals.response(np.array([frequency_hz]))[0]) ** 2
-    near = density[max(place - 3, 0) : place + 4]
-    return bool(np.median(near) > CLEARLY * noise)
 
 
 def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:

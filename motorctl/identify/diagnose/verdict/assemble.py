@@ -20,9 +20,10 @@ from motorctl.identify.diagnose.result import (
     Traces,
     UnknownStructure,
 )
+from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
-from motorctl.identify.diagnose.search.search import LEAST_GAIN, Found, forces_of_position, gain
+from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
 from motorctl.identify.diagnose.verdict.errors import (

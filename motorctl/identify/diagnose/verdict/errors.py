@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.result import Alternative, ModelError
+from motorctl.identify.diagnose.search.acceptance import gain
 from motorctl.identify.diagnose.search.forms import by_simplex, measure
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
@@ -19,7 +20,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     solve,
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors, acceleration_form
-from motorctl.identify.diagnose.search.search import Found, gain
+from motorctl.identify.diagnose.search.search import Found
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from motorctl.identify.diagnose.result import Verdict
+from motorctl.identify.diagnose.search.acceptance import NOISE_LIKE, relevant_part
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import (
     DOWN_TO_NOISE,
-    NOISE_LIKE,
     Found,
     explained_share,
-    relevant_part,
     rival_gains,
 )
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
