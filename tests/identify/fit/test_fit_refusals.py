@@ -52,7 +52,7 @@ def test_a_command_that_is_saturated_throughout(run):
     flags = np.ones(len(run.command), dtype=bool)
     assert "saturated throughout" in refusal(changed(run, saturated=flags))
     slow = 10.0 * np.sign(np.sin(2.0 * run.time_s))
-    assert "stands at 10 V" in refusal(changed(run, command=slow))
+    assert "are at 10 V" in refusal(changed(run, command=slow))
 
 
 def test_a_two_level_test_signal_is_not_called_saturated():
