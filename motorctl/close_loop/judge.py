@@ -18,6 +18,7 @@ MOTION_WORDS: Mapping[MotionName, str] = {
 JUDGED = ("eF", "L2[e]")
 """Measures of which none may be worse; eM has its own allowance, uM is no error."""
 SPLINE_GAIN = 0.1
+"""Part of L2[e] that a spline without a name must take away. Chosen by hand."""
 EM_ALLOWANCE = 0.02
 """The largest error of a run is that of one sample: noise alone changes it by so much,"""
 EM_COUNTS = 1.0
@@ -62,7 +63,8 @@ def without_gain(judgement: AxisJudgement, spline: str) -> AxisJudgement:
     gain = 1.0 - after.L2_m / before.L2_m if before.L2_m > 0.0 else 0.0
     if gain >= SPLINE_GAIN:
         return judgement
-    why = f"{spline} takes no more than {100.0 * max(gain, 0.0):.0f} % off L2[e]"
+    why = f"{spline} takes no more than {100.0 * max(gain, 0.0):.0f} % off L2[e]; at least "
+    why += f"{100.0 * SPLINE_GAIN:.0f} % are required"
     return replace(judgement, accepted=False, against=(why,))
 
 

@@ -115,7 +115,8 @@ def close_loop(
     if chosen == "own" and not moves_by_itself(machine):
         still = [name for name, axis in machine.axes.items() if axis.program is None]
         raise UsageError(
-            f"{machine.source}: --motion own: no program for axis {', '.join(still)} to follow"
+            f"{machine.source}: --motion own: no program for axis {', '.join(still)} to follow; "
+            "name one in the configuration, or choose another motion"
         )
     names: tuple[MotionName, ...] = ("own", "unused") if own else ("unused",)
     motions = Motions() if duration_s is None else Motions(duration_s, duration_s)
@@ -123,7 +124,11 @@ def close_loop(
     start = folder / CONFIG
     start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
     first, motions = first_trial(start, folder, names, motions, duration_s, progress)
-    used_up = "the one round is used up" if rounds == 1 else f"the {rounds} rounds are used up"
+    used_up = (
+        "the limit of one round is reached"
+        if rounds == 1
+        else f"the limit of {rounds} rounds is reached"
+    )
     current, done, ended = first, [], used_up
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
@@ -150,11 +155,11 @@ def close_loop(
 
 def _why_no_further(last: Round) -> str:
     if last.attempts:
-        return "nothing of what was found helps without making an error worse"
+        return "no change that was tried helps without making an error larger"
     if all(axis.verdict == "complete" for axis in last.diagnosis.axes.values()):
         return "nothing more is found"
     if any(axis.verdict == "insufficient_data" for axis in last.diagnosis.axes.values()):
-        return "the motion cannot tell what is left"
+        return "this motion cannot show what is still missing"
     return "nothing more is found that a controller could compensate"
 
 

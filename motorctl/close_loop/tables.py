@@ -31,7 +31,7 @@ def error_row(judgement: AxisJudgement) -> str:
     """Say what the models leave of the command on the motion that was not used."""
     before, after = judgement.model_error_v
     if not (math.isfinite(before) and math.isfinite(after)):
-        return "the model error could not be judged on the motion that was not used"
+        return "the model error could not be measured on the motion that was not used"
     return (
         f"model error on {MOTION_WORDS['unused']}: {before:.3g} → {after:.3g} V rms, "
         f"with the start values of each configuration"

@@ -65,14 +65,17 @@ def against(data: Measured, axis: Axis) -> list[str]:
     found = []
     resolution, count = axis.encoder.resolution_m, data.resolution
     if count is not None and abs(count - resolution) > SAME_RESOLUTION * resolution:
-        found.append(f"one count is {count:g} m there, encoder.resolution_m is {resolution:g}")
+        found.append(
+            f"one count of the recording is {count:g} m, encoder.resolution_m is {resolution:g}"
+        )
     if not data.usable.any():
         return found
     position, command = data.position[data.usable], data.command[data.usable]
     corrected = any(effect.kind == "measurement" for effect in axis.model.effects)
     if not corrected and (share := _off_grid(position, resolution)) > OFF_GRID_SHARE:
         found.append(
-            f"{100 * share:.0f} % of its steps are no whole number of counts, "
+            f"{100 * share:.0f} % of its steps are no whole number of counts (limit "
+            f"{100 * OFF_GRID_SHARE:.0f} %), "
             f"encoder.resolution_m is {resolution:g}"
         )
     low, high = axis.limits.travel_m
@@ -80,12 +83,12 @@ def against(data: Measured, axis: Axis) -> list[str]:
     slack = BEYOND_TRAVEL * (high - low)
     if lowest < low - slack or highest > high + slack:
         found.append(
-            f"it stood between {lowest:.4g} and {highest:.4g} m, limits.travel_m is "
+            f"its position ranges from {lowest:.4g} to {highest:.4g} m, limits.travel_m is "
             f"{low:g} to {high:g}"
         )
     largest, limit = float(np.max(np.abs(command))), axis.limits.max_voltage_v
     if largest > (1.0 + BEYOND_VOLTAGE) * limit:
-        found.append(f"commands reach {largest:.4g} V, limits.max_voltage_v is {limit:g}")
+        found.append(f"its commands reach {largest:.4g} V, limits.max_voltage_v is {limit:g}")
     return found
 
 

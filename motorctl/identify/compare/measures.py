@@ -90,7 +90,8 @@ def measure_axis(
     error = axis.following_error
     if error is None or axis.reference is None:
         raise DataError(
-            f"{recording.source}: axis {name}: no reference is known, so no tracking error either"
+            f"{recording.source}: axis {name}: no reference is known, so the tracking error "
+            "cannot be computed: record the reference too"
         )
     rows = _run(axis)
     time_s, reference = recording.time_s[rows], axis.reference[rows]
@@ -101,8 +102,9 @@ def measure_axis(
         counted &= time_s - time_s[0] >= settling_periods * period
         if not counted.any():
             raise DataError(
-                f"{recording.source}: axis {name}: {time_s[-1] - time_s[0]:.1f} s without a gap, "
-                f"no more than the {settling_periods} x {period:g} s that do not count"
+                f"{recording.source}: axis {name}: {time_s[-1] - time_s[0]:.1f} s without a gap; "
+                f"more than {settling_periods} x {period:g} s are needed, because the first periods "
+                "do not count: record longer"
             )
     e, u = np.abs(error[rows]), np.abs(axis.command[rows])
     at_end = counted.copy()

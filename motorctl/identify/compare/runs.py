@@ -71,7 +71,7 @@ def compare(recordings: Sequence[Recording], period_s: float | None = None) -> C
         measured = measure_recording(recording, period_s)
         if not measured:
             raise DataError(
-                f"{recording.source}: no axis has a reference, so there is no tracking error"
+                f"{recording.source}: no axis has a reference, so no tracking error can be computed"
             )
         label = _controller(recording, measured) or PurePath(recording.source).stem
         runs.append(ComparedRun(label, recording, measured, measure_timing(recording)))

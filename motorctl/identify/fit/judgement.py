@@ -104,7 +104,7 @@ def judge(fit: AxisFit, found: LeastSquares) -> AxisFit:
         *_map_notes(fit),
     ]
     if inertia_index(fit.model) is None and fit.options.left == "acceleration":
-        notes.append("the model has no inertia, so the command stands on the left")
+        notes.append("the model has no inertia, so the regression has the command on its left side")
     if found.delay_at_end and fit.estimator == "least_squares":
         notes.append(
             f"the input delay is at the end of the range searched ({1e3 * fit.delay_s:.3g} ms): "

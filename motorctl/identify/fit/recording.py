@@ -187,7 +187,7 @@ def _chosen(
         raise DataError(
             f"{data.place}: {len(chosen.time_s)} rows are left after filtering and decimation"
             + (f" in {spans}" if spans else "")
-            + f"; {len(columns.model)} parameters need at least {needed}"
+            + f"; {len(columns.model)} parameters need at least {needed}: record longer"
         )
     return chosen
 
@@ -206,7 +206,8 @@ def _preferred(
     if wanted == "instruments":
         if instruments is None:
             raise DataError(
-                f"{data.place}: instruments need a reference that excites every parameter"
+                f"{data.place}: instruments need a reference that excites every parameter; choose "
+                "estimator: least_squares"
             )
         return wanted
     if instruments is None or instruments.weaker_than(ordinary).any():

@@ -61,7 +61,7 @@ def admissible(
         return monotonic(theta) and not _too_much_voltage(axis, model, theta, programs)
 
     for sound, why in (
-        (monotonic, f"the input map is not monotonic up to {u_max:g} V as it was fitted"),
+        (monotonic, f"the fitted input map is not monotonic up to {u_max:g} V"),
         (can_run, f"a program would need more than {u_max:g} V"),
     ):
         share = _largest_share(sound, np.array([e.initial for e in found]), indices)
@@ -72,7 +72,7 @@ def admissible(
         if _can_be_kept(model, found, u_max, axis.adaptation.monotonicity_margin, travel):
             break
         found = [_narrowed(e) if i in indices else e for i, e in enumerate(found)]
-        words = "bounds of the input map are narrowed, so that it stays monotonic within them"
+        words = "the bounds of the input map were narrowed so that it stays monotonic within them"
         notes += [] if words in notes else [words]
     return found, notes
 

@@ -106,8 +106,9 @@ def refine_axis(
     after = _error_of(wanted, found)
     if not new and not carried.left_behind and not after < IMPROVEMENT * before:
         return unchanged(
-            "unchanged: nothing beyond noise is missing, and with parameters fitted to this "
-            f"recording the error would be {after:.3g} V rms instead of {before:.3g}"
+            "unchanged: the model lacks no effect, and parameters fitted to this recording would "
+            f"leave {after:.3g} V rms instead of {before:.3g}, less than "
+            f"{100 * (1 - IMPROVEMENT):.0f} % better"
         )
     added = tuple(effect.name for effect in new)
     notes += [
@@ -116,7 +117,9 @@ def refine_axis(
     ]
     delay_s = axis.adaptation.input_delay_s if any(e.kind == "command" for e in new) else 0.0
     if delay_s:
-        notes.append("adaptation.input_delay_s is 0 now: what was found contains it")
+        notes.append(
+            "adaptation.input_delay_s is 0 now, because the effect that was found contains it"
+        )
     done = (*_done(found, added, carried, before, after), *notes)
     return AxisRefinement(name, found.verdict, True, added, wanted, done, delay_s, before, after)
 
@@ -150,8 +153,8 @@ def _done(
             yield found.unknown.sentence
     elif not carried.left_behind:
         yield (
-            "nothing beyond noise is missing; parameters fitted to this recording take its error "
-            f"from {before:.3g} to {after:.3g} V rms"
+            "the model lacks no effect; parameters fitted to this recording reduce its error from "
+            f"{before:.3g} to {after:.3g} V rms"
         )
     for name, why in found.dropped.items():
         if name not in found.model.names:

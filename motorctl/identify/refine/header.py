@@ -83,11 +83,11 @@ def error_words(axis: AxisDiagnosis) -> list[str]:
 def found_words(found: FoundEffect) -> str:
     """Say how sure an effect is, and what it explains."""
     told = (
-        f"{found.effect.title}: takes away {percent(found.explained_fraction)} of the "
+        f"{found.effect.title}: explains {percent(found.explained_fraction)} of the "
         f"explainable held-out error; confidence {found.confidence:.2f}"
     )
     if found.indistinguishable_from:
-        told += f"; not to be told from {', '.join(found.indistinguishable_from)} by this motion"
+        told += f"; this motion cannot tell it from {', '.join(found.indistinguishable_from)}"
     return told
 
 

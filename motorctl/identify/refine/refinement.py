@@ -209,7 +209,7 @@ def _checked(text: str, source: Path, out: Path, hardware: bool) -> Machine:
     except ConfigError as error:
         told = "\n".join(f"  {problem.key}: {problem.message}" for problem in error.problems)
         raise UsageError(
-            f"{source}: with the model that was found the configuration would not be valid:\n{told}"
+            f"{source}: the configuration would not be valid with the model that was found:\n{told}"
         ) from error
     finally:
         written.unlink()

@@ -78,7 +78,7 @@ def error_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
         )
     if more and math.isfinite(error.explained_fraction):
         share = f"{100.0 * error.explained_fraction:.1f} %"
-        rows.append(("explained of what can be explained", NO_VALUE, share, NO_VALUE))
+        rows.append(("part of the explainable error explained", NO_VALUE, share, NO_VALUE))
     return tuple(headings), rows
 
 
