@@ -65,7 +65,7 @@ def _budgets(drivers: Part) -> Table:
 
 
 def _late(late: Part) -> str:
-    """Say what happens in ticks that find no new sample, until the axes trip."""
+    """Return in words what happens in ticks without a new sample, until the axes trip."""
     ticks = late["hold_ticks"]
     if not ticks:
         return "trip"

@@ -74,7 +74,7 @@ def _recover(
     elif done.was_finished:
         print(f"{done.path}: was complete already, with {done.rows} rows")
     else:
-        tail = "; what was torn is given up" if done.tail_cut else ""
+        tail = "; the torn end of the file was dropped" if done.tail_cut else ""
         print(f"{done.path}: {done.rows} rows kept{tail}")
         if done.partial_kept:
             print("the damage is more than an interrupted write: the partial file stays")

@@ -22,7 +22,7 @@ PAGE = "report.html"
 
 
 def write_reports(loop: ClosedLoop) -> Path:
-    """Write the page of all rounds and a report of each; gives the page.
+    """Write the page of all rounds and a report of each, and return the page.
 
     Raises UsageError where they cannot be written.
     """

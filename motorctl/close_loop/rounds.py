@@ -99,7 +99,7 @@ def close_loop(
     duration_s: float | None = None,
     progress: Progress,
 ) -> ClosedLoop:
-    """Go round until nothing more is found, nothing of it helps, or the rounds are used up.
+    """Go round until nothing more is found, no change helps, or the rounds are over.
 
     Everything is kept in `out`: a folder for each round with its log, report and configurations,
     and refined.yaml, the configuration that came out. `motion` is what is recorded for diagnosis:

@@ -28,7 +28,7 @@ def tracking_table(judgement: AxisJudgement) -> list[Rows]:
 
 
 def error_row(judgement: AxisJudgement) -> str:
-    """Say what the models leave of the command on the motion that was not used."""
+    """Return in words the model errors on the motion that was not used."""
     before, after = judgement.model_error_v
     if not (math.isfinite(before) and math.isfinite(after)):
         return "the model error could not be measured on the motion that was not used"

@@ -161,7 +161,7 @@ def _shared(medium: str, first: str) -> str:
 
 
 def _too_long(waiting: Mapping[str, float], rate_hz: float) -> str:
-    """Say that all waits of one tick do not fit into it, those of slower drivers included."""
+    """Return the problem that the waits of all drivers do not fit into one tick."""
     told = ", ".join(f"{name} {1e6 * wait_s:.0f} us" for name, wait_s in waiting.items())
     return (
         f"the drivers may wait for their devices in one tick: {told}; the loop's period at "

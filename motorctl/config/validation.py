@@ -125,7 +125,7 @@ def validate_options(
 
 
 def suggest(found: str, known: Iterable[str]) -> str:
-    """Say which known word was meant, or which there are."""
+    """Return a hint: the known word that was meant, or the known words."""
     words = sorted(known)
     near = difflib.get_close_matches(found, words, 1, 0.6)
     if near:

@@ -50,7 +50,7 @@ def write_demo(
     report: Path,
     outcome: Sequence[Path],
 ) -> tuple[Path, list[Path]]:
-    """Write the page, pictures inside it; gives it and the pictures it shows.
+    """Write the page with its pictures inside; return it and the pictures it shows.
 
     `report` is the closed loop's own page, `outcome` the tracking errors of C1, C2 and the refined
     model. Raises UsageError where it cannot be written.

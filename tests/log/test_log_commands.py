@@ -121,7 +121,7 @@ def test_export_tells_what_cannot_be_exported(invoke, tmp_path):
 def test_recover_tells_what_it_kept(invoke, crashed):
     crashed.write_bytes(crashed.read_bytes() + b"\xff\xff\xff\xff torn")
     shown = invoke("recover", crashed).stdout
-    assert "crashed.parquet: 100 rows kept; what was torn is given up" in shown
+    assert "crashed.parquet: 100 rows kept; the torn end of the file was dropped" in shown
     assert len(read_recording(crashed.with_suffix("")).time_s) == 100
 
 

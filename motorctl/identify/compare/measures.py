@@ -103,8 +103,8 @@ def measure_axis(
         if not counted.any():
             raise DataError(
                 f"{recording.source}: axis {name}: {time_s[-1] - time_s[0]:.1f} s without a gap; "
-                f"more than {settling_periods} x {period:g} s are needed, because the first periods "
-                "do not count: record longer"
+                f"more than {settling_periods} x {period:g} s are needed, because the first "
+                "periods do not count: record longer"
             )
     e, u = np.abs(error[rows]), np.abs(axis.command[rows])
     at_end = counted.copy()

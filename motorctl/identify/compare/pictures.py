@@ -29,7 +29,7 @@ MARGIN = 1.1
 
 
 def plot_comparison(comparison: Comparison, folder: Path) -> list[Path]:
-    """Draw every picture of a comparison into `folder`; gives the files.
+    """Draw every picture of a comparison into `folder` and return the files.
 
     Raises UsageError where they cannot be written.
     """

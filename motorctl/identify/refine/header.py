@@ -60,7 +60,7 @@ def with_header(text: str, lines: Sequence[str]) -> str:
 
 
 def error_words(axis: AxisDiagnosis) -> list[str]:
-    """Say what the model leaves on rows that it was not fitted to, before and after."""
+    """Return in words what the model leaves on held-out rows, before and after."""
     error, data = axis.error, axis.data
     before, after = error.held_out_before_rms, error.held_out_after_rms
     told = f"held-out error of the model {_arrow(before, after, error.unit)} rms"
@@ -81,7 +81,7 @@ def error_words(axis: AxisDiagnosis) -> list[str]:
 
 
 def found_words(found: FoundEffect) -> str:
-    """Say how sure an effect is, and what it explains."""
+    """Return in words how sure an effect is, and what it explains."""
     told = (
         f"{found.effect.title}: explains {percent(found.explained_fraction)} of the "
         f"explainable held-out error; confidence {found.confidence:.2f}"

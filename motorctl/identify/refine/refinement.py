@@ -149,7 +149,7 @@ def _models_in(text: str, out: Path) -> dict[str, Any]:
 
 
 def load_machine(path: str | Path) -> tuple[Machine, bool]:
-    """Load a configuration, without its drivers where these are not installed; tells whether with.
+    """Return a configuration, without drivers that are not installed, and whether with drivers.
 
     Raises ConfigError where it is not valid even so.
     """

@@ -45,7 +45,7 @@ def next_steps(
 def write_programs(
     diagnosis: RecordingDiagnosis, folder: Path
 ) -> dict[str, tuple[Path | None, ...]]:
-    """Write the motions that diagnosis asks for as program files; gives them by axis.
+    """Write the motions that diagnosis asks for as program files and return them by axis.
 
     One for each of the axis' missing motions, None where it has no program. Raises UsageError
     where they cannot be written.
@@ -81,7 +81,7 @@ def _stems(axis: AxisDiagnosis) -> list[str]:
 
 
 def _model_steps(name: str, axis: AxisDiagnosis, source: str, config: str | None) -> list[Step]:
-    """Say what the verdict means for the model."""
+    """Return what to do with the model after the verdict."""
     refine = (
         f"motorctl refine {shlex.quote(source)} --config {shlex.quote(config or 'CONFIG.yaml')} "
         f"--out refined.yaml"
@@ -113,7 +113,7 @@ def _model_steps(name: str, axis: AxisDiagnosis, source: str, config: str | None
 
 
 def _motion_steps(name: str, axis: AxisDiagnosis, programs: tuple[Path | None, ...]) -> list[Step]:
-    """Say which motion would show what this one does not."""
+    """Return the motions to run, which would show what this one does not."""
     steps = []
     for k, missing in enumerate(axis.missing):
         path = programs[k] if k < len(programs) else None

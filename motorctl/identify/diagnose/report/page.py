@@ -47,7 +47,7 @@ def write_report(
     commands: Sequence[str] = (),
     steps: Mapping[str, Sequence[Step]] | None = None,
 ) -> list[Path]:
-    """Write the page and, beside it, its pictures as PNG files; gives the files, the page first.
+    """Write the page and, beside it, its pictures as PNG; return the files, the page first.
 
     `path_or_dir` is a folder, or a path that ends in .html. `comparison` are tracking errors
     before and after, `config_change` is the text of a unified diff, `commands` are what to run

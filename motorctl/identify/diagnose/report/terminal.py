@@ -128,7 +128,7 @@ def _row(row: tuple[str, ...]) -> str:
 
 
 def _rejected(alternative: Alternative) -> str:
-    """Say why an explanation was not taken."""
+    """Return in words why an explanation was not taken."""
     share = ""
     if math.isfinite(alternative.share):
         share = f" (reaches {percent(alternative.share)} of its score)"

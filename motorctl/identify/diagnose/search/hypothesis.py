@@ -132,7 +132,7 @@ class Hypothesis:
 
     @cached_property
     def places(self) -> tuple[tuple[Effect, int], ...]:
-        """Say for each column but the first, the command, which parameter of which effect it is."""
+        """Return effect and parameter of each column but the first, which is the command."""
         found = [
             (e, j)
             for kind in ("input", "state")
@@ -144,7 +144,7 @@ class Hypothesis:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Say for each column which effect it belongs to; the first, the command, is inertia's."""
+        """Return the effect that each column belongs to; the first, the command, is inertia's."""
         inertia = basic_effects()["acceleration"].name
         return (inertia, *(effect.name for effect, _ in self.places))
 

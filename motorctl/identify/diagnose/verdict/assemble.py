@@ -87,7 +87,7 @@ def assemble(
     began: float,
     too_plain: str | None = None,
 ) -> AxisDiagnosis:
-    """Put the diagnosis of one axis together; `too_plain` is why the motion tells nothing."""
+    """Put the diagnosis of one axis together; `too_plain` is why the motion shows too little."""
     judged = judge(found)
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)

@@ -91,7 +91,7 @@ def check_motion(data: Measured, signals: Signals) -> None:
 
 
 def too_plain(signals: Signals) -> str | None:
-    """Say why a motion cannot tell inertia, friction and what the model lacks from each other."""
+    """Return why a motion cannot tell inertia, friction and missing effects apart, or None."""
     changes = _changes_of_speed([s.v[:: signals.decimation] for s in signals.stretches])
     if changes >= FEWEST_CHANGES:
         return None

@@ -186,7 +186,7 @@ def bursts(found: Found) -> float:
 
 
 def depends_on(rival: str | None) -> tuple[str, ...]:
-    """Say which variables a smooth function is one of."""
+    """Return the variables that a smooth function depends on."""
     return () if rival is None else VARIABLES[rival]
 
 

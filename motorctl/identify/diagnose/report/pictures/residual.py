@@ -224,7 +224,7 @@ def _rms(words: str, residual: Array, subject: AxisSignals) -> str:
 
 
 def _shade_held_out(panels: dict[str, Axes], subject: AxisSignals) -> str:
-    """Shade the rows that were not fitted; gives what to say of it."""
+    """Shade the rows that were not fitted, and return the caption's words for that."""
     time_s, held = subject.traces.time_s, subject.traces.held_out
     if not held.any() or held.all():
         return ""
