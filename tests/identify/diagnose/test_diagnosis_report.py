@@ -253,9 +253,10 @@ def invoke(monkeypatch):
     diagnose.register(app)
 
     def call(answer, *arguments):
-        def search(recording, models, progress=None, evaluate_on=None):
+        def search(recording, models, progress=None, evaluate_on=None, further=()):
             assert list(models) == ["x"]
             assert evaluate_on is None
+            assert not further
             progress("searching", 0.5)
             if isinstance(answer, Exception):
                 raise answer
