@@ -4,7 +4,12 @@ A peer in another thread or process, or a loop on the wall clock, is disturbed b
 Whatever starts one calls `begins`, so that a test that forgot the mark fails every time.
 """
 
-import pytest
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a rig also serves where there is no pytest, as in a virtual machine
+    import pytest
 
 _running: list[pytest.Item] = []
 
@@ -17,5 +22,7 @@ def note(item: pytest.Item) -> None:
 def begins() -> None:
     """Fail the test that runs now if it has no mark `wall_clock`."""
     for item in _running:
+        import pytest
+
         if item.get_closest_marker("wall_clock") is None:
             pytest.fail(f"{item.nodeid} runs in real time: it needs pytest.mark.wall_clock")

@@ -47,7 +47,8 @@ def told(tmp_path_factory):
     scratch = tmp_path_factory.mktemp("machine")
     job = scratch / "job"
     shutil.copytree(TESTS / "socketcan", job, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(TESTS.parents[1] / "support" / "daemon_rig.py", job)
+    for rig in ("daemon_rig.py", "real_time.py"):
+        shutil.copy(TESTS.parents[1] / "support" / rig, job)
     add_checkout(job)
     _be_patient(job / "motorctl/motorctl/loop/shared.py")
     compiling = ". ./environment.sh && python3 warm.py"
