@@ -5,7 +5,7 @@
 Looks at every string of the given folders (by default the package motorctl) but docstrings and the
 effects' own files. A string offends that is an effect's name, and one that has such a name as a
 word in it where the name is no ordinary English word. Effects may use ordinary words for
-parameters of their own.
+parameters of their own. Python files alone are looked at.
 Prints file, line and name of each, and exits with 1 where there is any.
 """
 

@@ -3,8 +3,8 @@
 Numba freezes what a kernel uses of other modules: functions, and constants by their values. So
 the digest goes over the syntax trees of the module and, through its imports, of every module that
 may have given it one. Comments, docstrings, annotations of functions and line numbers do not
-count. Libraries (numba, numpy and others that are installed and state a version) count by their
-version.
+count. The libraries that this package requires count by their version; whatever else is imported,
+an effect's own package above all, counts by its sources.
 
 A constant that a module reads from elsewhere while it is imported, from a file or the
 environment, is not seen: kernels must not use any.
@@ -39,8 +39,33 @@ COMPILER = (
     platform.python_version(),
 )
 INSTALLED = tuple({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
-OWN = ("motorctl",)
-"""Beginnings of the names of packages that count by their sources, however they are installed."""
+LIBRARIES = frozenset(
+    [
+        "annotated_types",
+        "can",
+        "cantools",
+        "hypothesis",
+        "jinja2",
+        "llvmlite",
+        "matplotlib",
+        "msgpack",
+        "numba",
+        "numpy",
+        "pyarrow",
+        "pydantic",
+        "pydantic_core",
+        "pymodbus",
+        "pytest",
+        "rich",
+        "ruckig",
+        "scipy",
+        "serial",
+        "typer",
+        "typing_extensions",
+        "yaml",
+    ]
+)
+"""Packages that count by their version where they are installed: they change with it alone."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +92,18 @@ class _Source:
 
 def digest_of_source(source: str) -> str:
     """Return 16 hexadecimal digits for a source and all that it imports."""
-    return _Followed("").digest("", _read(source.encode(), ""))
+    return _Followed().digest("", _read(source.encode(), ""))
 
 
 def digest_of_file(name: str, path: Path) -> str:
     """Return 16 hexadecimal digits for the module of this name in this file, and its imports."""
-    return _Followed(name).digest(name, _read(path.read_bytes(), _package(name, path)))
+    return _Followed().digest(name, _read(path.read_bytes(), _package(name, path)))
 
 
 class _Followed:
     """The modules that one module reaches through imports."""
 
-    def __init__(self, name: str) -> None:
-        self._home = name.partition(".")[0]
+    def __init__(self) -> None:
         self._found: dict[str, bytes] = {}
         self._asked: set[tuple[str, str]] = set()
 
@@ -104,11 +128,13 @@ class _Followed:
         if name == "*" or not source.hands_on:
             self._take(module, source, name)
             return
-        givers = [entry for entry in source.imports if entry.bound == name]
-        for entry in givers:
-            self._follow(entry.module, entry.name or "*")
-        if not givers:
-            self._follow(f"{module}.{name}", "*")
+        for entry in source.imports:
+            if entry.bound == name or entry.name == "*":
+                self._follow(entry.module, entry.name or "*")
+        if not any(entry.bound == name for entry in source.imports):
+            part = f"{module}.{name}"
+            if _file_of(part):
+                self._follow(part, "*")
 
     def _take(self, module: str, source: _Source, name: str) -> None:
         self._found[module] = source.digest
@@ -126,9 +152,7 @@ class _Followed:
         path = _file_of(module)
         if path is None or path.suffix != ".py":
             return None
-        if root == self._home or root.startswith(OWN) or not str(path).startswith(INSTALLED):
-            return path
-        return None if _version_of(module) else path
+        return None if root in LIBRARIES and str(path).startswith(INSTALLED) else path
 
 
 def _version_of(module: str) -> str:

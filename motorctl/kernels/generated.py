@@ -6,6 +6,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from types import ModuleType
 from typing import Any
 
@@ -36,6 +37,8 @@ def load_generated(name: str, source: str) -> ModuleType:
         draft = path.with_suffix(f".{os.getpid()}.tmp")
         draft.write_text(source)
         draft.replace(path)
+    with suppress(OSError):  # another user's folder may be read only
+        os.utime(path)  # in use: not to be removed as old
     spec = importlib.util.spec_from_file_location(full_name, path)
     assert spec is not None
     assert spec.loader is not None

@@ -77,21 +77,16 @@ class Bench:
 
     def until(self, reached: Callable[[], bool], what: str, *, exchange: bool = True) -> None:
         """Exchange until something is so; fails where that takes too long."""
-        assert self.reaches(reached, exchange=exchange), f"{what}: not in time; {self}"
-
-    def reaches(self, reached: Callable[[], bool], *, exchange: bool = True) -> bool:
-        """Exchange until something is so; return whether it came in time."""
         deadline = time.monotonic() + self.rig.patience_s
         tries = 0
         while not reached():
             tries += 1
-            if tries > self.rig.within_exchanges and time.monotonic() > deadline:
-                return False
+            late = tries > self.rig.within_exchanges and time.monotonic() > deadline
+            assert not late, f"{what}: not within {tries - 1} exchanges; {self}"
             if exchange:
                 self.exchange()
             else:
                 self.rig.pass_period(self.driver)
-        return True
 
     def until_fresh(self) -> None:
         """Exchange until every channel has a new sample and no fault."""

@@ -1,8 +1,8 @@
 """Identify the declared model of an axis from a recording.
 
 The way: form the columns (regression_data), solve least squares with the acceleration on the left
-(fit_least_squares), solve again with instruments built from the reference (instruments), take the
-one that is least biased, judge (fit_judgement).
+(least_squares), solve again with instruments built from the reference (instruments), take the
+one that is least biased, judge (judgement).
 """
 
 from __future__ import annotations

@@ -103,6 +103,8 @@ def refine_axis(
     whole = EffectList([part.effect for part in wanted])
     sound, notes = admissible(axis, whole, [e for part in wanted for e in part.estimates], programs)
     wanted = _with_estimates(wanted, sound)
+    if not new and [part.data() for part in wanted] == [part.data() for part in current]:
+        return unchanged(*carried.notes, "unchanged: the configuration has these values already")
     after = _error_of(wanted, found)
     if not new and not carried.left_behind and not after < IMPROVEMENT * before:
         return unchanged(

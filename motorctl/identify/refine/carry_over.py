@@ -8,10 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.errors import UsageError
 from motorctl.identify.diagnose.result import AxisDiagnosis
-from motorctl.model import CarriedOver, Effect, EffectList, Spans
+from motorctl.model import CarriedOver, Effect, EffectList, Spans, basic_effects
 
 Array = NDArray[np.float64]
+
+DECLARED_EVENT = (
+    "{} stands in the configuration and happens again after every start of the daemon, at the same "
+    "time: take it out, if it was found in a recording, and refine from one made since"
+)
 
 
 @dataclass(frozen=True)
@@ -56,8 +62,11 @@ def carry_over(found: AxisDiagnosis, spans: Spans, without: Collection[str] = ()
         start += len(own)
         if effect.name in left_out:
             continue
-        if effect.name not in declared:
-            carried = effect.carry_over([float(found.theta[i]) for i in own], spans)
+        carried = effect.carry_over([float(found.theta[i]) for i in own], spans)
+        if effect.name in declared:
+            if not carried.kept:
+                said.append((effect.name, CarriedOver(note=DECLARED_EVENT.format(effect.name))))
+        else:
             said.append((effect.name, carried))
             if not carried.kept:
                 continue
@@ -65,11 +74,13 @@ def carry_over(found: AxisDiagnosis, spans: Spans, without: Collection[str] = ()
         rows += own
     model = EffectList(effects)
     theta, std_error = found.theta[rows], found.std_error[rows]
-    for _, carried in said:
+    for name, carried in said:
         for signal, value in carried.adds.items():
             place = model.index_of(signal)
-            if place is not None:
-                theta[place] += value
+            if place is None:
+                basic = basic_effects()[signal].name
+                raise UsageError(f"{name} is carried over into {basic}, which the model has not")
+            theta[place] += value
     scale = float(np.prod([carried.scale for _, carried in said]))
     return CarriedModel(
         model,

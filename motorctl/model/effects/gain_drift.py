@@ -62,7 +62,8 @@ class GainDrift(Effect):
 
     def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
         """Carry over the gain that the warm motor has at the end, not the time of warming up."""
-        lost = theta[0] * -math.expm1(
+        most = self.parameters[0].upper
+        lost = min(theta[0], most) * -math.expm1(
             -max(spans.time_s[1] - self.options.begin_s, 0.0) / self.options.time_constant_s
         )
         return CarriedOver(

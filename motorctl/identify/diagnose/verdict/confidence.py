@@ -1,6 +1,6 @@
 """How sure one can be of a name: of those given with 0.9, nine in ten should be right.
 
-`motorctl regressors diagnosis` prints how many were.
+`motorctl bench diagnosis` prints how many were.
 """
 
 from __future__ import annotations
