@@ -26,3 +26,8 @@ def begins() -> None:
 
         if item.get_closest_marker("wall_clock") is None:
             pytest.fail(f"{item.nodeid} runs in real time: it needs pytest.mark.wall_clock")
+
+
+def does_not_matter() -> None:
+    """Let the test that runs now go without the mark: other work cannot disturb what it judges."""
+    _running.clear()

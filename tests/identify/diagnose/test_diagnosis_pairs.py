@@ -39,7 +39,7 @@ def test_what_does_not_repeat_from_magnet_to_magnet_is_told_beside_the_cogging(t
     assert "aperiodic" in case.truth["cogging"]
     found = diagnosed(case, tmp_path)
     assert names(found) == ["cogging", "position_force"]
-    assert any("does not repeat exactly from magnet to magnet" in note for note in found.notes)
+    assert any("a wave that does not repeat exactly" in note for note in found.notes)
 
 
 ONE_SPEED = [(0.95, 0.04, 0.5, 0.3)]

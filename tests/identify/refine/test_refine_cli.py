@@ -22,7 +22,7 @@ def log(tmp_path_factory):
 def known(monkeypatch, log):
     """Let the diagnosis find what the gantry has."""
 
-    def diagnose_recording(recording, models, progress=None, evaluate_on=None):
+    def diagnose_recording(recording, models, progress=None, evaluate_on=None, further=()):
         return gantry_diagnosis(log, axes=tuple(models))
 
     monkeypatch.setattr(recording, "diagnose_recording", diagnose_recording)
