@@ -17,7 +17,6 @@ import hashlib
 import importlib.util
 import platform
 import sys
-import sysconfig
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -38,7 +37,6 @@ COMPILER = (
     platform.python_implementation(),
     platform.python_version(),
 )
-INSTALLED = tuple({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
 LIBRARIES = frozenset(
     [
         "annotated_types",
@@ -65,7 +63,8 @@ LIBRARIES = frozenset(
         "yaml",
     ]
 )
-"""Packages that count by their version where they are installed: they change with it alone."""
+"""Packages that count by their version, wherever they are: they change with it alone, and their
+sources take many seconds to read."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +151,7 @@ class _Followed:
         path = _file_of(module)
         if path is None or path.suffix != ".py":
             return None
-        return None if root in LIBRARIES and str(path).startswith(INSTALLED) else path
+        return None if root in LIBRARIES else path
 
 
 def _version_of(module: str) -> str:
