@@ -55,7 +55,7 @@ class EddyBrake(Effect):
 
     @property
     def picture(self) -> Picture:
-        """How the report draws it: against velocity, v_0 marked."""
+        """How the report draws it: against velocity, and close by around v_0."""
         return Picture(
             "friction_over_velocity",
             "Friction against velocity, with the brake and without.",
@@ -64,7 +64,12 @@ class EddyBrake(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return the forms that diagnosis tries first: v_0 from a twentieth of the top speed on."""
+        """Return the forms that diagnosis tries first: v_0 from a twentieth of the top speed on.
+
+        None where the recording cannot show the effect: it may be one of an axis that stood still.
+        """
+        if not spans.speed_m_s > 0.0:
+            return ()
         speeds = spans.speed_m_s * np.geomspace(0.05, 2.0, 20)
         return [cls(EddyBrakeOptions(peak_velocity_m_s=float(speed))) for speed in speeds]
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from changed_toys import OPTIONS, TOYS, changed
@@ -168,6 +169,14 @@ def test_an_effect_named_on_the_command_line_is_checked(tmp_path):
                     folder=tmp_path)  # fmt: skip
     assert run.returncode == 0, run.stdout
     assert "passed" in run.stdout
+
+
+def test_the_example_of_an_own_effect_passes_as_the_guide_says(tmp_path):
+    path = f"pythonpath={Path(__file__).parents[2] / 'docs'}"
+    options = '{"peak_velocity_m_s": 0.5}'
+    run = run_suite("--effect", "eddy_brake:EddyBrake", "--effect-options", options, "-o", path,
+                    folder=tmp_path)  # fmt: skip
+    assert run.returncode == 0, run.stdout
 
 
 @pytest.mark.parametrize(
