@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 from pydantic import Field, field_validator
 
-from motorctl.model.effect import EffectOptions
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import Spans
 
@@ -90,3 +91,48 @@ def _highest(spans: Spans) -> float:
     if spans.resolution_m > 0.0:
         highest = min(highest, 1.0 / (8.0 * spans.resolution_m))
     return highest
+
+
+class PitchWave(Effect):
+    """Base of the effects that repeat over position: sine and cosine of each order of a pitch."""
+
+    Options = PitchOptions
+    options: PitchOptions
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Wave number of every order [rad/m]."""
+        return pitch_constants(self.options)
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Wave number of every order [1/m]."""
+        return tuple(order / self.options.pitch_m for order in self.options.orders)
+
+    @property
+    def repeats_every(self) -> float:
+        """The pitch [m]."""
+        return self.options.pitch_m
+
+    @classmethod
+    def typical(cls, spans: Spans) -> Effect | None:
+        """Return a wave that repeats a dozen times over the travel."""
+        return cls(PitchOptions(pitch_m=spans.travel_m / TYPICAL_PITCHES))
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return one order of this wave number [1/m]."""
+        return cls(PitchOptions(pitch_m=1.0 / line))
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Return one order at every pitch that the travel can tell from the next."""
+        return [cls(PitchOptions(pitch_m=pitch)) for pitch in trial_pitches(spans)]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine the pitch."""
+        return pitch_steps(self.options, spans)
+
+    def richer(self, spans: Spans) -> Sequence[Effect]:
+        """Return one order more."""
+        return [type(self)(options) for options in richer_pitches(self.options, spans)]

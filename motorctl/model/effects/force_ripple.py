@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 
 from numba import njit
 
-from motorctl.model.effect import Effect, Parameter
-from motorctl.model.knowledge import Picture, Spans
-from motorctl.model.pitch import (
-    TYPICAL_PITCHES,
-    PitchOptions,
-    pitch_constants,
-    pitch_steps,
-    richer_pitches,
-    trial_pitches,
-)
+from motorctl.model.effect import Parameter
+from motorctl.model.knowledge import Picture
+from motorctl.model.pitch import PitchWave
 
 
-class ForceRipple(Effect):
+class ForceRipple(PitchWave):
     """v(u) = u (1 + sum of S_k sin(2 pi k x/P) + C_k cos(2 pi k x/P))."""
 
     name = "force_ripple"
@@ -38,8 +30,6 @@ class ForceRipple(Effect):
     ordinary = True
     scan_shows_part = True
     revealed_by = ("two_accelerations",)
-    Options = PitchOptions
-    options: PitchOptions
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -52,21 +42,6 @@ class ForceRipple(Effect):
         )
 
     @property
-    def constants(self) -> tuple[float, ...]:
-        """Wave number of every order [rad/m]."""
-        return pitch_constants(self.options)
-
-    @property
-    def lines(self) -> tuple[float, ...]:
-        """Wave number of every order [1/m]."""
-        return tuple(order / self.options.pitch_m for order in self.options.orders)
-
-    @property
-    def repeats_every(self) -> float:
-        """The pitch [m]."""
-        return self.options.pitch_m
-
-    @property
     def picture(self) -> Picture:
         """Thrust for a command along the way."""
         return Picture(
@@ -75,29 +50,6 @@ class ForceRipple(Effect):
             "command.",
             scale=self.options.pitch_m,
         )
-
-    @classmethod
-    def typical(cls, spans: Spans) -> Effect | None:
-        """Return a wave that repeats a dozen times over the travel."""
-        return cls(PitchOptions(pitch_m=spans.travel_m / TYPICAL_PITCHES))
-
-    @classmethod
-    def at_line(cls, line: float) -> Effect:
-        """Return one order of this wave number [1/m]."""
-        return cls(PitchOptions(pitch_m=1.0 / line))
-
-    @classmethod
-    def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return one order at every pitch that the travel can tell from the next."""
-        return [cls(PitchOptions(pitch_m=pitch)) for pitch in trial_pitches(spans)]
-
-    def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Refine the pitch."""
-        return pitch_steps(self.options, spans)
-
-    def richer(self, spans: Spans) -> Sequence[Effect]:
-        """Return one order more."""
-        return [type(self)(options) for options in richer_pitches(self.options, spans)]
 
 
 @njit(inline="always")
