@@ -98,6 +98,17 @@ class Stretch:
     quiet: Array
     """The velocity that friction depends on."""
 
+    def beside(self, effect: Effect, step: int = 1) -> Array:
+        """Return the motion of the axes that an effect depends on, (n, axes, 3), each step-th row.
+
+        An axis that was not recorded stands still.
+        """
+        motion = np.zeros((len(self.x[::step]), len(effect.other_axes), 3))
+        for i, axis in enumerate(effect.other_axes):
+            if axis in self.others:
+                motion[:, i] = self.others[axis][::step]
+        return motion
+
 
 @dataclass(frozen=True)
 class Signals:
@@ -193,11 +204,7 @@ class Signals:
         for k, s in enumerate(self.stretches):
             x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
             a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
-            others = np.zeros((len(x), len(effect.other_axes), 3))
-            for i, axis in enumerate(effect.other_axes):
-                if axis in s.others:  # else it stands still
-                    others[:, i] = s.others[axis][::d]
-            columns.append(state_columns(effect, x, v, a, quiet, t, others))
+            columns.append(state_columns(effect, x, v, a, quiet, t, s.beside(effect, d)))
         return self.filtered(columns, d)
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:

@@ -152,12 +152,8 @@ def rounded(value: float, digits: int = DIGITS) -> float:
 def _columns(effect: Effect, s: Stretch, period_s: float) -> Array:
     if effect.kind == "input":
         return input_columns(effect, s.command, s.x, s.time_s)
-    others = np.zeros((len(s.x), len(effect.other_axes), 3))
-    for i, axis in enumerate(effect.other_axes):
-        if axis in s.others:
-            others[:, i] = s.others[axis]
     acceleration = np.gradient(s.v, period_s)
-    return state_columns(effect, s.x, s.v, acceleration, s.quiet, s.time_s, others)
+    return state_columns(effect, s.x, s.v, acceleration, s.quiet, s.time_s, s.beside(effect))
 
 
 def _option(value: object) -> object:

@@ -248,11 +248,7 @@ class Hypothesis:
             i = n
             for e in states:
                 a = np.zeros_like(s.x) if self.acceleration is None else self.acceleration[k]
-                others = np.zeros((len(s.x), len(e.other_axes), 3))
-                for j, axis in enumerate(e.other_axes):
-                    if axis in s.others:
-                        others[:, j] = s.others[axis]
-                columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, others)
+                columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, s.beside(e))
                 if "resonance" not in e.groups:
                     total = total + b[i : i + len(columns)] @ columns
                 i += len(columns)
