@@ -42,8 +42,6 @@ END_S = 8.0
 """Every process has to end within that."""
 MULTICAST = "239.74.163.7"
 MAIN = "from motorctl.cli import main; main()"
-CALM = 0.5
-"""Share of the held time that pauses of this machine may take without being told from faults."""
 
 
 @dataclass(frozen=True)
@@ -137,15 +135,15 @@ def device_file(bus: Bus, port: int, faults: Sequence[Options] = ()) -> Options:
     }
 
 
-def host_file(bus: Bus, options: Options, offset_m: float = 0.0) -> str:
-    """Give the configuration of two axes that are always on their way."""
+def host_file(bus: Bus, options: Options, offsets_m: tuple[float, float] = (0.0, 0.0)) -> str:
+    """Return the configuration of two axes that are always on their way."""
     data = yaml.safe_load(bench_config("shuttle", "shuttle_y"))
     data["rate_hz"] = bus.rate_hz
     data["drivers"] = {"gantry": {**options, "late": {"hold_ticks": bus.hold_ticks,
                                                       "predict": True}}}  # fmt: skip
     shuttle = data["programs"]["shuttle"] | {"start_m": 0.0, "distance_m": 0.06, "period_s": 1.52}
     data["programs"] = {"shuttle": shuttle, "shuttle_y": shuttle | {"axis": "y"}}
-    for axis in data["axes"].values():
+    for axis, offset_m in zip(data["axes"].values(), offsets_m, strict=True):
         axis["encoder"] |= {"counter_bits": bus.counter_bits, "offset_m": offset_m}
     return yaml.safe_dump(data)
 
@@ -259,12 +257,12 @@ def run_with(
     *,
     run_s: float | None = None,
     settle_s: float = 0.4,
-    offset_m: float = 0.0,
+    offsets_m: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:
     """Move both axes over a bus while faults happen, for `run_s` or until both have tripped."""
     port = free_port()
     with DeviceProcess(folder, device_file(bus, port, faults)) as device:
-        config = host_file(bus, bus.driver(device.endpoint, port), offset_m)
+        config = host_file(bus, bus.driver(device.endpoint, port), offsets_m)
         with Daemon(folder / "daemon", config) as daemon:
             for axis in AXES:
                 _start(daemon, axis)
@@ -282,20 +280,6 @@ def run_with(
         device.end()
         assert device.ended_in_s < END_S
     return Outcome(bus, status, said, exit_status, ended_in_s, device.report, log, info)
-
-
-def calm_run(folder: Path, bus: Bus, faults: Sequence[Options], **settings: Any) -> Outcome:
-    """Run, and again where this machine paused for as long as a fault: then nobody can tell."""
-    outcome: Outcome | None = None
-    for name in ("first", "again", "once more"):
-        place = folder / name
-        place.mkdir()
-        outcome = run_with(place, bus, faults, **settings)
-        if outcome.pause_s < CALM * HOLD_S:
-            break
-        print(f"{bus.name}: a pause of {outcome.pause_s:.3f} s of this machine")
-    assert outcome is not None
-    return outcome
 
 
 def _start(daemon: Daemon, axis: str) -> None:

@@ -100,9 +100,9 @@ class Numbers:
 
 
 @pytest.mark.slow
-def test_five_million_random_frames_at_the_decoder():
+def test_a_million_random_frames_at_the_decoder():
     """Each accepted count is the frame's own; a sequence goes forward or is refused."""
-    frames = random_bytes(2, 5_000_000, 8)
+    frames = random_bytes(2, 1_000_000, 8)
     frames[:, 6] &= 0x0F  # a device that does not restart
     # numbers that follow one another would be rare
     begin = np.arange(0, len(frames) - 2, 50)
@@ -133,8 +133,8 @@ def test_five_million_random_frames_at_the_decoder():
             if found == kernels.ACCEPTED:
                 assert inputs.counts[0] == count
                 silent = 0
-        assert wanted.resynchronised > 1000
-        assert min(results.values()) > 10_000
+        assert wanted.resynchronised > 200
+        assert min(results.values()) > 2_000
 
 
 DEEDS = st.tuples(st.sampled_from(["send", "lose", "send again"]), st.integers(1, 17))

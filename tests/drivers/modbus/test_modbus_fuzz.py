@@ -10,7 +10,7 @@ from motorctl_modbus.exchange import FRESH, RtuExchange, TcpExchange
 from motorctl_modbus.layout import InputBlock, OutputBlock
 
 RTU = {"port": "p", "baud": 115200}
-SMALL, LARGE = 20_000, 5_000_000
+SMALL, LARGE = 20_000, 1_000_000
 ROUNDS = [SMALL, pytest.param(LARGE, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])]
 
 

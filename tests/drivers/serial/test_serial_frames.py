@@ -339,13 +339,13 @@ def test_random_frames_are_no_sample_and_hide_none():
 
 
 @pytest.mark.slow
-def test_five_million_random_frames_are_no_sample_and_hide_none():
-    fuzz_frames(5_000_000, 5)
+def test_a_million_random_frames_are_no_sample_and_hide_none():
+    fuzz_frames(1_000_000, 5)
 
 
 @pytest.mark.slow
-def test_five_million_random_bytes_are_never_a_sample():
-    assert fuzz(5_000_000, 509, 2) == 0
+def test_a_million_random_bytes_are_never_a_sample():
+    assert fuzz(1_000_000, 509, 2) == 0
 
 
 @pytest.mark.slow
