@@ -32,6 +32,8 @@ class Recorder:
         """Ticks that are not in the log: overwritten in the ring, or refused by the disk."""
         self.failure: str | None = None
         """Why the last rows were not written, or None."""
+        self.lost_because: str | None = None
+        """Why rows of this recording were refused, also where later ones could be written again."""
         self.timing = TimingSummary()
         self._memory = memory
         self._writer = writer
@@ -79,7 +81,7 @@ class Recorder:
         try:
             self._drain()
         except Exception as error:  # whatever it was: the next rows are tried again
-            self.failure = in_words(error)
+            self.failure = self.lost_because = in_words(error)
 
     def _drain(self) -> None:
         ticks, samples, lost = self._memory.drain()
@@ -102,4 +104,5 @@ class Recorder:
             self.rows_lost += refused
             self.rows_written += count - refused
         self.failure = failure
+        self.lost_because = failure or self.lost_because
         self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])

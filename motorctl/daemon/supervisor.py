@@ -203,8 +203,9 @@ class Supervisor:
         if not wrong:
             rows, lost = self._recorder.rows_written, self._recorder.rows_lost
             _log.info("log %s: %d ticks, %d lost", self._recorder.path, rows, lost)
-            if self._recorder.failure is not None:
-                wrong.append(f"recording: {self._recorder.failure}; {lost} rows were lost")
+            why = self._recorder.failure or self._recorder.lost_because
+            if why is not None:
+                wrong.append(f"recording: {why}; {lost} rows were lost")
         return wrong
 
     def _keep_learned(self) -> list[str]:

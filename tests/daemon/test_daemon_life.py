@@ -222,9 +222,10 @@ def test_a_full_disk_stops_no_axis_and_is_counted(tmp_path: Path) -> None:
         daemon.ask("start", axis="x")
         size = daemon.partial_logs()[0].stat().st_size
         resource.prlimit(daemon.process.pid, resource.RLIMIT_FSIZE, (size + 4096, size + 4096))
-        wait_until(lambda: daemon.ask("status")["recording"]["rows_lost"] > 0)
+        wait_until(lambda: daemon.ask("status")["recording"]["failure"] is not None)
         status = daemon.ask("status")
         assert "cannot be written" in status["recording"]["failure"]
+        wait_until(lambda: daemon.ask("status")["recording"]["rows_lost"] > 0)
         assert status["axes"]["x"]["state"] == "idle"
         assert daemon.end() == 1
         assert "recording" in daemon.said

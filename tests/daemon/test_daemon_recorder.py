@@ -103,6 +103,7 @@ def test_rows_that_the_disk_refuses_are_counted_and_the_next_are_tried(
     tick(memory, 60)
     wait_until(lambda: recording.rows_written == 160)
     assert recording.failure is None
+    assert "cannot be written" in str(recording.lost_because)
     path = recording.finish(dict)
     assert (pq.read_table(path)["tick"].to_numpy() == [*range(100), *range(140, 200)]).all()
 
