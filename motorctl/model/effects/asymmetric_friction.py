@@ -39,7 +39,7 @@ class AsymmetricFriction(Effect):
     @property
     def constants(self) -> tuple[float, ...]:
         """Slope of Sf [s/m]."""
-        return (self.options.slope_s_m,)
+        return self.options.sign.constants
 
     @property
     def picture(self) -> Picture:
@@ -52,4 +52,4 @@ def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
     """Return |Sf| or |v|."""
-    return abs(sf(vs, c[0])) if j == 0 else abs(v)
+    return abs(sf(vs, c[0], c[1])) if j == 0 else abs(v)

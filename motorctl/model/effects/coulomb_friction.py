@@ -30,7 +30,7 @@ class CoulombFriction(Effect):
     @property
     def constants(self) -> tuple[float, ...]:
         """Slope of Sf [s/m]."""
-        return (self.options.slope_s_m,)
+        return self.options.sign.constants
 
 
 @njit(inline="always")
@@ -38,4 +38,4 @@ def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
     """Return Sf of the velocity that is free of quantisation."""
-    return sf(vs, c[0])
+    return sf(vs, c[0], c[1])

@@ -64,7 +64,7 @@ class PositionDependentFriction(Effect):
     def constants(self) -> tuple[float, ...]:
         """Slope of Sf [s/m], centre [m], and the splines' constants."""
         options = self.options
-        return options.slope_s_m, options.center_m, *spline_constants(options.knots)
+        return *options.sign.constants, options.center_m, *spline_constants(options.knots)
 
     @property
     def is_spline(self) -> bool:
@@ -100,8 +100,8 @@ class PositionDependentFriction(Effect):
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Return Sf times the j-th power or spline; c[4] is the number of splines."""
-    if c[4] > 0.0:
-        return sf(vs, c[0]) * basis(j, x, c[2], c[3], c[4])
-    d = x - c[1]
-    return sf(vs, c[0]) * (d if j == 0 else d * d)
+    """Return Sf times the j-th power or spline; c[5] is the number of splines."""
+    if c[5] > 0.0:
+        return sf(vs, c[0], c[1]) * basis(j, x, c[3], c[4], c[5])
+    d = x - c[2]
+    return sf(vs, c[0], c[1]) * (d if j == 0 else d * d)

@@ -69,7 +69,7 @@ class Presliding(Effect):
     @property
     def constants(self) -> tuple[float, ...]:
         """1/x_s [1/m], slope of Sf [s/m]."""
-        return 1.0 / self.options.displacement_m, self.options.slope_s_m
+        return 1.0 / self.options.displacement_m, *self.options.sign.constants
 
     @property
     def picture(self) -> Picture:
@@ -104,7 +104,7 @@ def column(
 ) -> float:
     """Return what h adds to Sf, or the rate of the bristles [m/s]; w is (h, last x, started)."""
     h = float(w[0])
-    return h - sf(vs, c[1]) if j == 0 else v - abs(v) * h
+    return h - sf(vs, c[1], c[2]) if j == 0 else v - abs(v) * h
 
 
 @njit

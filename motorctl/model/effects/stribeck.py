@@ -54,7 +54,7 @@ class Stribeck(Effect):
     @property
     def constants(self) -> tuple[float, ...]:
         """1/v_s [s/m], exponent, slope of Sf [s/m]."""
-        return 1.0 / self.options.velocity_m_s, self.options.exponent, self.options.slope_s_m
+        return 1.0 / self.options.velocity_m_s, self.options.exponent, *self.options.sign.constants
 
     @property
     def picture(self) -> Picture:
@@ -93,4 +93,4 @@ def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
     """Return the decay times Sf, both of the velocity that is free of quantisation."""
-    return math.exp(-((abs(vs) * c[0]) ** c[1])) * sf(vs, c[2])
+    return math.exp(-((abs(vs) * c[0]) ** c[1])) * sf(vs, c[2], c[3])
