@@ -28,7 +28,7 @@ from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording
 from motorctl.model import Effect, Spans
-from motorctl.model.sign_function import slope_of
+from motorctl.model.sign_function import Sign, sign_of, slope_of
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ class PeerBench:
 
     hypothesis: Hypothesis
     spans: Spans
-    slope_s_m: float | None
+    sign: Sign | None
 
     @classmethod
     def of(cls, recording: Recording, axis: str) -> PeerBench:
@@ -89,16 +89,15 @@ class PeerBench:
         data = measured(recording, axis)
         others = {name: measured(recording, name) for name in recording.axes if name != axis}
         declared = declared_models(recording, None, axis)[axis]
-        slope = slope_of(declared.effects)
-        signals = make_signals(data, others, slope_s_m=slope)
+        signals = make_signals(data, others, slope_s_m=slope_of(declared.effects))
         model, _ = carried(signals, declared)
         regressors, _ = whitened(signals, model, ())
-        return cls(Hypothesis(regressors).refreshed(), spans_of(signals), slope)
+        return cls(Hypothesis(regressors).refreshed(), spans_of(signals), sign_of(declared.effects))
 
     def physical(self) -> PeerProblem:
         """Give the columns of every known effect."""
         forms = ranked(
-            self.hypothesis, candidates(self.hypothesis, self.spans), self.spans, self.slope_s_m
+            self.hypothesis, candidates(self.hypothesis, self.spans), self.spans, self.sign
         )
         columns, meanings = [], []
         for form in forms:

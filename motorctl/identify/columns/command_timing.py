@@ -70,6 +70,18 @@ class CommandPath:
     delay_s: float = 0.0
     lag_s: float = 0.0
 
+    def undone(self, frequency_hz: Array) -> NDArray[np.complex128]:
+        """Return the response that takes the path back: a lead for the lag, earlier by the delay.
+
+        A force that the command has to give at a time is found in the command so much before.
+        """
+        w = 2.0j * np.pi * frequency_hz
+        return np.asarray(np.exp(w * self.delay_s) * (1.0 + w * self.lag_s))
+
+
+AT_ONCE = CommandPath()
+"""The command acts in the tick in which it is written, held until the next."""
+
 
 def held_parts(command: Array, path: CommandPath, period_s: float) -> list[tuple[float, Array]]:
     """Return what acts around each tick, as series (N,) with weights that add up to one.

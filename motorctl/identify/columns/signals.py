@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from scipy import fft
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_timing import CommandPath, held_parts, later
+from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import position_noise_density
@@ -29,6 +30,9 @@ from motorctl.model.columns import error_columns, input_columns, state_columns
 Array = NDArray[np.float64]
 Response = Callable[[Array], Array]
 """Gain of a zero-phase filter at frequencies [Hz]."""
+
+Spectra = tuple[tuple[NDArray[np.complex128], int], ...]
+"""For each stretch the spectra of columns, (p, f), and the number of rows they stand for."""
 
 WIDEST_BAND_HZ = 200.0
 """Widest band of the rows [Hz]. Larger shows stiffer modes but also more of the encoder's noise,
@@ -74,6 +78,9 @@ friction near rest, smaller smooths reversals away. Chosen by hand."""
 NARROWEST_QUIET = 0.3
 """That velocity's band is at least this part of the rows' band. Larger lets noise through, smaller
 delays reversals too much. Chosen by hand."""
+MOST_GAINS = 64
+"""Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
+forms them again. Chosen by hand."""
 REST_S = 0.06
 """Shortest standstill that counts as a rest [s]. Smaller takes the turning points of a move for
 rests, larger keeps rests that say nothing. Chosen by hand."""
@@ -126,7 +133,7 @@ class Signals:
     """One-sided density of the measured position's noise [unit^2/Hz]."""
     repeats_s: float = 0.0
     """After what time the recording's one move begins again; 0 where it does not."""
-    _gains: dict[int, Array] = field(default_factory=dict, repr=False)
+    _gains: dict[tuple[int, CommandPath], NDArray[Any]] = field(default_factory=dict, repr=False)
 
     @property
     def rows(self) -> int:
@@ -161,10 +168,22 @@ class Signals:
 
         formed_at is the decimation at which they were formed.
         """
-        parts: list[Array] = [
-            self._filter(part, formed_at)[:, : len(kept)][:, kept]
-            for part, kept in zip(columns, self.kept, strict=True)
-        ]
+        return self.rows_of(self.spectra(columns, formed_at))
+
+    def spectra(self, columns: Sequence[Array], formed_at: int = 1) -> Spectra:
+        """Return the spectra of columns up to the rate of the rows, unfiltered."""
+        return tuple(self._spectrum(part, formed_at) for part in columns)
+
+    def rows_of(self, spectra: Spectra, undo: CommandPath = AT_ONCE) -> Array:
+        """Filter columns given by their spectra into (p, m).
+
+        undo is the path of the command that is taken back: what the command has to give so much
+        earlier.
+        """
+        parts: list[Array] = []
+        for (spectrum, rows), kept in zip(spectra, self.kept, strict=True):
+            filtered = fft.irfft(spectrum * self._gain(rows, undo), rows, axis=1)
+            parts.append(filtered[:, : len(kept)][:, kept])
         return np.asarray(np.concatenate(parts, axis=1))
 
     @property
@@ -179,8 +198,13 @@ class Signals:
 
     def acceleration(self) -> Array:
         """Return the filtered second difference of the measured position, (m,)."""
-        columns = [second_difference(s.position, self.period_s)[None] for s in self.stretches]
-        return np.asarray(self.filtered(columns)[0])
+        return np.asarray(self.rows_of(self.acceleration_spectra())[0])
+
+    def acceleration_spectra(self) -> Spectra:
+        """Return the spectra of the second difference of the measured position."""
+        return self.spectra(
+            [second_difference(s.position, self.period_s)[None] for s in self.stretches]
+        )
 
     def smoothed_acceleration(self, bands: float) -> list[Array]:
         """Return the measured acceleration of each stretch up to `bands` times the band, (N,)."""
@@ -199,13 +223,19 @@ class Signals:
         acceleration is that of each stretch at the full rate; by default none, zero. step is the
         decimation at which the columns are formed.
         """
+        return self.rows_of(self.state_spectra(effect, acceleration, step))
+
+    def state_spectra(
+        self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
+    ) -> Spectra:
+        """Return the spectra of the same columns."""
         d = self.motion_step if step is None else step
         columns = []
         for k, s in enumerate(self.stretches):
             x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
             a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
             columns.append(state_columns(effect, x, v, a, quiet, t, s.beside(effect, d)))
-        return self.filtered(columns, d)
+        return self.spectra(columns, d)
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
         """Return the command and the columns of input effects at the rows, (1 + p, m)."""
@@ -223,11 +253,15 @@ class Signals:
         A column for each of the effect's amplitudes. They are formed on the smoothed position:
         functions of the quantised one correlate with its own noise.
         """
+        return self.rows_of(self.measurement_spectra(effect))
+
+    def measurement_spectra(self, effect: Effect) -> Spectra:
+        """Return the spectra of the same columns."""
         columns = []
         for s in self.stretches:
             errors = error_columns(effect, s.x)
             columns.append(np.stack([second_difference(e, self.period_s) for e in errors]))
-        return self.filtered(columns)
+        return self.spectra(columns)
 
     def row_variance(self, force_noise: float) -> float:
         """Return the variance of the rows' noise where the filter whitens noise of this density."""
@@ -252,7 +286,7 @@ class Signals:
         columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
         return self.filtered(columns)
 
-    def _filter(self, columns: Array, formed_at: int) -> Array:
+    def _spectrum(self, columns: Array, formed_at: int) -> tuple[NDArray[np.complex128], int]:
         n = columns.shape[1]
         step = self.decimation // formed_at
         margin = 2 * math.ceil(TRIM_PERIODS / self.band_hz / self.row_period_s)
@@ -260,16 +294,17 @@ class Signals:
         padded = np.zeros((columns.shape[0], rows * step))
         padded[:, :n] = columns
         padded[:, n:] = columns[:, -1:]
-        spectrum = fft.rfft(padded, axis=1)[:, : rows // 2 + 1]
-        spectrum *= self._gain(rows)
-        result: Array = fft.irfft(spectrum, rows, axis=1) / step
-        return result
+        return fft.rfft(padded, axis=1)[:, : rows // 2 + 1] / step, rows
 
-    def _gain(self, rows: int) -> Array:
-        if rows not in self._gains:
+    def _gain(self, rows: int, undo: CommandPath) -> NDArray[Any]:
+        key = rows, undo
+        if key not in self._gains:
             frequency = np.arange(rows // 2 + 1) / (rows * self.row_period_s)
-            self._gains[rows] = self.response(frequency)
-        return self._gains[rows]
+            if len(self._gains) > MOST_GAINS:
+                self._gains.clear()
+            gain = self.response(frequency)
+            self._gains[key] = gain if undo == AT_ONCE else gain * undo.undone(frequency)
+        return self._gains[key]
 
 
 def low_pass_response(band_hz: float) -> Response:

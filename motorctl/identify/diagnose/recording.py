@@ -28,7 +28,7 @@ from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
 from motorctl.log.recording import Part
 from motorctl.model import Effect, EffectList, known_effects
-from motorctl.model.sign_function import slope_of
+from motorctl.model.sign_function import sign_of, slope_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -168,9 +168,9 @@ def diagnose_axis(
         rows = signals, wide
         if "held_out" in parts:
             rows = without(signals, *parts["held_out"]), without(wide, *parts["held_out"])
-        found = both_ways(rows[0], model, slope, tell, tried, rows[1])
+        found = both_ways(rows[0], model, sign_of(declared.effects), tell, tried, rows[1])
         whole = signals if found.final.regressors.side == "acceleration" else wide
-        found = over_all(found, whole, model, tried)
+        found = over_all(found, whole, tried)
     tell("judging what was found")
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
 

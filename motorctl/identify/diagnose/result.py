@@ -70,6 +70,18 @@ class UnknownStructure:
 
 
 @dataclass(frozen=True)
+class MendedTerm:
+    """A declared effect whose own form was a little wrong: its options are found anew."""
+
+    name: str
+    options: Mapping[str, object]
+    """Those that changed, as found."""
+    declared: Mapping[str, object]
+    """The same as they were declared."""
+    sentence: str
+
+
+@dataclass(frozen=True)
 class MissingMotion:
     """What this recording cannot show, and the motion that would."""
 
@@ -155,6 +167,8 @@ class AxisDiagnosis:
     error: ModelError
     traces: Traces | None
     """None where nothing could be fitted."""
+    mended: tuple[MendedTerm, ...] = ()
+    """Declared effects that have other options in `declared` than the model that was given."""
     others: Mapping[str, Measured] = field(default_factory=dict)
     """The recording's other axes that moved."""
     notes: tuple[str, ...] = ()

@@ -42,6 +42,10 @@ class NothingExplainedError(DataError):
     """The command seems to have nothing to do with the motion."""
 
 
+class ReversedSignError(DataError):
+    """The command seems to drive the position backwards."""
+
+
 def check_direction(
     data: Measured, problem: Regression, solution: Solution, bandwidth_rows: int
 ) -> None:
@@ -56,7 +60,7 @@ def check_direction(
         return
     check_exchanged(data, None, FitOptions())
     if b < -SIGNIFICANT * error:
-        raise DataError(
+        raise ReversedSignError(
             f"{data.place}: a positive command accelerates towards negative positions: the sign "
             "of one of the two is reversed; reverse it in the recording"
         )

@@ -55,6 +55,7 @@ def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
         "parameters_force": _documents(force_values(axis)),
         "verdict": axis.verdict,
         "sentence": axis.sentence,
+        "mended": [asdict(mended) for mended in axis.mended],
         "effects": [_effect_document(axis.data, found) for found in axis.effects],
         "unknown": None if axis.unknown is None else _unknown_document(axis.data, axis.unknown),
         "missing": [_missing_document(missing) for missing in axis.missing],

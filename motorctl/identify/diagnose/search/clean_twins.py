@@ -16,6 +16,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import saturated_residual
 from motorctl.model import Spans
+from motorctl.model.sign_function import Sign
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ SEED = 20
 would do as well. Convention."""
 
 
-def largest_gain(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> float:
+def largest_gain(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> float:
     """Return the largest gain in held-out log-likelihood that any effect has on clean twins."""
     rows = hypothesis.regressors.signals.rows
     fitted_rest = residual(hypothesis.problem, hypothesis.solution.b)[:rows]
@@ -38,7 +39,7 @@ def largest_gain(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) 
     for _ in range(TWINS):
         regressors = hypothesis.regressors.with_offset(_phases_anew(noise, draw) - fitted_rest)
         twin = Hypothesis(regressors, hypothesis.added, hypothesis.acceleration)
-        forms = (best_form(twin, cls, spans, slope_s_m) for cls in candidates(twin, spans))
+        forms = (best_form(twin, cls, spans, sign) for cls in candidates(twin, spans))
         left = min((f.held_out for f in forms if f is not None), default=twin.held_out)
         largest = max(largest, 0.5 * rows * float(np.log(twin.held_out / max(left, 1e-300))))
     return largest

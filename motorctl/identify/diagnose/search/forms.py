@@ -24,7 +24,7 @@ from motorctl.identify.diagnose.search.spectral_lines import (
 )
 from motorctl.model import Effect, Spans
 from motorctl.model.pitch import PitchOptions
-from motorctl.model.sign_function import with_slope
+from motorctl.model.sign_function import Sign, with_sign
 
 Array = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
 
 
 def best_form(
-    hypothesis: Hypothesis, cls: type[Effect], spans: Spans, slope_s_m: float | None
+    hypothesis: Hypothesis, cls: type[Effect], spans: Spans, sign: Sign | None
 ) -> Form | None:
     """Return the best form of an effect, roughly: not yet refined; None where there is none."""
     if cls.groups & WAVES:
@@ -110,7 +110,7 @@ def best_form(
         forms = cls.trials(spans)
     best: Form | None = None
     for form in forms:
-        found = measure(hypothesis, with_slope(form, slope_s_m), coarse=cls.kind == "state")
+        found = measure(hypothesis, with_sign(form, sign), coarse=cls.kind == "state")
         if found is not None and (best is None or found.sse < best.sse):
             best = found
     if best is not None and not best.effect.steps(spans):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.command_timing import CommandPath, held_parts
-from motorctl.identify.columns.signals import Signals, smoothed
+from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
+from motorctl.identify.columns.signals import Signals, Spectra, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
     BlockedRegression,
@@ -41,6 +41,10 @@ Catalogue = Mapping[str, type[Effect]]
 """Effects that may be tried, by name."""
 
 
+_OF_DECLARED = ("command_energy", "declared_held_out")
+"""What regressors keep that depends on the declared model."""
+
+
 class Regressors:
     """Columns of effects over the rows of one signals; those of a hypothesis are formed once."""
 
@@ -61,11 +65,19 @@ class Regressors:
         self.offset: Array | None = None
         """(m,) added to the left side: for twins of the recording."""
         self._columns: dict[object, Array] = {}
+        self._spectra: dict[object, Spectra] = {}
 
     def with_offset(self, offset: Array) -> Regressors:
         """Return regressors with the same columns and another left side."""
         other = copy.copy(self)
         other.offset = offset
+        return other
+
+    def with_declared(self, declared: EffectList) -> Regressors:
+        """Return regressors of another declared model; columns that both have are formed once."""
+        other = Regressors.__new__(Regressors)
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in _OF_DECLARED})
+        other.declared = declared
         return other
 
     @cached_property
@@ -89,21 +101,39 @@ class Regressors:
             self._columns[key] = self.signals.inputs(effects, path)
         return self._columns[key]
 
-    def state(self, effect: Effect, acceleration: Sequence[Array] | None) -> Array:
-        """Return the columns of a state effect, (p, m); the acceleration only where it acts."""
-        if uses_acceleration(effect):
-            return self.signals.state(effect, acceleration)
-        key = form_key(effect)
-        if key not in self._columns:
-            self._columns[key] = self.signals.state(effect)
-        return self._columns[key]
+    def measured_acceleration(self, undo: CommandPath) -> Array:
+        """Return the acceleration behind a path of the command that is taken back, (m,)."""
+        if undo == AT_ONCE:
+            return self.left
+        return np.asarray(self._undone("left", self.signals.acceleration_spectra, undo)[0])
 
-    def measurement(self, effect: Effect) -> Array:
+    def state(
+        self, effect: Effect, acceleration: Sequence[Array] | None, undo: CommandPath
+    ) -> Array:
+        """Return the columns of a state effect, (p, m); the acceleration only where it acts."""
+        signals = self.signals
+        if uses_acceleration(effect):
+            return signals.rows_of(signals.state_spectra(effect, acceleration), undo)
+        return self._undone(form_key(effect), lambda: signals.state_spectra(effect), undo)
+
+    def measurement(self, effect: Effect, undo: CommandPath) -> Array:
         """Return the columns of an error of the measured position, (q, m)."""
-        key = form_key(effect)
-        if key not in self._columns:
-            self._columns[key] = self.signals.measurement(effect)
-        return self._columns[key]
+        spectra = self.signals.measurement_spectra
+        return self._undone(form_key(effect), lambda: spectra(effect), undo)
+
+    def _undone(self, key: object, spectra: Callable[[], Spectra], undo: CommandPath) -> Array:
+        """Return columns behind a path that is taken back, formed anew only where they must be.
+
+        Many paths are tried with the command on the left: there the spectra are kept.
+        """
+        if (key, undo) not in self._columns:
+            if self.side == "command" and key not in self._spectra:
+                self._spectra[key] = spectra()
+            kept = self._spectra[key] if self.side == "command" else spectra()
+            if undo != AT_ONCE:
+                return self.signals.rows_of(kept, undo)
+            self._columns[key, undo] = self.signals.rows_of(kept)
+        return self._columns[key, undo]
 
 
 @dataclass(frozen=True)
@@ -120,6 +150,15 @@ class Hypothesis:
         """What the hypothesis says happens to the command."""
         every = (*self.regressors.declared.effects, *self.added)
         return CommandPath(sum(e.delay_s for e in every), sum(e.lag_s for e in every))
+
+    @property
+    def undone(self) -> CommandPath:
+        """What of the path is taken back on the right: with the command on the left, all of it.
+
+        There the recorded command is what every hypothesis has to give; one that could delay or
+        smooth it would choose its own target.
+        """
+        return self.path if self.regressors.side == "command" else AT_ONCE
 
     def of_kind(self, kind: str) -> list[Effect]:
         """Return declared effects of a kind, then the added ones; without inertia.
@@ -150,13 +189,17 @@ class Hypothesis:
 
     @cached_property
     def problem(self) -> BlockedRegression:
-        """The regression of the acceleration on all columns."""
-        columns = [self.regressors.inputs(self.of_kind("input"), self.path)]
-        columns += [self.regressors.state(e, self.acceleration) for e in self.of_kind("state")]
-        columns += [self.regressors.measurement(e) for e in self.of_kind("measurement")]
-        X, y = np.vstack(columns), self.regressors.left
-        if self.regressors.side == "command":
-            y, X = X[0].copy(), np.vstack([y[None], X[1:]])
+        """The regression of the acceleration, or of the recorded command, on all columns."""
+        regressors, undo = self.regressors, self.undone
+        command_is_left = regressors.side == "command"
+        columns = [
+            regressors.inputs(self.of_kind("input"), AT_ONCE if command_is_left else self.path)
+        ]
+        columns += [regressors.state(e, self.acceleration, undo) for e in self.of_kind("state")]
+        columns += [regressors.measurement(e, undo) for e in self.of_kind("measurement")]
+        X, y = np.vstack(columns), regressors.left
+        if command_is_left:
+            y, X = X[0].copy(), np.vstack([regressors.measured_acceleration(undo)[None], X[1:]])
         if self.regressors.offset is not None:
             y = y + self.regressors.offset
         return make_problem(self.regressors.blocks, X, y, self._soft())
@@ -207,14 +250,16 @@ class Hypothesis:
         """
         if effect.kind == "command":
             return self.plus(effect).problem
+        signals, undo = self.regressors.signals, self.undone
         if effect.kind == "measurement":
-            return with_columns(self.problem, self.regressors.signals.measurement(effect))
-        if effect.kind == "input":
             return with_columns(
-                self.problem, self.regressors.signals.inputs([effect], self.path)[1:]
+                self.problem, signals.rows_of(signals.measurement_spectra(effect), undo)
             )
-        signals = self.regressors.signals
-        columns = signals.state(effect, self.acceleration, signals.decimation if coarse else None)
+        if effect.kind == "input":
+            path = AT_ONCE if self.regressors.side == "command" else self.path
+            return with_columns(self.problem, signals.inputs([effect], path)[1:])
+        step = signals.decimation if coarse else None
+        columns = signals.rows_of(signals.state_spectra(effect, self.acceleration, step), undo)
         return with_columns(self.problem, columns, is_loose(effect))
 
     def refreshed(self) -> Hypothesis:

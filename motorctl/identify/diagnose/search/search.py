@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.search.acceptance import (
     gain,
 )
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
+from motorctl.identify.diagnose.search.declared_shape import reshaped
 from motorctl.identify.diagnose.search.forms import (
     Form,
     at_bound,
@@ -45,6 +46,7 @@ from motorctl.identify.diagnose.search.whitening import (
 )
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, Spans
+from motorctl.model.sign_function import Sign, sign_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -93,6 +95,14 @@ effects, smaller looks for names in noise. Chosen by hand."""
 AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
 """Part of the best form's gain from which another is taken where the best is not acceptable, by the
 left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
+MENDED_FIRST = 0.9
+"""Part of the best effect's gain from which the declared friction's own width is fitted anew
+instead of adding anything. Larger names effects for a width that was declared wrong, smaller widens
+friction where an effect is missing. Chosen by hand."""
+MUCH_MORE = 0.7
+"""Part of the squared residual of another shape of friction alone that the shape with an effect of
+friction leaves at most to be taken instead. Larger names effects for what a shape cannot mimic
+exactly, smaller hides them in the shape. Chosen by hand."""
 AS_WELL = 1.05
 """Squared residual of one effect over that of two up to which the one is no worse. Larger drops
 true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
@@ -162,7 +172,7 @@ def whitened(
 def search(
     signals: Signals,
     declared: EffectList,
-    slope_s_m: float | None,
+    sign: Sign | None,
     progress: Progress | None = None,
     side: Side = "acceleration",
     catalogue: Catalogue | None = None,
@@ -175,8 +185,8 @@ def search(
         The axis' motion and command.
     declared
         The effects that its model has.
-    slope_s_m
-        Slope of its friction at rest [s/m], None where none is declared.
+    sign
+        How its friction turns over at rest, None where none is declared.
     progress
         Called with what is being done.
     side
@@ -200,13 +210,22 @@ def search(
         if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
-        forms = ranked(hypothesis, candidates(hypothesis, spans), spans, slope_s_m)
+        forms = ranked(hypothesis, candidates(hypothesis, spans), spans, sign)
         if side == "command":  # real machines have more than one thing without a name
             forms = [f for f in forms if not at_bound(f.effect, spans)] or forms
         best = gain(hypothesis, forms[0].held_out) if forms else 0.0
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
-            least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, slope_s_m))
+            least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
+        mended = _mended(hypothesis, forms, spans, max(least, MENDED_FIRST * best))
+        if mended is not None:
+            added, declared = mended.added, mended.regressors.declared
+            sign = sign_of(declared.effects)
+            regressors, noise = whitened(signals, declared, added, side, catalogue)
+            hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
+            hypothesis = backward(hypothesis, noise, spans)
+            added = hypothesis.added
+            continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
         taken = next((f for f in near if acceptable(hypothesis, f, noise, spans, least)), None)
         steps.append(Step(tuple(forms), hypothesis, taken))
@@ -219,12 +238,38 @@ def search(
         if side == "acceleration":
             regressors, noise = whitened(signals, declared, added, side, catalogue)
         hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
-        hypothesis = sideways(hypothesis, rivals, spans, slope_s_m, taken.effect.name, steps)
-        hypothesis = merged(hypothesis, spans, slope_s_m)
+        hypothesis = sideways(hypothesis, rivals, spans, sign, taken.effect.name, steps)
+        hypothesis = merged(hypothesis, spans, sign)
         hypothesis = backward(hypothesis, noise, spans)
         added = hypothesis.added
     base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
+
+
+def _mended(
+    hypothesis: Hypothesis, forms: Sequence[Form], spans: Spans, enough: float
+) -> Hypothesis | None:
+    """Return the hypothesis with friction of its best shape, where that gains `enough`.
+
+    It is asked where an effect of friction would gain as much: a shape that was declared wrong
+    looks like one of them, and they like another shape. So the best of them is tried beside the
+    shape as well, and taken where the shape alone leaves much more.
+    """
+    frictions = [
+        form.effect
+        for form in forms
+        if "friction" in form.effect.groups and gain(hypothesis, form.held_out) > enough
+    ]
+    if not frictions:
+        return None
+    alone = reshaped(hypothesis, spans)
+    if alone is None or gain(hypothesis, alone.held_out) < enough:
+        return None
+    both = reshaped(hypothesis.plus(frictions[0]), spans)
+    if both is None:
+        return alone
+    both = settled(both, spans)
+    return both if both.held_out < MUCH_MORE * alone.held_out else alone
 
 
 def nothing_sought(signals: Signals, declared: EffectList) -> Found:
@@ -237,7 +282,7 @@ def nothing_sought(signals: Signals, declared: EffectList) -> Found:
 def both_ways(
     signals: Signals,
     declared: EffectList,
-    slope_s_m: float | None,
+    sign: Sign | None,
     progress: Progress | None = None,
     catalogue: Catalogue | None = None,
     whole_band: Signals | None = None,
@@ -254,8 +299,8 @@ def both_ways(
         The axis' motion and command.
     declared
         The effects that its model has.
-    slope_s_m
-        Slope of its friction at rest [s/m], None where none is declared.
+    sign
+        How its friction turns over at rest, None where none is declared.
     progress
         Called with what is being done.
     catalogue
@@ -270,23 +315,23 @@ def both_ways(
         The search that explains more, fitted to the whole recording.
     """
     short = shortened(signals, LONGEST_SEARCH_S)
-    found = search(short, declared, slope_s_m, progress, catalogue=catalogue)
+    found = search(short, declared, sign, progress, catalogue=catalogue)
     left = found.final.regressors
     command = found.final.problem.columns[:, 0].ravel()[: left.signals.rows]
     relative = math.sqrt(found.final.solution.sse / float(command @ command))
     relative /= abs(float(found.final.b[0]))
     noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
     if relative < UNEXPLAINED or noisy:
-        return over_all(found, signals, declared, catalogue)
+        return over_all(found, signals, catalogue)
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
     wide = whole_band or signals
     short = shortened(wide, LONGEST_SEARCH_S)
-    other = search(short, declared, slope_s_m, progress, "command", catalogue)
+    other = search(short, declared, sign, progress, "command", catalogue)
     if explained_share(other) < explained_share(found) - LOSES:
         # effects of the input cannot be sought there
-        return over_all(found, signals, declared, catalogue)
-    return over_all(other, wide, declared, catalogue)
+        return over_all(found, signals, catalogue)
+    return over_all(other, wide, catalogue)
 
 
 def explained_share(found: Found) -> float:
@@ -296,24 +341,22 @@ def explained_share(found: Found) -> float:
     return (found.base.held_out - found.final.held_out) / above
 
 
-def over_all(
-    found: Found, signals: Signals, declared: EffectList, catalogue: Catalogue | None
-) -> Found:
+def over_all(found: Found, signals: Signals, catalogue: Catalogue | None) -> Found:
     """Fit what was found in the pieces of a long recording to the whole of it."""
     if signals.rows == found.final.regressors.signals.rows:
         return found
-    added = found.final.added
-    regressors, noise = whitened(signals, declared, added, found.final.regressors.side, catalogue)
+    added, old = found.final.added, found.final.regressors
+    regressors, noise = whitened(signals, old.declared, added, old.side, catalogue)
     final = Hypothesis(regressors, added).refreshed()
     base = Hypothesis(regressors).refreshed()
     return replace(found, base=base, final=final, force_noise=noise, rival_gains=rival_gains(final))
 
 
 def ranked(
-    hypothesis: Hypothesis, classes: list[type[Effect]], spans: Spans, slope_s_m: float | None
+    hypothesis: Hypothesis, classes: list[type[Effect]], spans: Spans, sign: Sign | None
 ) -> list[Form]:
     """Return the best form of every effect, best first; those in front refined."""
-    scanned = [best_form(hypothesis, cls, spans, slope_s_m) for cls in classes]
+    scanned = [best_form(hypothesis, cls, spans, sign) for cls in classes]
     forms = sorted((f for f in scanned if f is not None), key=lambda f: f.held_out)
     if not forms:
         return []
@@ -348,7 +391,7 @@ def sideways(
     hypothesis: Hypothesis,
     rivals: dict[str, list[type[Effect]]],
     spans: Spans,
-    slope_s_m: float | None,
+    sign: Sign | None,
     newest: str,
     steps: list[Step],
 ) -> Hypothesis:
@@ -362,7 +405,7 @@ def sideways(
         if not classes or effect.name == newest:
             continue
         rest = hypothesis.without(effect.name)
-        forms = ranked(rest, list(dict.fromkeys(classes)), spans, slope_s_m)
+        forms = ranked(rest, list(dict.fromkeys(classes)), spans, sign)
         if forms and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01):
             old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
             steps.append(Step((*forms, old), rest, forms[0]))
@@ -374,7 +417,7 @@ def sideways(
     return hypothesis
 
 
-def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hypothesis:
+def merged(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Hypothesis:
     """Take a periodic force alone for one beside a spline over position, where it does as well.
 
     The spline may have come first and taken the periodic force's long waves.
@@ -386,7 +429,7 @@ def merged(hypothesis: Hypothesis, spans: Spans, slope_s_m: float | None) -> Hyp
     rest = hypothesis
     for effect in forces:
         rest = rest.without(effect.name)
-    forms = ranked(rest, [type(waves[0])], spans, slope_s_m)
+    forms = ranked(rest, [type(waves[0])], spans, sign)
     enough = hypothesis.held_out * AS_WELL
     if hypothesis.regressors.signals.repeats_s:
         enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))

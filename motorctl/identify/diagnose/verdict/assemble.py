@@ -21,7 +21,7 @@ from motorctl.identify.diagnose.result import (
     UnknownStructure,
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
-from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, solve
+from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whitening import spectrum
@@ -31,15 +31,16 @@ from motorctl.identify.diagnose.verdict.errors import (
     Split,
     alternatives,
     ambiguous_with,
-    compared,
     explained,
-    fitted,
+    fit_rows,
     in_plain_band,
     model_error,
     own_shares,
+    per_command,
     rms_of,
     split_rows,
 )
+from motorctl.identify.diagnose.verdict.mended import mended_terms
 from motorctl.identify.diagnose.verdict.parameters import (
     FittedModel,
     column_index,
@@ -47,6 +48,7 @@ from motorctl.identify.diagnose.verdict.parameters import (
     theta_of,
     values_of,
 )
+from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
 from motorctl.identify.diagnose.verdict.verdict import (
@@ -60,7 +62,7 @@ from motorctl.identify.diagnose.verdict.verdict import (
     judge,
 )
 from motorctl.model import Effect, EffectList
-from motorctl.model.sign_function import slope_of
+from motorctl.model.sign_function import sign_of
 
 Array = NDArray[np.float64]
 
@@ -88,6 +90,8 @@ def assemble(
     too_plain: str | None = None,
 ) -> AxisDiagnosis:
     """Put the diagnosis of one axis together; `too_plain` is why the motion shows too little."""
+    given, declared = declared, found.final.regressors.declared
+    found, refuted = without_refuted(found)
     judged = judge(found)
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
@@ -99,16 +103,14 @@ def assemble(
     values = values_of(found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
     split = split_rows(found.final, segments)
-    error = model_error(
-        found, split, problem, data.command_unit, None if extra is None else extra[0]
-    )
+    error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
     if test is not None:
         error, tested = error_on(*test, found, error)
     effects = _effects(found, values, split, error)
-    slope = slope_of(declared.effects)
+    sign = sign_of(declared.effects)
     catalogue = found.final.regressors.catalogue
-    hidden = untestable(found, slope)
+    hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
     if too_plain:
         missing = (_missing_motion(ordinary(catalogue), too_plain, data, found),)
@@ -126,6 +128,7 @@ def assemble(
         )
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
+    mended = mended_terms(found, given, split, data.command_unit)
     unknown = _unknown(found, judged, extra, values) if verdict == "unknown_structure" else None
     diagnosis = AxisDiagnosis(
         data=data,
@@ -147,7 +150,13 @@ def assemble(
         std_error=values.std_error,
         error=error,
         traces=_traces(found, values, extra, split, error),
-        notes=(*tested, *_notes(found, judged, split, effects)),
+        mended=mended,
+        notes=(
+            *(term.sentence for term in mended),
+            *refuted,
+            *tested,
+            *_notes(found, judged, split, effects),
+        ),
     )
     return replace(diagnosis, seconds=time.monotonic() - began)
 
@@ -192,7 +201,8 @@ def _effects(
             unexplained=left,
             indistinguishable=len(twins),
         )
-        without = rms_of(compared(rest), fitted(rest, rest.problem, fit), split.held_out)
+        without = rms_of(rest.problem, fit_rows(rest.problem, fit).b, split.held_out)
+        without /= per_command(found)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
         effects.append(
             FoundEffect(
@@ -365,15 +375,18 @@ def _traces(
 ) -> Traces:
     signals = found.final.regressors.signals.plain(REPORT_HZ)
     rows = signals.rows
-    base_b = found.base.b
-    fit = solve(found.final.problem if extra is None else extra[1]).b
-    b = acceleration_form(fit, found.final.regressors.side)
-    problem = in_plain_band(found.final, None if extra is None else extra[0])
+    added = None if extra is None else extra[0]
+    coefficients = solve(found.final.problem if extra is None else extra[1]).b
+    b = acceleration_form(coefficients, found.final.regressors.side)
+    # what a command gives is positive in the command's own residual, negative in acceleration's
+    unit_left = per_command(found)
+    if found.final.regressors.side == "acceleration":
+        unit_left = -unit_left
+    r_before = residual(in_plain_band(found.base), found.base.solution.b)[:rows] / unit_left
+    r_after = residual(in_plain_band(found.final, added), coefficients)[:rows] / unit_left
+    problem = in_plain_band(found.final, added, "acceleration")
     columns = problem.columns[:, :-1].swapaxes(0, 1).reshape(problem.size, -1)[:, :rows]
     left = problem.columns[:, -1].ravel()[:rows]
-    before = in_plain_band(found.base).columns
-    r_before = (before[:, -1] - np.einsum("bpq,p->bq", before[:, :-1], base_b)).ravel()[:rows]
-    r_after = left - b @ columns
     contributions: dict[str, Array] = {}
     # u = (a - sum b_i psi_i) / b_u: what an effect adds to the command
     names = list(found.final.names) + ([extra[0].name] * extra[2] if extra else [])
@@ -384,7 +397,7 @@ def _traces(
         elif index:
             contributions[effect.name] = -(b[index] @ columns[index]) / b[0]
         else:
-            rest = in_plain_band(found.final.without(effect.name))
+            rest = in_plain_band(found.final.without(effect.name), None, "acceleration")
             other = rest.columns[:, 0].ravel()[:rows]
             contributions[effect.name] = other - columns[0]
     if extra is not None:
@@ -396,8 +409,8 @@ def _traces(
             acted = acted + contributions[effect.name]
     declared = found.final.regressors.declared.effects
     friction = column_index(found.final, [e.name for e in declared if "friction" in e.groups])
-    frequency, spectrum_before = spectrum(-r_before / base_b[0], signals.row_period_s)
-    _, spectrum_after = spectrum(-r_after / b[0], signals.row_period_s)
+    frequency, spectrum_before = spectrum(r_before, signals.row_period_s)
+    _, spectrum_after = spectrum(r_after, signals.row_period_s)
     density = found.force_noise + (2.0 * np.pi * frequency) ** 4 * signals.position_noise
     noise = density * low_pass_response(signals.band_hz)(frequency) ** 2 / b[0] ** 2
     return Traces(
@@ -406,8 +419,8 @@ def _traces(
         velocity=signals.picked(lambda s: s.v),
         acceleration=left,
         command=columns[0] + acted,
-        residual_before=-r_before / base_b[0],
-        residual_after=-r_after / b[0],
+        residual_before=r_before,
+        residual_after=r_after,
         contributions=contributions,
         friction=-(b[friction] @ columns[friction]) / b[0] if friction else np.zeros(rows),
         held_out=split.held_out,

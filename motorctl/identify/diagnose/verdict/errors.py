@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.result import Alternative, ModelError
 from motorctl.identify.diagnose.search.acceptance import gain
 from motorctl.identify.diagnose.search.forms import by_simplex, measure
@@ -19,8 +18,9 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     residual,
     solve,
 )
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors, acceleration_form
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -82,62 +82,60 @@ def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
     return solve(BlockedRegression(problem.blocks, columns, gram, problem.soft), problem)
 
 
-def compared(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
-    """Return the columns of a hypothesis with the acceleration on the left, to compare errors."""
-    regressors = hypothesis.regressors
-    if regressors.side == "acceleration":
-        return hypothesis.problem if extra is None else hypothesis.extended(extra)
-    return in_band(hypothesis, regressors.signals, extra)
+def columns_of(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
+    """Return the columns of a hypothesis, with one more effect where it is given."""
+    return hypothesis.problem if extra is None else hypothesis.extended(extra)
 
 
-def in_plain_band(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
-    """Return the same behind a plain low pass, for pictures."""
-    return in_band(hypothesis, hypothesis.regressors.signals.plain(REPORT_HZ), extra)
-
-
-def in_band(
-    hypothesis: Hypothesis, signals: Signals, extra: Effect | None = None
+def in_plain_band(
+    hypothesis: Hypothesis, extra: Effect | None = None, side: Side | None = None
 ) -> BlockedRegression:
-    """Return the same behind another filter."""
-    regressors = Regressors(signals, hypothesis.regressors.declared, hypothesis.regressors.blocks)
-    other = Hypothesis(regressors, hypothesis.added, hypothesis.acceleration)
-    return other.problem if extra is None else other.extended(extra)
+    """Return the same behind a plain low pass, for pictures; `side` is what stands on the left."""
+    old = hypothesis.regressors
+    signals = old.signals.plain(REPORT_HZ)
+    regressors = Regressors(signals, old.declared, old.blocks, side or old.side)
+    return columns_of(Hypothesis(regressors, hypothesis.added, hypothesis.acceleration), extra)
 
 
-def floor_of(hypothesis: Hypothesis, force_noise: float, b: Array) -> float:
-    """Return the rms that noise alone would leave there, in units of the command."""
-    signals = hypothesis.regressors.signals
-    if hypothesis.regressors.side == "acceleration":
-        return math.sqrt(signals.row_variance(force_noise)) / abs(float(b[0]))
-    return math.sqrt(signals.noise_variance(force_noise)) / abs(float(b[0]))
+def per_command(found: Found) -> float:
+    """Return what one unit of command is in what stands on the left.
+
+    One for all hypotheses of a search: a model with a smaller inertia must not measure itself, and
+    the declared model, with units of its own.
+    """
+    final = found.final
+    return 1.0 if final.regressors.side == "command" else abs(float(final.b[0]))
 
 
-def fitted(hypothesis: Hypothesis, problem: BlockedRegression, chosen: Rows) -> Array:
-    """Fit some rows; gives coefficients with the acceleration on the left."""
-    return acceleration_form(fit_rows(problem, chosen).b, hypothesis.regressors.side)
+def floor_of(found: Found) -> float:
+    """Return the rms that noise alone would leave, in units of the command."""
+    signals = found.final.regressors.signals
+    if found.final.regressors.side == "acceleration":
+        return math.sqrt(signals.row_variance(found.force_noise)) / per_command(found)
+    return math.sqrt(signals.noise_variance(found.force_noise)) / abs(float(found.final.b[0]))
 
 
 def rms_of(problem: BlockedRegression, b: Array, chosen: Rows) -> float:
-    """Return the rms that parameters leave over some rows, in units of the command."""
+    """Return the rms that coefficients leave over some rows, in units of the left side."""
     r = residual(problem, b)[: len(chosen)]
-    return float(np.sqrt(np.mean(r[chosen] ** 2)) / abs(b[0]))
+    return float(np.sqrt(np.mean(r[chosen] ** 2)))
 
 
-def model_error(
-    found: Found, split: Split, final: BlockedRegression, unit: str, extra: Effect | None = None
-) -> ModelError:
-    """Compare the declared model with the whole one on rows that neither was fitted to."""
+def model_error(found: Found, split: Split, final: BlockedRegression, unit: str) -> ModelError:
+    """Compare the declared model with the whole one on rows that neither was fitted to.
+
+    `final` are the columns of the whole one. Both errors are of the same quantity in the same
+    units: of the acceleration or of the recorded command, whichever the search had on the left.
+    """
     fit, held = ~split.held_out, split.held_out
-    base = fitted(found.base, found.base.problem, fit)
-    whole = fitted(found.final, final, fit)
-    before = rms_of(compared(found.base), base, held)
-    columns = compared(found.final, extra)
-    after = rms_of(columns, whole, held)
+    unit_left = per_command(found)
+    before = rms_of(found.base.problem, fit_rows(found.base.problem, fit).b, held) / unit_left
+    after = rms_of(final, fit_rows(final, fit).b, held) / unit_left
+    floor = min(floor_of(found), after, before)
     signals = found.final.regressors.signals
-    floor = floor_of(found.final, found.force_noise, whole)
-    floor = min(floor, after, before)
-    command = columns.columns[:, 0].ravel()[: signals.rows][held]
-    positions = _windowed(found, held)
+    place = -1 if found.final.regressors.side == "command" else 0
+    command = final.columns[:, place].ravel()[: signals.rows][held]
+    positions = tuple(simulated_position_rms(h, held) for h in (found.base, found.final))
     return ModelError(
         unit=unit,
         held_out_before_rms=before,
@@ -232,33 +230,29 @@ def own_shares(found: Found, names: Sequence[str]) -> dict[str, float]:
     return shares
 
 
-def _windowed(found: Found, held: Rows) -> tuple[float | None, float | None]:
-    """Simulate windows of motion by both models, each begun at the measured state.
+def simulated_position_rms(hypothesis: Hypothesis, held: Rows | None = None) -> float | None:
+    """Simulate windows of motion, each begun at the measured state, and return what is missed.
 
-    The modelled acceleration along the recorded command and motion, integrated twice.
+    The modelled acceleration along the recorded command and motion, integrated twice; over the
+    rows that `held` chooses, or all; None where no window is whole.
     """
-    rms = []
-    for hypothesis in (found.base, found.final):
-        predicted = hypothesis.predicted_acceleration()
-        signals = hypothesis.regressors.signals
-        length = max(4, round(WINDOW_S / signals.period_s))
-        squares, count = 0.0, 0
-        start = 0
-        for s, a, kept in zip(signals.stretches, predicted, signals.kept, strict=True):
-            used = np.zeros(len(kept), dtype=np.bool_)
+    predicted = hypothesis.predicted_acceleration()
+    signals = hypothesis.regressors.signals
+    dt = signals.period_s
+    length = max(4, round(WINDOW_S / dt))
+    squares, count, start = 0.0, 0, 0
+    for s, a, kept in zip(signals.stretches, predicted, signals.kept, strict=True):
+        used = kept.copy()
+        if held is not None:
             used[kept] = held[start : start + int(kept.sum())]
             start += int(kept.sum())
-            chosen = np.repeat(used, signals.decimation)[: len(s.x)]
-            for begin in range(length, len(s.x) - length, length):
-                if not chosen[begin : begin + length].all():
-                    continue
-                part = slice(begin, begin + length)
-                dt = signals.period_s
-                v = s.v[begin] + dt * (np.cumsum(a[part]) - 0.5 * (a[begin] + a[part]))
-                x = s.x[begin] + dt * (np.cumsum(v) - 0.5 * (v[0] + v))
-                squares += float(np.sum((x - s.x[part]) ** 2))
-                count += length
-        if count == 0:
-            return None, None
-        rms.append(math.sqrt(squares / count))
-    return rms[0], rms[1]
+        chosen = np.repeat(used, signals.decimation)[: len(s.x)]
+        for begin in range(length, len(s.x) - length, length):
+            if not chosen[begin : begin + length].all():
+                continue
+            part = slice(begin, begin + length)
+            v = s.v[begin] + dt * (np.cumsum(a[part]) - 0.5 * (a[begin] + a[part]))
+            x = s.x[begin] + dt * (np.cumsum(v) - 0.5 * (v[0] + v))
+            squares += float(np.sum((x - s.x[part]) ** 2))
+            count += length
+    return None if count == 0 else math.sqrt(squares / count)

@@ -17,10 +17,10 @@ from scipy.optimize import minimize_scalar
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.diagnose.result import ModelError
-from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
+from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained
+from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained, per_command
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -39,12 +39,13 @@ def error_on(
     """
     declared = found.final.regressors.declared
     signals = make_signals(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
-    before, command = _rms(found.base, signals)
-    after, _ = _rms(found.final, signals)
+    unit_left = per_command(found)
+    before, command = _rms(found.base, signals, unit_left)
+    after, _ = _rms(found.final, signals, unit_left)
     notes = [f"errors are measured on {test.source}, which no parameter was fitted to"]
     shift = _shift(found.final, signals)
     if shift:
-        shifted, _ = _rms(found.final, _shifted(signals, shift))
+        shifted, _ = _rms(found.final, _shifted(signals, shift), unit_left)
         linear = test.position_unit == "m"
         told = f"{1e3 * shift:.3f} mm" if linear else f"{shift:.3g} {test.position_unit}"
         if shifted < after:
@@ -66,16 +67,16 @@ def error_on(
     return changed, notes
 
 
-def _rms(hypothesis: Hypothesis, signals: Signals) -> tuple[float, float]:
+def _rms(hypothesis: Hypothesis, signals: Signals, unit_left: float = 1.0) -> tuple[float, float]:
     """Return what the parameters leave on other rows, and those rows' command."""
     blocks = make_blocks(signals.rows, signals.row_period_s)
-    regressors = Regressors(signals, hypothesis.regressors.declared, blocks)
-    columns = Hypothesis(regressors, hypothesis.added).refreshed().problem.columns
-    b = hypothesis.b
-    r = columns[:, -1] - np.einsum("bpq,p->bq", columns[:, :-1], b)
-    rows = signals.rows
-    rms = float(np.sqrt(np.mean(r.ravel()[:rows] ** 2)) / abs(b[0]))
-    return rms, float(np.sqrt(np.mean(columns[:, 0].ravel()[:rows] ** 2)))
+    old = hypothesis.regressors
+    regressors = Regressors(signals, old.declared, blocks, old.side)
+    problem = Hypothesis(regressors, hypothesis.added).refreshed().problem
+    left = residual(problem, hypothesis.solution.b)[: signals.rows]
+    place = -1 if old.side == "command" else 0
+    command = problem.columns[:, place].ravel()[: signals.rows]
+    return float(np.sqrt(np.mean(left**2))) / unit_left, float(np.sqrt(np.mean(command**2)))
 
 
 def _shift(hypothesis: Hypothesis, signals: Signals) -> float:

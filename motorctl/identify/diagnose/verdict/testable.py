@@ -10,7 +10,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import solve
 from motorctl.identify.diagnose.search.hypothesis import Catalogue, Hypothesis
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.model import Effect
-from motorctl.model.sign_function import with_slope
+from motorctl.model.sign_function import Sign, with_sign
 
 UNEXPLAINED = 0.03
 """Least part of a column's length that the declared model leaves, for it to be testable. Larger
@@ -25,7 +25,7 @@ def ordinary(catalogue: Catalogue) -> tuple[type[Effect], ...]:
     return tuple(cls for cls in catalogue.values() if cls.ordinary)
 
 
-def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
+def untestable(found: Found, sign: Sign | None) -> dict[str, float]:
     """Return the effects that this motion cannot show, with the part of them that is left."""
     hypothesis = found.base
     present = {e.name for e in (*hypothesis.regressors.declared.effects, *found.final.added)}
@@ -37,7 +37,7 @@ def untestable(found: Found, slope_s_m: float | None) -> dict[str, float]:
         if form is None:
             hidden[cls.name] = 0.0
             continue
-        part = unexplained(hypothesis, with_slope(form, slope_s_m))
+        part = unexplained(hypothesis, with_sign(form, sign))
         if part < UNEXPLAINED:
             hidden[cls.name] = part
     return hidden

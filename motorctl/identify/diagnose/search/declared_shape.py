@@ -1,0 +1,68 @@
+"""The declared friction's own shape: it may turn over at zero speed otherwise than declared.
+
+A friction that is declared a little too steep, too flat or of another form leaves a residual at low
+speed that half a dozen effects would fit. So its shape is fitted anew before any of them is added.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, acceleration_form
+from motorctl.model import EffectList, Spans, basic_effects
+from motorctl.model.grids import log_grid
+from motorctl.model.sign_function import SHAPES, Shape, Sign, sign_of, with_sign
+
+WIDTHS_PER_DECADE = 3
+"""Widths that are tried in each decade of speed. More takes time, fewer may miss the best. Chosen
+by hand."""
+NARROWEST, WIDEST = 2e-4, 0.3
+"""Widths that are tried, as parts of the top speed. A narrower one is a step to any motion, a wider
+one is viscous. Chosen by hand."""
+TOLERANCE = 0.01
+"""Of the logarithm of the slope. Smaller takes time. Chosen by hand."""
+
+
+def turning_over(hypothesis: Hypothesis, sign: Sign) -> Hypothesis:
+    """Return a hypothesis whose frictions, declared and added, turn over so at rest."""
+    old = hypothesis.regressors
+    declared = EffectList([with_sign(effect, sign) for effect in old.declared.effects])
+    added = tuple(with_sign(effect, sign) for effect in hypothesis.added)
+    return Hypothesis(old.with_declared(declared), added, hypothesis.acceleration)
+
+
+def reshaped(hypothesis: Hypothesis, spans: Spans) -> Hypothesis | None:
+    """Return the hypothesis with the best shape of friction, None where none would brake."""
+    if sign_of(hypothesis.regressors.declared.effects) is None:
+        return None
+    shapes = [_best_slope(hypothesis, shape, spans) for shape in SHAPES]
+    return min(filter(_takes_energy, shapes), key=lambda h: h.solution.sse, default=None)
+
+
+def _takes_energy(hypothesis: Hypothesis) -> bool:
+    """Return whether the friction of each direction brakes."""
+    direction = basic_effects()["direction"].name
+    b = acceleration_form(hypothesis.solution.b, hypothesis.regressors.side)
+    return all(b[i] < 0.0 for i, name in enumerate(hypothesis.names) if name == direction)
+
+
+def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans) -> Hypothesis:
+    def at(log_slope: float) -> Hypothesis:
+        return turning_over(hypothesis, Sign(math.exp(log_slope), shape))
+
+    speed = spans.speed_m_s
+    widths = log_grid(NARROWEST * speed, WIDEST * speed, WIDTHS_PER_DECADE)
+    trials = np.sort(-np.log(widths))
+    values = [at(float(trial)).solution.sse for trial in trials]
+    best = int(np.argmin(values))
+    around = float(trials[max(best - 1, 0)]), float(trials[min(best + 1, len(trials) - 1)])
+    fine = minimize_scalar(
+        lambda place: at(float(place)).solution.sse,
+        bounds=around,
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    return at(float(fine.x) if fine.fun < values[best] else float(trials[best]))

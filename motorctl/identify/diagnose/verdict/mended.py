@@ -1,0 +1,50 @@
+"""Declared effects whose own form was a little wrong, and what mending them is worth."""
+
+from __future__ import annotations
+
+from motorctl.identify.diagnose.result import MendedTerm
+from motorctl.identify.diagnose.search.declared_shape import turning_over
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.errors import Split, fit_rows, per_command, rms_of
+from motorctl.model import EffectList
+from motorctl.model.sign_function import sign_of
+
+
+def mended_terms(
+    found: Found, declared: EffectList, split: Split, unit: str
+) -> tuple[MendedTerm, ...]:
+    """Return the effects of `declared` that the search took in another form."""
+    used = {effect.name: effect for effect in found.base.regressors.declared.effects}
+    sign = sign_of(declared.effects)
+    changed = [e for e in declared.effects if e.name in used and e.options != used[e.name].options]
+    if not changed or sign is None:
+        return ()
+
+    def error(hypothesis: Hypothesis) -> float:
+        problem = hypothesis.problem
+        fitted = fit_rows(problem, ~split.held_out)
+        return rms_of(problem, fitted.b, split.held_out) / per_command(found)
+
+    before, after = error(turning_over(found.base, sign)), error(found.base)
+    terms = []
+    for effect in changed:
+        old, new = effect.options.model_dump(), used[effect.name].options.model_dump()
+        different = [key for key in new if new[key] != old[key]]
+        told = " and ".join(
+            f"{key} {_told(new[key])} instead of {_told(old[key])}" for key in different
+        )
+        terms.append(
+            MendedTerm(
+                effect.name,
+                {key: new[key] for key in different},
+                {key: old[key] for key in different},
+                f"the declared {effect.name} has {told}: this alone takes the held-out error from "
+                f"{before:.3g} to {after:.3g} {unit} rms, and no effect is missing for it",
+            )
+        )
+    return tuple(terms)
+
+
+def _told(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,86 @@
+"""What physics and a simulation refute: effects that lower an error and still cannot be there.
+
+An effect may fit the rows it was chosen on and be impossible: friction that gives energy, a
+negative inertia, a model whose motion runs further from the recorded one than that of the declared
+model. Such an effect is taken out, and it is told why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.verdict.errors import simulated_position_rms
+from motorctl.identify.diagnose.verdict.parameters import theta_of, values_of
+from motorctl.model import Effect
+
+SURELY = 3.0
+"""Standard errors by which a parameter must lie beyond what makes physical sense. Convention: three
+standard deviations."""
+WORSE = 1.02
+"""Simulated position over that of the declared model, from which a model is refuted. Larger lets
+impossible models pass, smaller refutes by chance. Chosen by hand."""
+CERTAIN = 1e-9
+"""Relative size below which a simulation that is worse means nothing: rounding. Convention."""
+
+
+def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without effects that are refuted, and for each of them why."""
+    notes: list[str] = []
+    final = found.final
+    while final.added:
+        refuted = _beyond_physics(final) or _worse_when_simulated(found.base, final)
+        if refuted is None:
+            break
+        effect, why = refuted
+        notes.append(why)
+        final = final.without(effect.name).refreshed()
+    if not notes:
+        return found, ()
+    return replace(found, final=final, rival_gains=rival_gains(final)), tuple(notes)
+
+
+def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
+    """Find an added effect with a parameter that makes no physical sense."""
+    if float(hypothesis.b[0]) <= 0.0:
+        effect = hypothesis.added[-1]
+        return effect, f"{effect.name} is refuted: with it the inertia would be negative"
+    values = values_of(hypothesis)
+    for own in hypothesis.added:
+        effect = next(e for e in values.model.effects if e.name == own.name)
+        theta, error = theta_of(values, effect)
+        for parameter, value, sigma in zip(effect.parameters, theta, error, strict=True):
+            beyond = max(parameter.lower - value, value - parameter.upper)
+            if beyond > SURELY * sigma:
+                name = effect.full_name(parameter)
+                return own, (
+                    f"{effect.name} is refuted: {name} would be {value:.3g}, and "
+                    f"{parameter.lower:g} to {parameter.upper:g} make physical sense"
+                )
+    return None
+
+
+def _worse_when_simulated(base: Hypothesis, final: Hypothesis) -> tuple[Effect, str] | None:
+    """Find the effect without which the model's own motion is nearest to the recorded one.
+
+    Errors of the measurement change no motion and are not asked.
+    """
+    suspects = [effect for effect in final.added if effect.kind != "measurement"]
+    before, after = simulated_position_rms(base), simulated_position_rms(final)
+    if not suspects or before is None or after is None:
+        return None
+    if after <= WORSE * before + CERTAIN * float(np.ptp(final.regressors.signals.stretches[0].x)):
+        return None
+
+    def left(effect: Effect) -> float:
+        rest = final.without(effect.name).refreshed()
+        return simulated_position_rms(rest) or np.inf
+
+    effect = min(suspects, key=left)
+    return effect, (
+        f"{effect.name} is refuted: simulated over windows of the recording, the model with it "
+        f"would be {after:.3g} from the recorded position, the declared one {before:.3g}"
+    )

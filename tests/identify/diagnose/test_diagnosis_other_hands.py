@@ -1,0 +1,95 @@
+"""Machines of another author: friction of other shapes, joints under gravity, wrong columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from other_plant import SHAPES, OtherPlant
+
+from motorctl.errors import DataError
+from motorctl.identify.diagnose.recording import diagnose_axis
+from motorctl.identify.diagnose.report.json_document import axis_document
+from motorctl.model.sign_function import SHAPES as KNOWN_SHAPES
+
+SLOW = pytest.mark.slow
+QUICK = ("tanh", 5e-3)
+FRICTIONS = [
+    pytest.param(shape, width, marks=() if (shape, width) == QUICK else SLOW)
+    for shape in SHAPES
+    for width in (1e-3, 5e-3)
+    if (shape, width) != ("rational", 1e-3)  # its long tails alias with the controller's ticks
+]
+
+
+@pytest.mark.parametrize(("shape", "width"), FRICTIONS)
+def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(shape, width):
+    data = OtherPlant(shape=shape, width_m_s=width).run(seed=SHAPES.index(shape))
+    found = diagnose_axis(data, C1)
+    assert (found.verdict, found.effects) == ("complete", ()), found.sentence
+    (mended,) = axis_document(found)["mended"]
+    assert mended["name"] == "coulomb_friction"
+    assert mended["declared"]["slope_s_m"] == 900.0
+    assert mended["options"]["slope_s_m"] == pytest.approx(1.0 / width, rel=0.25)
+    assert mended["options"].get("sign_shape", "arctan") == shape
+    assert found.theta[:3] == pytest.approx((0.25, 0.3, 0.2), rel=0.02)
+    assert any("coulomb_friction has slope_s_m" in note for note in found.notes)
+
+
+def test_a_friction_as_it_is_declared_is_not_touched():
+    found = diagnose_axis(OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(seed=3), C1)
+    assert (found.verdict, found.mended) == ("complete", ())
+
+
+@SLOW
+def test_cogging_beside_a_soft_friction_is_cogging_alone():
+    found = diagnose_axis(OtherPlant(width_m_s=5e-3, cogging=0.05).run(seed=72), C1)
+    assert [effect.name for effect in found.effects] == ["cogging"]
+    assert found.effects[0].effect.options.pitch_m == pytest.approx(0.06, rel=1e-3)
+    assert [term.name for term in found.mended] == ["coulomb_friction"]
+
+
+def test_every_shape_of_friction_that_machines_have_here_is_known():
+    assert set(SHAPES) == set(KNOWN_SHAPES)
+
+
+JOINT = OtherPlant(
+    inertia=0.005, viscous=0.3, coulomb=0.6, shape="arctan", width_m_s=2e-3, command_noise=0.02,
+    peak_velocity=1.0, peak_acceleration=4.0, travel=1.5, bandwidth_hz=6.0, resolution=1e-5,
+)  # fmt: skip
+
+
+def test_a_joint_that_is_nearly_all_friction_is_a_joint_and_no_mistake():
+    found = diagnose_axis(JOINT.run(seed=5), C1)
+    assert found.theta[2] == pytest.approx(0.6, rel=0.1)
+
+
+def test_gravity_that_outweighs_inertia_is_no_reversed_sign():
+    hanging = replace(JOINT, gravity=-4.0, coulomb=0.1)
+    found = diagnose_axis(hanging.run(seed=6), C1)
+    assert found.verdict in ("effect", "unknown_structure")
+    assert all("position" in effect.name for effect in found.effects)
+
+
+@pytest.mark.parametrize("gravity", [0.0, -4.0])
+def test_a_reversed_sign_is_told_with_gravity_and_without(gravity):
+    data = replace(JOINT, gravity=gravity).run(seed=7)
+    with pytest.raises(DataError, match="the sign of one of the two is reversed"):
+        diagnose_axis(replace(data, command=-data.command), C1)
+
+
+def test_another_axis_command_is_told():
+    plant = OtherPlant()
+    data, other = plant.run(seed=8), plant.run(seed=9)
+    with pytest.raises(DataError, match="of the same axis, in time with each other"):
+        diagnose_axis(replace(data, command=other.command), C1)
+
+
+def test_declaring_what_was_mended_leaves_nothing_to_mend():
+    data = OtherPlant(width_m_s=5e-3).run(seed=1)
+    found = diagnose_axis(data, C1)
+    again = diagnose_axis(data, found.declared)
+    assert (again.verdict, again.mended) == ("complete", ())
+    assert np.allclose(again.theta, found.theta, rtol=1e-3)

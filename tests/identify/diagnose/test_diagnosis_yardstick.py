@@ -1,0 +1,99 @@
+"""Errors are errors of the same quantity, and what physics or a simulation refutes is no answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1, simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
+from motorctl.identify.diagnose.verdict.errors import simulated_position_rms
+from motorctl.identify.diagnose.verdict.refutation import without_refuted
+from motorctl.model import effect_class, make_effect
+
+SIDES = ("acceleration", "command")
+
+
+@pytest.fixture(scope="module")
+def signals():
+    run = simulate(duration_s=8.0, theta=(0.2, 0.25, 0.14, 0.01, 0.0, 0.0), delay_samples=4.0)
+    return make_signals(run.measured(), slope_s_m=900.0)
+
+
+def hypothesis(signals, side, *added):
+    blocks = make_blocks(signals.rows, signals.row_period_s)
+    return Hypothesis(Regressors(signals, C1, blocks, side), added).refreshed()
+
+
+def late(name, time_s):
+    return make_effect(effect_class(name), {"time_s": time_s})
+
+
+@pytest.mark.parametrize("side", SIDES)
+@given(name=st.sampled_from(["input_lag", "input_delay"]), time_s=st.floats(1e-4, 0.05))
+@settings(max_examples=10, deadline=None)
+def test_no_lag_or_delay_changes_what_has_to_be_explained(signals, side, name, time_s):
+    plain, delayed = hypothesis(signals, side), hypothesis(signals, side, late(name, time_s))
+    assert np.array_equal(plain.problem.columns[:, -1], delayed.problem.columns[:, -1])
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_true_delay_is_found_from_either_side(signals, side):
+    true_s = 4.0 / 5000.0
+
+    def left(time_s):
+        return hypothesis(signals, side, late("input_delay", time_s)).solution.sse
+
+    tried = true_s * np.array([0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 3.0])
+    assert tried[int(np.argmin([left(t) for t in tried]))] == pytest.approx(true_s)
+    assert left(true_s) < 0.7 * hypothesis(signals, side).solution.sse
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_very_long_lag_explains_nothing_by_shrinking_the_command(signals, side):
+    long = hypothesis(signals, side, late("input_lag", 0.5))
+    assert long.solution.sse > 0.5 * hypothesis(signals, side).solution.sse
+
+
+def outcome(signals, *added):
+    regressors, noise = whitened(signals, C1, added)
+    final = Hypothesis(regressors, added).refreshed()
+    base = Hypothesis(regressors).refreshed()
+    return Found(base, final, (), spans_of(signals), noise, rival_gains(final))
+
+
+def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signals):
+    found = outcome(signals, late("input_lag", 0.2))
+    assert simulated_position_rms(found.final) > simulated_position_rms(found.base)
+    kept, why = without_refuted(found)
+    assert not kept.final.added
+    assert why[0].startswith("input_lag is refuted: simulated over windows")
+
+
+def test_an_effect_that_is_there_is_not_refuted(signals):
+    found = outcome(signals, late("input_delay", 4.0 / 5000.0))
+    assert without_refuted(found) == (found, ())
+
+
+def test_an_effect_beyond_its_physical_bounds_is_refuted(signals):
+    cls = effect_class("stribeck")
+
+    class Impossible(cls):
+        """Friction at low speed that must be negative, where the machine has none such."""
+
+        @property
+        def parameters(self):
+            (force,) = super().parameters
+            return (replace(force, lower=-2.0, upper=-1.0),)
+
+    found = outcome(signals, Impossible(cls.Options(velocity_m_s=5e-3)))
+    _, why = without_refuted(found)
+    assert "is refuted: stribeck would be" in why[0]
+    assert "-2 to -1 make physical sense" in why[0]

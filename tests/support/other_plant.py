@@ -1,0 +1,134 @@
+"""Another simulated axis, by other formulas: frictions of several shapes, a joint under gravity.
+
+It shares nothing with the model, with the simulated gantry, or with `fit_plant`: another controller
+(PID with feedforward and a filtered velocity), another integrator (semi-implicit Euler), friction
+turned over by formulas that the declared model may or may not have.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from motorctl.identify.columns.measured import Measured
+
+RATE_HZ = 5000.0
+SHAPES = ("tanh", "arctan", "algebraic", "clip", "rational")
+
+
+@dataclass(frozen=True)
+class OtherPlant:
+    """What the axis is, in volts and metres (or radians)."""
+
+    inertia: float = 0.25
+    viscous: float = 0.3
+    coulomb: float = 0.2
+    shape: str = "tanh"
+    width_m_s: float = 1e-3
+    """Speed at which friction has turned over."""
+    cogging: float = 0.0
+    pitch_m: float = 0.06
+    gravity: float = 0.0
+    """Times sin x."""
+    resolution: float = 0.5e-6
+    command_noise: float = 0.0
+    peak_velocity: float = 0.8
+    peak_acceleration: float = 8.0
+    travel: float = 0.3
+    bandwidth_hz: float = 25.0
+
+    def run(self, seed: int, duration_s: float = 24.0) -> Measured:
+        """Move it to random places and return what is measured."""
+        reference = _random_moves(self, seed, duration_s)
+        position, command = _run(
+            reference,
+            1.0 / RATE_HZ,
+            np.array(
+                [
+                    self.inertia, self.viscous, self.coulomb, self.width_m_s, self.cogging,
+                    self.pitch_m, self.gravity, self.resolution, self.command_noise,
+                    2.0 * np.pi * self.bandwidth_hz,
+                ]
+            ),
+            SHAPES.index(self.shape),
+            seed,
+        )  # fmt: skip
+        return Measured(
+            source="other.csv",
+            axis="x",
+            sample_rate_hz=RATE_HZ,
+            time_s=np.arange(len(position)) / RATE_HZ,
+            position=position,
+            command=command,
+            reference=reference,
+            reference_velocity=None,
+            usable=np.ones(len(position), dtype=bool),
+            saturated=None,
+            resolution=self.resolution,
+            position_unit="m",
+            command_unit="V",
+        )
+
+
+def _random_moves(plant: OtherPlant, seed: int, duration_s: float) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    place, t, parts = 0.1 * plant.travel, 0.0, []
+    while t < duration_s:
+        goal = random.uniform(0.0, plant.travel)
+        way, speed = goal - place, random.uniform(0.06, 1.0) * plant.peak_velocity
+        # A quintic's peak speed is 1.875 D/T, its peak acceleration 5.77 D/T^2.
+        lasts = max(
+            1.875 * abs(way) / speed, np.sqrt(5.78 * abs(way) / plant.peak_acceleration), 0.08
+        )
+        s = np.linspace(0.0, 1.0, int(lasts * RATE_HZ))
+        parts.append(place + way * (10 * s**3 - 15 * s**4 + 6 * s**5))
+        place, t = goal, t + lasts
+        if random.random() < 0.5:
+            rest = random.uniform(0.02, 0.25)
+            parts.append(np.full(int(rest * RATE_HZ), goal))
+            t += rest
+    return np.concatenate(parts)[: int(duration_s * RATE_HZ)]
+
+
+@njit
+def _turned_over(shape: int, y: float) -> float:
+    if shape == 0:
+        return np.tanh(y)
+    if shape == 1:
+        return 2.0 / np.pi * np.arctan(y)
+    if shape == 2:
+        return y / np.sqrt(1.0 + y * y)
+    if shape == 3:
+        return min(1.0, max(-1.0, y))
+    return y / (1.0 + abs(y))
+
+
+@njit
+def _run(
+    reference: np.ndarray, dt: float, p: np.ndarray, shape: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, noise, w = p
+    np.random.seed(seed)
+    n, fine = len(reference), 4
+    h = dt / fine
+    x, v, integral, slow_v = reference[0], 0.0, 0.0, 0.0
+    before = x
+    position, command = np.empty(n), np.empty(n)
+    for k in range(n):
+        seen = np.round(x / resolution) * resolution
+        slow_v += 0.3 * ((seen - before) / dt - slow_v)
+        before = seen
+        after, past = reference[min(k + 1, n - 1)], reference[max(k - 1, 0)]
+        rv, ra = (after - past) / (2.0 * dt), (after - 2.0 * reference[k] + past) / dt**2
+        e = reference[k] - seen
+        integral += e * dt
+        feedback = w * w * e + 1.4 * w * (rv - slow_v) + 0.2 * w**3 * integral
+        u = min(10.0, max(-10.0, inertia * (ra + feedback) + viscous * rv))
+        position[k], command[k] = seen, u
+        applied = u + noise * np.random.randn()
+        for _ in range(fine):
+            force = applied - viscous * v - coulomb * _turned_over(shape, v / width)
+            force -= cogging * np.sin(2.0 * np.pi * x / pitch) + gravity * np.sin(x)
+            v += h * force / inertia
+            x += h * v
+    return position, command
