@@ -15,7 +15,6 @@ from test_conformance_sim import SimRig
 from motorctl.hal import Driver
 from motorctl.hal.conformance import DriverConformance, Rig
 
-
 EXCHANGES = 200_000
 
 

@@ -46,12 +46,11 @@ class OtherPlant:
             np.array(
                 [
                     self.inertia, self.viscous, self.coulomb, self.width_m_s, self.cogging,
-                    self.pitch_m, self.gravity, self.resolution, self.command_noise,
-                    2.0 * np.pi * self.bandwidth_hz,
+                    self.pitch_m, self.gravity, self.resolution, 2.0 * np.pi * self.bandwidth_hz,
                 ]
             ),
             SHAPES.index(self.shape),
-            seed,
+            self.command_noise * np.random.default_rng(seed).standard_normal(len(reference)),
         )  # fmt: skip
         return Measured(
             source="other.csv",
@@ -105,10 +104,9 @@ def _turned_over(shape: int, y: float) -> float:
 
 @njit
 def _run(
-    reference: np.ndarray, dt: float, p: np.ndarray, shape: int, seed: int
+    reference: np.ndarray, dt: float, p: np.ndarray, shape: int, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, noise, w = p
-    np.random.seed(seed)
+    inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, w = p
     n, fine = len(reference), 4
     h = dt / fine
     x, v, integral, slow_v = reference[0], 0.0, 0.0, 0.0
@@ -125,7 +123,7 @@ def _run(
         feedback = w * w * e + 1.4 * w * (rv - slow_v) + 0.2 * w**3 * integral
         u = min(10.0, max(-10.0, inertia * (ra + feedback) + viscous * rv))
         position[k], command[k] = seen, u
-        applied = u + noise * np.random.randn()
+        applied = u + noise[k]
         for _ in range(fine):
             force = applied - viscous * v - coulomb * _turned_over(shape, v / width)
             force -= cogging * np.sin(2.0 * np.pi * x / pitch) + gravity * np.sin(x)

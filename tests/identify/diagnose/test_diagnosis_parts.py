@@ -31,9 +31,11 @@ from motorctl.identify.diagnose.search.search import LEAST_GAIN, whitened
 from motorctl.identify.diagnose.search.spectral_lines import position_spectrum, strongest
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.parameters import values_of
+from motorctl.model.sign_function import Sign
 
 FINE = 400
 PERIOD_S = 1.0
+DECLARED = Sign(900.0)
 
 
 def acting(command, path):
@@ -188,10 +190,10 @@ def test_what_chance_gains_on_a_clean_twin_grows_with_how_long_its_noise_lasts()
     run = simulate(seed=3, duration_s=8.0, delay_samples=0.0, force_noise=0.1, theta=X_THETA[:4])
     white, _ = hypothesis_of(run, whiten=True)
     signals, spans = white.regressors.signals, spans_of(white.regressors.signals)
-    assert largest_gain(white, spans, 900.0) < LEAST_GAIN
+    assert largest_gain(white, spans, DECLARED) < LEAST_GAIN
     # a force that wanders within a twentieth of a second is no effect of place, speed or command
     keep = math.exp(-signals.row_period_s / 0.05)
     wander = lfilter([1.0], [1.0, -keep], np.random.default_rng(4).standard_normal(signals.rows))
     wander *= 3.0 * np.std(residual(white.problem, white.solution.b)) / np.std(wander)
     lasting = Hypothesis(white.regressors.with_offset(wander), (), white.acceleration)
-    assert largest_gain(lasting, spans, 900.0) > 2.0 * largest_gain(white, spans, 900.0)
+    assert largest_gain(lasting, spans, DECLARED) > 2.0 * largest_gain(white, spans, DECLARED)

@@ -82,18 +82,11 @@ def test_an_effect_that_is_there_is_not_refuted(signals):
     assert without_refuted(found) == (found, ())
 
 
-def test_an_effect_beyond_its_physical_bounds_is_refuted(signals):
+def test_an_effect_beyond_its_physical_bounds_is_refuted(signals, monkeypatch):
     cls = effect_class("stribeck")
-
-    class Impossible(cls):
-        """Friction at low speed that must be negative, where the machine has none such."""
-
-        @property
-        def parameters(self):
-            (force,) = super().parameters
-            return (replace(force, lower=-2.0, upper=-1.0),)
-
-    found = outcome(signals, Impossible(cls.Options(velocity_m_s=5e-3)))
+    (force,) = make_effect(cls, {"velocity_m_s": 5e-3}).parameters
+    monkeypatch.setattr(cls, "parameters", (replace(force, lower=-2.0, upper=-1.0),))
+    found = outcome(signals, make_effect(cls, {"velocity_m_s": 5e-3}))
     _, why = without_refuted(found)
     assert "is refuted: stribeck would be" in why[0]
     assert "-2 to -1 make physical sense" in why[0]

@@ -62,7 +62,7 @@ def test_an_input_map_that_folds_back_is_told():
 def test_the_slope_is_replaced_only_where_an_effect_has_one():
     changed = [with_slope(effect, math.inf) for effect in C1.effects]
     slopes = {effect.name: effect.options.model_dump() for effect in changed}
-    assert slopes["coulomb_friction"] == {"slope_s_m": math.inf}
+    assert slopes["coulomb_friction"] == {"slope_s_m": math.inf, "sign_shape": "arctan"}
     assert slopes["inertia"] == {}
     assert all(with_slope(effect, None) is effect for effect in C1.effects)
 

@@ -219,11 +219,11 @@ def search(
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
         mended = _mended(hypothesis, forms, spans, max(least, MENDED_FIRST * best))
         if mended is not None:
+            mended = _unneeded_now(settled(mended, spans), spans)
             added, declared = mended.added, mended.regressors.declared
             sign = sign_of(declared.effects)
             regressors, noise = whitened(signals, declared, added, side, catalogue)
             hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
-            hypothesis = backward(hypothesis, noise, spans)
             added = hypothesis.added
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
@@ -270,6 +270,20 @@ def _mended(
         return alone
     both = settled(both, spans)
     return both if both.held_out < MUCH_MORE * alone.held_out else alone
+
+
+def _unneeded_now(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
+    """Drop effects of friction that a shape fitted without them makes superfluous."""
+    for effect in hypothesis.added:
+        if "friction" not in effect.groups:
+            continue
+        rest = reshaped(settled(hypothesis.without(effect.name), spans), spans)
+        if rest is None:
+            continue
+        rest = settled(rest, spans)
+        if rest.held_out < AS_WELL * hypothesis.held_out:
+            hypothesis = rest
+    return hypothesis
 
 
 def nothing_sought(signals: Signals, declared: EffectList) -> Found:

@@ -151,6 +151,11 @@ def check_explains(
     share, backwards = _moved_by(plain)
     if share > MOVED_ENOUGH and not backwards:
         return
+    if share > MOVED_ENOUGH:
+        raise DataError(
+            f"{data.place}: the command has a negative inertia, and its friction would give "
+            "energy: the sign of one of the two is reversed; reverse it in the recording"
+        )
     try:
         fit_axis(data, model)  # knows the usual mistakes: a reversed sign, exchanged columns
     except ReversedSignError:
