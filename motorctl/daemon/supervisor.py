@@ -23,7 +23,7 @@ from motorctl.daemon.journal import Journal
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.mistakes import in_words
 from motorctl.daemon.notify import ServiceNotifier
-from motorctl.daemon.places import daemon_socket, state_file
+from motorctl.daemon.paths import daemon_socket, state_file
 from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.report import Report
 from motorctl.daemon.server import ControlServer
