@@ -36,7 +36,7 @@ def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
 
 def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings:
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
-    from motorctl_benchmarks.diagnosis.subject import diagnosis_findings
+    from motorctl_benchmarks.diagnosis.findings import diagnosis_findings
 
     return diagnosis_findings(progress, campaign or CampaignOptions())
 
