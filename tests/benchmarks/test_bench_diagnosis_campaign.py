@@ -42,7 +42,7 @@ from motorctl_benchmarks.diagnosis.score import (
 from motorctl_benchmarks.diagnosis.speed import Cost, figures_of, long_case, peak_memory_gb
 from motorctl_benchmarks.diagnosis.true_motion import true_error_rms_m
 from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
-from motorctl_benchmarks.subject import measure
+from motorctl_benchmarks.measure import measure
 
 COGGING = {"cogging": {"pitch_m": 0.03}}
 APERIODIC = {"cogging": {"pitch_m": 0.03, "aperiodic": {}}}
