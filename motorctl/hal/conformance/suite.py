@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from motorctl.hal.conformance.counts_and_volts import ValueChecks
 from motorctl.hal.conformance.declarations import DeclarationChecks
 from motorctl.hal.conformance.faults import FaultChecks
 from motorctl.hal.conformance.life import LifeChecks
 from motorctl.hal.conformance.rig import Rig
-from motorctl.hal.conformance.values import ValueChecks
 
 
 class DriverConformance(DeclarationChecks, ValueChecks, FaultChecks, LifeChecks):
