@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.hal.conformance.bench import Bench, at_rest, opened
+from motorctl.hal.conformance.driver_bench import Bench, at_rest, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
 CANARIES = 3
