@@ -15,7 +15,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.control.records import HISTORY
+from motorctl.control.law_records import HISTORY
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class NumpyLaw:
     """DCDIARC for psi = [a, v, Sf(v), -1] (C1) or with [-u|u|, -u^3] as well (C2)."""
 
     def __init__(self, settings: np.void, state: np.void, slope_s_m: float) -> None:
-        """Begin where records of motorctl.control.records stand; they are not changed."""
+        """Begin where records of motorctl.control.law_records stand; they are not changed."""
         n = int(settings["n"])
         self._n = n
         self._period = float(settings["period_s"])
