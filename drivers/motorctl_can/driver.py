@@ -26,10 +26,10 @@ from motorctl.hal import (
 )
 from motorctl_can import budget, fits
 from motorctl_can.checks import missing_from_layout
+from motorctl_can.codec_records import channels_of, frames_of, signals_of
 from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
 from motorctl_can.options import CanOptions
-from motorctl_can.records import channels_of, frames_of, signals_of
 
 with kernels_cached():
     from motorctl_can import kernels

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.hal import Status
-from motorctl_can.records import Kind, Records
+from motorctl_can.codec_records import Kind, Records
 
 RESYNCHRONISE = 3
 """So many frames behind the last number, each following the one before, are right"""
