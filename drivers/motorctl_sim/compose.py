@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from motorctl.hal import Channel, Status
 from motorctl_sim.options import Fault, Plant, SimOptions
 from motorctl_sim.options.settings import Profile
-from motorctl_sim.physics.records import CLOCK, FAULT, PLANT, PROFILE_CELLS, STATE, Term
+from motorctl_sim.physics.plant_records import CLOCK, FAULT, PLANT, PROFILE_CELLS, STATE, Term
 
 Records = NDArray[np.void]
 

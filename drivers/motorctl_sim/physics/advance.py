@@ -41,8 +41,8 @@ from motorctl_sim.physics.observation import (
     observe,
     to_count,
 )
+from motorctl_sim.physics.plant_records import FROZEN
 from motorctl_sim.physics.position import end_stop_force, position_force
-from motorctl_sim.physics.records import FROZEN
 from motorctl_sim.physics.sprung import advance_sprung, sprung_force
 
 GAIN_DRIFT = FROZEN["GAIN_DRIFT"]

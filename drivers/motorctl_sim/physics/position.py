@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from motorctl.hal import inner_kernel
-from motorctl_sim.physics.records import FROZEN
+from motorctl_sim.physics.plant_records import FROZEN
 from motorctl_sim.physics.shapes import dahl, harmonics, profile
 
 POSITION_FORCE = FROZEN["POSITION_FORCE"]
