@@ -14,7 +14,7 @@ CANARIES = 3
 """Entries of other drivers on both sides of this driver's slice."""
 
 
-class ValueChecks:
+class CountsAndVoltsChecks:
     """What goes through is what was given, and nothing else."""
 
     def test_arrays_are_filled_in_place(self, rig: Rig) -> None:
