@@ -73,7 +73,7 @@ class Result:
         return missed(self.figures)
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return {
             "subject": self.subject,
             "host": self.host,

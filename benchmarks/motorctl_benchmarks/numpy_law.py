@@ -67,7 +67,20 @@ class NumpyLaw:
         self.adapted = False
 
     def step(self, y: float, xd: float, vd: float, ad: float) -> float:
-        """Give the command u [V] for the position y [m] and the desired motion; learn. Eqs 9-19."""
+        """Compute the command and learn, Eqs 9-19.
+
+        Parameters
+        ----------
+        y
+            Measured position [m].
+        xd, vd, ad
+            Desired position [m], velocity [m/s] and acceleration [m/s^2].
+
+        Returns
+        -------
+        float
+            The command u [V].
+        """
         theta = self.theta.tolist()
         p = (y - self._y1) / self._period - vd + self._k1 * (y - xd)
         va1 = theta[0] * ad + theta[1] * vd + theta[2] * self._direction(vd) - theta[3]

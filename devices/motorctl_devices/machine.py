@@ -189,12 +189,12 @@ class Machine:
         self.set_watchdog(self._watchdog_s)
 
     def signed(self, channel: int, count: int) -> int:
-        """Give a counter's value in two's complement."""
+        """Return a counter's value as signed, from two's complement."""
         bits = self._bits[channel]
         return count - (1 << bits) if count >> (bits - 1) else count
 
     def travelled_counts(self) -> list[tuple[int, int]]:
-        """Give how far each carriage came to either side of where it stood at power-on."""
+        """Return how far each carriage went to either side of its place at power-on [counts]."""
         return [
             (low - first, high - first)
             for first, low, high in zip(self._first, self._least, self._most, strict=True)

@@ -178,7 +178,7 @@ def refuse(frames: Records, number: int) -> None:
 
 @numba.njit(cache=True)
 def sync_sent(frames: Records, channels: Records) -> None:
-    """Expect an answer in every state frame; what came before is of an earlier period."""
+    """Expect an answer in every state frame; frames received before are of an earlier period."""
     for frame in frames:
         frame.owed += 1
     for channel in channels:
@@ -201,7 +201,7 @@ def deliver(
     index_counts: NDArray[np.int64],
     status: NDArray[np.uint32],
 ) -> None:
-    """End a read: give each channel its newest whole sample, and tell what is missing.
+    """End a read: write each channel's newest whole sample, and flag what is missing.
 
     `common` is the status of all channels.
     """

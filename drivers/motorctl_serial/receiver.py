@@ -84,7 +84,7 @@ _STALE, _CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 
 
 def make_receiver() -> NDArray[Any]:
-    """Give a receiver without a session."""
+    """Return a receiver without a session."""
     receiver = np.zeros(1, RECEIVER)
     forget(receiver)
     return receiver
@@ -126,7 +126,7 @@ def lose_count(receivers: NDArray[Any]) -> None:
 
 @njit(cache=True)
 def take(receivers: NDArray[Any], chunk: Bytes, size: int) -> int:
-    """Take `size` bytes from the wire; gives the bits of `News`."""
+    """Take `size` bytes from the wire; return the bits of `News`."""
     rx = receivers[0]
     news = 0
     for i in range(size):

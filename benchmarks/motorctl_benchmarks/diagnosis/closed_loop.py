@@ -72,7 +72,7 @@ class ClosedLoop:
         return (self.refined_m - self.oracle_m) / excess
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return asdict(self) | {"over_oracle": self.over_oracle, "excess_left": self.excess_left}
 
 
@@ -112,7 +112,7 @@ def close_loop(
 
 
 def _true_model(refined: Mapping[str, Options], case: Case) -> dict[str, Options]:
-    """Give the declared effects with what the plant has as initial values."""
+    """Return the declared effects with the plant's parameters as initial values."""
     plant = case.config["drivers"][DRIVER]["plants"][str(CHANNELS[case.axis])]
     model = {}
     for name in case.config["axes"][case.axis]["model"]:

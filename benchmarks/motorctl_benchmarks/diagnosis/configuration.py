@@ -48,7 +48,7 @@ def configure(
 
 
 def with_motion(config: Options, seed: int, motion: Motion) -> Options:
-    """Give the configuration with another motion, and the plants standing at its start."""
+    """Return the configuration with another motion, and the plants at rest at its start."""
     reaches = {name: Reach.of(axis["limits"]) for name, axis in config["axes"].items()}
     programs = draw_programs(seed, motion, reaches)
     sim = config["drivers"][DRIVER]

@@ -20,7 +20,7 @@ LEVEL_CHANGES = STRIBECK | POSITION_FRICTION | FRICTION_PATCH | FRICTION_BUMP
 
 @inner_kernel
 def sliding_level(plant: Any, x: float, v: float) -> float:
-    """Give the force of steady sliding, V, apart from viscous friction; never negative."""
+    """Return the force of steady sliding without viscous friction [V]; never negative."""
     terms = plant.terms
     level: float = plant.coulomb
     if terms & LEVEL_CHANGES == 0:
@@ -45,7 +45,7 @@ def sliding_level(plant: Any, x: float, v: float) -> float:
 
 @inner_kernel
 def friction(plant: Any, state: Any, x: float, v: float, moved: float) -> float:
-    """Advance presliding by the motion `moved` [m] and give the force against motion, V.
+    """Advance presliding by the motion `moved` [m]; return the force against motion [V].
 
     The direction s of the Coulomb part is (2/pi) arctan(slope v), or the presliding state:
     Dahl's dz/dt = v - |v| z/x_s, s = z/x_s; or LuGre (Canudas de Wit et al. 1995),
