@@ -86,10 +86,21 @@ class Result:
 
 
 def measure(subject: str, progress: Progress, campaign: CampaignOptions | None = None) -> Result:
-    """Measure a subject; `campaign` is for diagnosis.
+    """Measure a subject.
 
-    Raises UsageError for an unknown subject, naming those there are, and where the subject takes
-    no such options.
+    Parameters
+    ----------
+    subject
+        A key of SUBJECTS.
+    progress
+        Called with the share done, 0 to 1.
+    campaign
+        Options of the subject diagnosis.
+
+    Raises
+    ------
+    UsageError
+        The subject is unknown, or takes no such options.
     """
     if subject not in SUBJECTS:
         raise UsageError(f"there is no bench '{subject}'; there are: {', '.join(SUBJECTS)}")

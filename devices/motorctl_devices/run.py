@@ -26,9 +26,25 @@ def run_device(
 ) -> dict[str, Any]:
     """Serve the device of a file until SIGINT or SIGTERM; return its report.
 
-    `ready` is told the endpoint once the device answers. With `raise_workers` the kernel's threads
-    that carry pseudo-terminals get a real-time priority meanwhile. Raises ConfigError, UsageError
-    and RunError.
+    Parameters
+    ----------
+    path
+        The device file.
+    link
+        Symbolic link to make to the serial port; None: none.
+    ready
+        Called with the endpoint once the device answers.
+    raise_workers
+        Meanwhile the kernel's threads that carry pseudo-terminals get a real-time priority.
+
+    Returns
+    -------
+    dict
+        The report, as plain data.
+
+    Raises
+    ------
+    ConfigError, UsageError, RunError
     """
     device = load_device(path, link)
     with prompt_ptys() if raise_workers else nullcontext():

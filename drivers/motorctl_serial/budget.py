@@ -67,7 +67,17 @@ def round_trip_s(options: SerialOptions, channels: int) -> float:
 
 
 def rate_budget(options: SerialOptions, channels: int, period_s: float) -> RateBudget:
-    """Compute the highest rate with a session of `channels` channels."""
+    """Compute the highest rate of a session.
+
+    Parameters
+    ----------
+    options
+        The driver's options.
+    channels
+        Channels in the session.
+    period_s
+        Of the loop [s]; for the explanation alone.
+    """
     state, command = state_wire_bytes(channels), command_wire_bytes(channels)
     pause_s, pause_why = turnaround_s(options)
     frames = {

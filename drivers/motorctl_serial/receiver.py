@@ -276,7 +276,21 @@ def deliver(
     index_counts: NDArray[np.int64],
     status: NDArray[np.uint32],
 ) -> None:
-    """Fill one read's arrays with the newest sample; `bits` of `Status` come on top."""
+    """Fill one read's arrays with the newest sample.
+
+    Parameters
+    ----------
+    receivers
+        One record of RECEIVER.
+    numbers
+        The device's channel of each entry, shape (n,).
+    news
+        Bits of `News` of this read.
+    bits
+        Bits of `Status` to set on every channel.
+    counts, index_counts, status
+        Receive the sample [counts, counts, status bits], shape (n,) each.
+    """
     rx = receivers[0]
     if news & _FRESH == 0:
         bits |= _STALE

@@ -79,7 +79,22 @@ def draw_case(
     from a stream of its own: the same seed gives the same machine and motion at any strength, but
     for the limits of acceleration, which leave room for what the effects take. What is drawn is
     told by `draw_axis`, `configure`, `draw_programs` and the functions in `KNOWN` and `UNKNOWN`.
-    Raises UsageError where an effect is not known here.
+
+    Parameters
+    ----------
+    seed
+        Decides everything that is drawn.
+    effects
+        The number of known effects, or the effects' names.
+    strength
+        Factor on the size of the effects.
+    motion
+        Kind of the motion.
+
+    Raises
+    ------
+    UsageError
+        There is no effect of that name.
     """
     names = _some_known(seed, effects, motion) if isinstance(effects, int) else tuple(effects)
     drawers = KNOWN | UNKNOWN

@@ -85,8 +85,23 @@ def close_loop(
 ) -> ClosedLoop:
     """Refine the case's configuration by its diagnosis and drive the unseen motion.
 
-    Raises ConfigError or UsageError where no valid configuration comes out, RunError where an axis
-    trips.
+    Parameters
+    ----------
+    case
+        The machine with its effects.
+    diagnosis
+        Of the case's recording.
+    folder
+        Where the configurations are written.
+    duration_s
+        Length of each run [s].
+
+    Raises
+    ------
+    ConfigError, UsageError
+        No valid configuration results.
+    RunError
+        An axis trips.
     """
     written = folder / f"{case.name}.yaml"
     written.write_text(yaml.safe_dump(case.config, sort_keys=False))

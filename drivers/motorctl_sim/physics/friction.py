@@ -51,6 +51,20 @@ def friction(plant: Any, state: Any, x: float, v: float, moved: float) -> float:
     Dahl's dz/dt = v - |v| z/x_s, s = z/x_s; or LuGre (Canudas de Wit et al. 1995),
     dz/dt = v - sigma0 |v| z/g(v), force sigma0 z + sigma1 dz/dt with sigma0 = theta3/x_s and
     g(v) the sliding level, so that a Stribeck term enters g.
+
+    Parameters
+    ----------
+    plant, state
+        Records of PLANT and STATE.
+    x, v
+        Position [m] and velocity [m/s].
+    moved
+        Motion over the substep [m].
+
+    Returns
+    -------
+    float
+        Force [V].
     """
     level = sliding_level(plant, x, v)
     if plant.terms & DAHL:
