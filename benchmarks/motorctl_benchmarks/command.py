@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
-    from motorctl_benchmarks.subject import Result
+    from motorctl_benchmarks.measure import Result
 
 MISTAKES_SHOWN = 60
 WIDTH_OF_A_FILE = 120
@@ -74,7 +74,7 @@ def bench(
 
     from motorctl.cli.progress import showing_progress
     from motorctl.latency.host import host_line
-    from motorctl_benchmarks.subject import measure
+    from motorctl_benchmarks.measure import measure
 
     asked = (cases, size, seed, workers, only, out, logs)
     campaign = None

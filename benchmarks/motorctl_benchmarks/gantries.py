@@ -12,7 +12,7 @@ CONFIG = "published_gantry"
 
 
 def gantry_with(axes: int) -> Machine:
-    """Give a machine whose axes are the published X and Y in turn, each with its program."""
+    """Return a machine whose axes are the published X and Y in turn, each with its program."""
     published: dict[str, Any] = copy.deepcopy(dict(load(CONFIG).resolved))
     kinds = list(published["axes"].values())
     programs = published["programs"]

@@ -15,7 +15,22 @@ Array = NDArray[np.float64]
 def interleaved(
     subjects: Mapping[str, Callable[[], float]], rounds: int, progress: Progress
 ) -> dict[str, Array]:
-    """Run A B … A B …; gives each subject's results, shape (rounds,), after a round to warm up."""
+    """Run A B … A B …, after a round to warm up.
+
+    Parameters
+    ----------
+    subjects
+        What to measure, by name; each call returns one result.
+    rounds
+        How often each is measured.
+    progress
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Each subject's results, shape (rounds,).
+    """
     results = {name: np.empty(rounds) for name in subjects}
     for measure in subjects.values():
         measure()
@@ -27,5 +42,5 @@ def interleaved(
 
 
 def median_ratio(numerator: Array, denominator: Array) -> float:
-    """Give the median of the ratios within each round."""
+    """Return the median of the ratios within each round."""
     return float(np.median(numerator / denominator))

@@ -56,9 +56,21 @@ class LawData:
 
 
 def record_law(machine: Machine, axis: str, steps: int) -> LawData:
-    """Run a machine in virtual time until an axis learns, then record so many ticks of it.
+    """Run a machine in virtual time until an axis learns, then record `steps` ticks of it.
 
-    Raises RunError where the axis does not learn throughout.
+    Parameters
+    ----------
+    machine
+        A simulated machine with programs.
+    axis
+        Whose law to record.
+    steps
+        Number of ticks.
+
+    Raises
+    ------
+    RunError
+        The axis does not learn throughout.
     """
     index = list(machine.axes).index(axis)
     rows: list[tuple[NDArray[np.void], NDArray[np.void]]] = []

@@ -27,7 +27,7 @@ STEP_TARGET = Target("value", "<", 1.0)
 
 
 def law_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
-    """Measure a step of C2 and of C1; gives figures, and what to know of them."""
+    """Measure a step of C2 and of C1; return figures and notes."""
     figures: list[Figure] = []
     notes = [
         f"Law steps: the mean over {STEPS} steps of axis {AXIS} of {CONFIG}, recorded from the "
@@ -95,6 +95,6 @@ def _subjects(data: LawData) -> tuple[Callable[[], float], Callable[[], float]]:
 
 
 def friction_slope_s_m(model: EffectList) -> float:
-    """Give the slope of Sf that a model's Coulomb friction has."""
+    """Return the slope of Sf in a model's Coulomb friction [s/m]."""
     friction = next(effect for effect in model.effects if effect.name == "coulomb_friction")
     return friction.constants[0]

@@ -15,7 +15,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.control.records import HISTORY
+from motorctl.control.law_records import HISTORY
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class NumpyLaw:
     """DCDIARC for psi = [a, v, Sf(v), -1] (C1) or with [-u|u|, -u^3] as well (C2)."""
 
     def __init__(self, settings: np.void, state: np.void, slope_s_m: float) -> None:
-        """Begin where records of motorctl.control.records stand; they are not changed."""
+        """Begin where records of motorctl.control.law_records stand; they are not changed."""
         n = int(settings["n"])
         self._n = n
         self._period = float(settings["period_s"])
@@ -67,7 +67,20 @@ class NumpyLaw:
         self.adapted = False
 
     def step(self, y: float, xd: float, vd: float, ad: float) -> float:
-        """Give the command u [V] for the position y [m] and the desired motion; learn. Eqs 9-19."""
+        """Compute the command and learn, Eqs 9-19.
+
+        Parameters
+        ----------
+        y
+            Measured position [m].
+        xd, vd, ad
+            Desired position [m], velocity [m/s] and acceleration [m/s^2].
+
+        Returns
+        -------
+        float
+            The command u [V].
+        """
         theta = self.theta.tolist()
         p = (y - self._y1) / self._period - vd + self._k1 * (y - xd)
         va1 = theta[0] * ad + theta[1] * vd + theta[2] * self._direction(vd) - theta[3]

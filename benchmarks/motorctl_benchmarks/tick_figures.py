@@ -22,7 +22,7 @@ LINEAR_TARGET = Target("value", "<=", 2.0)
 
 
 def tick_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
-    """Measure the tick of simulated gantries in turn; gives figures, and what to know of them."""
+    """Measure the tick of simulated gantries in turn; return figures and notes."""
     parts: dict[int, list[Array]] = {axes: [] for axes in AXES}
 
     def measure(axes: int, probe: TickProbe) -> Callable[[], float]:

@@ -54,7 +54,7 @@ class TickProbe:
         self._open.close()
 
     def run(self, ticks: int) -> Array:
-        """Do so many ticks; gives the columns PARTS [s], shape (ticks, 5)."""
+        """Run so many ticks; return the columns PARTS [s], shape (ticks, 5)."""
         self._whole_ns.clear()
         self._virtual.advance(ticks)
         times = np.empty((ticks, len(PARTS)))
@@ -74,7 +74,7 @@ class TickProbe:
 
 
 def _timed(driver: type[Driver], spent_ns: list[int]) -> type[Driver]:
-    """Give the driver with what its simulation takes added to spent_ns[0]."""
+    """Return a driver that adds the time of its simulation to spent_ns[0]."""
 
     class Timed(driver):  # type: ignore[misc, valid-type]
         def advance(self) -> None:

@@ -22,7 +22,7 @@ REAL_TIME_TARGET = Target("ratio", ">=", 15.0)
 
 
 def virtual_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
-    """Simulate the gantry as `motorctl simulate` does; gives figures, and what to know of them."""
+    """Simulate the gantry as `motorctl simulate` does; return figures and notes."""
     machine = load(CONFIG)
     ticks = round(SPAN_S * machine.rate_hz)
     axes = [LogAxis(a.name, a.model.parameter_names) for a in machine.axes.values()]

@@ -49,11 +49,11 @@ class CanBus(ABC):
 
     @abstractmethod
     def fileno(self) -> int:
-        """Give what to wait on, -1 where there is nothing."""
+        """Return the file descriptor to wait on, -1 where there is none."""
 
     @abstractmethod
     def receive(self) -> list[Frame]:
-        """Give the frames that came."""
+        """Return the frames received."""
 
     @abstractmethod
     def send(self, frame: Frame) -> None:
@@ -72,7 +72,7 @@ class LibraryBus(CanBus):
 
     @property
     def address(self) -> str:
-        """Give interface and channel."""
+        """Return interface and channel."""
         return f"{self._interface} {self._channel}"
 
     def open(self) -> None:
@@ -100,11 +100,11 @@ class LibraryBus(CanBus):
         self._number = -1
 
     def fileno(self) -> int:
-        """Give what to wait on."""
+        """Return the file descriptor to wait on."""
         return self._number
 
     def receive(self) -> list[Frame]:
-        """Give the frames that came."""
+        """Return the frames received."""
         frames: list[Frame] = []
         bus = self._bus
         if bus is None:
@@ -212,12 +212,12 @@ class SlcanAdapter(CanBus):
 
     @property
     def address(self) -> str:
-        """Give the path of the serial port."""
+        """Return the path of the serial port."""
         return f"slcan {self._port.path}"
 
     @property
     def path(self) -> str:
-        """Give the path of the serial port."""
+        """Return the path of the serial port."""
         return self._port.path
 
     def open(self) -> None:
@@ -231,11 +231,11 @@ class SlcanAdapter(CanBus):
         self._port.close()
 
     def fileno(self) -> int:
-        """Give what to wait on."""
+        """Return the file descriptor to wait on."""
         return self._port.fileno()
 
     def receive(self) -> list[Frame]:
-        """Answer the adapter's commands and give the frames that the host sends."""
+        """Answer the adapter's commands; return the frames that the host sends."""
         frames: list[Frame] = []
         *lines, rest = (bytes(self._line) + self._port.read()).split(b"\r")
         self._line[:] = rest[-self.LONGEST_LINE :]

@@ -35,7 +35,22 @@ class CanDevice:
     def lay_out(
         self, document: Document, names: Sequence[str], bits: Sequence[int], folder: Path
     ) -> list[Problem]:
-        """Make the frames, and find what does not fit the channels of these names and bits."""
+        """Make the frames, and find what does not fit the channels.
+
+        Parameters
+        ----------
+        document
+            The device file, for the places of problems.
+        names, bits
+            Name and counter width [bits] of each channel.
+        folder
+            Where the device file is: paths in it are relative to that.
+
+        Returns
+        -------
+        list of Problem
+            Empty where everything fits.
+        """
         problems: list[Problem] = []
         try:
             self._frames = layouts(self._shape, names, folder)
@@ -66,7 +81,19 @@ class CanDevice:
     def node(
         self, machine: Machine, schedule: Schedule, rate_hz: float, link: Path | None
     ) -> CanNode:
-        """Put a machine on the bus."""
+        """Connect a machine to the bus.
+
+        Parameters
+        ----------
+        machine
+            The simulated gantry.
+        schedule
+            The faults ordered.
+        rate_hz
+            Of the device's sampling clock [Hz].
+        link
+            Symbolic link to make to the serial port of an slcan adapter; None: none.
+        """
         shape = self._shape
         bus: CanBus
         if shape.interface == "slcan":

@@ -138,7 +138,7 @@ class LayoutError(Exception):
 
 
 def layouts(shape: CanShape, axes: Sequence[str], folder: Path) -> list[FrameLayout]:
-    """Give the frames of a device whose channels have these axes' names. Raises LayoutError."""
+    """Return the frames of a device with channels of these names. Raises LayoutError."""
     if shape.frames is not None:
         found = [_written_out(shape, name, frame, axes) for name, frame in shape.frames.items()]
     else:

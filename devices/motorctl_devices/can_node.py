@@ -44,7 +44,7 @@ class CanNode(Endpoint[Frame]):
 
     @property
     def address(self) -> str:
-        """Give interface and channel."""
+        """Return interface and channel."""
         return self._bus.address
 
     def open(self) -> None:
@@ -57,7 +57,7 @@ class CanNode(Endpoint[Frame]):
         self._bus.close()
 
     def filenos(self) -> list[int]:
-        """Give what to wait on."""
+        """Return the file descriptors to wait on."""
         number = self._bus.fileno()
         return [number] if number >= 0 else []
 
@@ -176,7 +176,7 @@ class CanNode(Endpoint[Frame]):
         return message._replace(data=flip_bits(message.data, fault))
 
     def cut(self, message: Frame, fault: Fault) -> Frame:
-        """Give the frame another length."""
+        """Return the frame with another length."""
         longest = 64 if message.fd else 8
         others = [n for n in FD_LENGTHS if n <= longest and n != len(message.data)]
         length = others[fault.random.randrange(len(others))]

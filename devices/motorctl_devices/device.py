@@ -52,7 +52,7 @@ class Device:
         self.release()
 
     def release(self) -> None:
-        """Give back what a device holds that was never opened."""
+        """Release the descriptors of a device that was never opened."""
         for number in (self._wake, self._waker):
             os.close(number)
 

@@ -54,11 +54,11 @@ class Endpoint(ABC, Generic[M]):
 
     @abstractmethod
     def filenos(self) -> list[int]:
-        """Give what to wait on; may change after `hear`, `plug` and `unplug`."""
+        """Return the descriptors to wait on; they may change after `hear`, `plug` and `unplug`."""
 
     @abstractmethod
     def hear(self, ready: Sequence[int]) -> None:
-        """Read what came on these and give every message to `heard`."""
+        """Read from these and pass every message to `heard`."""
 
     @abstractmethod
     def answer(self, message: M) -> None:
@@ -70,11 +70,11 @@ class Endpoint(ABC, Generic[M]):
 
     @abstractmethod
     def spoil(self, message: M, fault: Fault) -> M:
-        """Give the message with wrong bits, or as it is where the fault spares it."""
+        """Return the message with bits flipped, or unchanged where the fault spares it."""
 
     @abstractmethod
     def cut(self, message: M, fault: Fault) -> M:
-        """Give the message with a wrong length."""
+        """Return the message with a wrong length."""
 
     @abstractmethod
     def babble(self, fault: Fault) -> None:
@@ -102,7 +102,7 @@ class Endpoint(ABC, Generic[M]):
         self._from_device.send(message, self.now_ns)
 
     def sequence(self, right: int, modulus: int) -> int:
-        """Give the sequence number to send, which a fault may order to be wrong."""
+        """Return the sequence number to send, which a fault may order to be wrong."""
         fault = self._sequence_fault
         if fault is None or not fault.strikes():
             self._last_sequence = right
@@ -133,7 +133,7 @@ class Endpoint(ABC, Generic[M]):
             self._from_device.flush(self.now_ns)
 
     def earliest_ns(self) -> int:
-        """Give when `flush` or `on_due` is to be called next."""
+        """Return when `flush` or `on_due` is to be called next [ns]."""
         return min(self.due_ns, self._from_device.due_ns, self._to_device.due_ns)
 
     def unplug(self) -> None:
@@ -141,7 +141,7 @@ class Endpoint(ABC, Generic[M]):
         self.plugged = False
 
     def plug(self) -> None:
-        """Give the port back. Raises RunError."""
+        """Make the port available again. Raises RunError."""
         self.plugged = True
 
     def _arrive(self, message: M) -> None:

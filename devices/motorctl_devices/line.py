@@ -129,7 +129,7 @@ _TOUCHING = ("delay", "jitter", "silence", "bit_errors", *_PER_MESSAGE)
 
 
 def flip_bits(data: bytes, fault: Fault, first: int = 0) -> bytes:
-    """Give the bytes with wrong bits from the place `first` on, as the fault orders.
+    """Return the bytes with bits flipped from index `first` on, as the fault orders.
 
     With `byte_share` each byte may be hit; else a message that is hit has one wrong bit.
     """
@@ -151,7 +151,7 @@ def flip_bits(data: bytes, fault: Fault, first: int = 0) -> bytes:
 
 
 def change_length(data: bytes, fault: Fault, longest: int) -> bytes:
-    """Give the bytes with some cut off at the end, or one more where there is room."""
+    """Return the bytes with some cut off at the end, or one more where there is room."""
     if len(data) < 2 or (len(data) < longest and fault.random.random() < 0.5):
         return data + bytes([fault.random.randrange(256)])
     return data[: fault.random.randrange(1, len(data))]

@@ -12,6 +12,7 @@ from motorctl.hal import Channel, driver_class
 from motorctl.located_yaml import Document, read_document
 from motorctl_devices import modbus_layout
 from motorctl_devices.device import Device
+from motorctl_devices.device_schema import DeviceShape, ServeShape
 from motorctl_devices.endpoint import Endpoint
 from motorctl_devices.machine import Machine
 from motorctl_devices.modbus_image import Coupler, Image
@@ -19,7 +20,6 @@ from motorctl_devices.modbus_layout import ModbusShape
 from motorctl_devices.modbus_server import ModbusEndpoint, ModbusRtu, ModbusTcp
 from motorctl_devices.schedule import Schedule
 from motorctl_devices.serial_box import SerialBox, SerialShape, Traits
-from motorctl_devices.shape import DeviceShape, ServeShape
 
 if TYPE_CHECKING:  # its libraries are an extra, which a device on another bus does without
     from motorctl_devices.can_device import CanDevice

@@ -11,10 +11,11 @@ from motorctl.hal import Driver, Inputs, Outputs, Status
 from motorctl_devices.schedule import NEVER
 
 PHASE = 0.12
-"""Where in the device's period it is asked, once its clock has settled on who asks. So much early,
-or late by what is left of the period, still brings the sample that was taken on time."""
+"""Where in the device's period requests arrive once its clock is synchronised with them, a share of
+the period. A request so much earlier, or later by the rest of the period, still reads the sample
+that was taken on time."""
 FOLLOW = 1 / 256
-"""How fast the device's instants settle: the part of the difference that one ask corrects."""
+"""Gain of the synchronisation: the share of the difference that one request corrects."""
 MOST_PERIODS = 1000
 """Bound on the work of one catching up; what is beyond it is dropped."""
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
@@ -89,11 +90,11 @@ class Machine:
         self._driver.close()
 
     def sample(self, now_ns: int) -> None:
-        """Show the newest sample to someone who asks for it.
+        """Make the newest sample available to a request.
 
-        The instants of the device's clock are whole periods apart, and settle on who asks as a
-        servo drive's do on its master's cycle: a message that comes late by less than most of a
-        period finds the sample that was taken on time.
+        The device's clock has a constant period and synchronises with its requests, as a servo
+        drive's clock does with its master's cycle: a request that is late by less than most of a
+        period still reads the sample that was taken on time.
         """
         self.catch_up(now_ns)
         error = (now_ns - self._instant_ns) / self._period_ns - PHASE
@@ -137,7 +138,19 @@ class Machine:
             self.status[i] &= ~INDEX_LATCHED
 
     def command(self, channel: int, volts: float, enable: bool, now_ns: int) -> None:
-        """Set what the amplifier of a channel shall do; `apply` lets it act."""
+        """Set the command of a channel's amplifier; `apply` puts it into effect.
+
+        Parameters
+        ----------
+        channel
+            Index of the channel.
+        volts
+            Voltage [V]; what is not finite counts as disabled.
+        enable
+            Whether the amplifier is on; a tripped one stays off until it was disabled.
+        now_ns
+            Time of the command [ns].
+        """
         self._heard_ns[channel] = now_ns
         self.tripped[channel] = self.tripped[channel] and enable
         good = enable and not self.tripped[channel] and math.isfinite(volts)
@@ -189,12 +202,12 @@ class Machine:
         self.set_watchdog(self._watchdog_s)
 
     def signed(self, channel: int, count: int) -> int:
-        """Give a counter's value in two's complement."""
+        """Return a counter's value as signed, from two's complement."""
         bits = self._bits[channel]
         return count - (1 << bits) if count >> (bits - 1) else count
 
     def travelled_counts(self) -> list[tuple[int, int]]:
-        """Give how far each carriage came to either side of where it stood at power-on."""
+        """Return how far each carriage went to either side of its place at power-on [counts]."""
         return [
             (low - first, high - first)
             for first, low, high in zip(self._first, self._least, self._most, strict=True)

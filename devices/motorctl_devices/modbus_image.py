@@ -41,7 +41,7 @@ class Image:
     machine: Machine
     now_ns: Callable[[], int]
     echo: Callable[[int], int]
-    """Gives the sequence number to show for the one that was written."""
+    """Returns the sequence number to show for the one that was written."""
 
     def __post_init__(self) -> None:
         self._in_base, self._out_base = self.shape.bases
@@ -90,7 +90,7 @@ class Image:
         machine.index_told()
 
     def obey(self, start: int, count: int) -> None:
-        """Give the amplifiers what now stands in the registers of commands."""
+        """Command the amplifiers as the output registers now say."""
         end = start + count
         if start >= self._outputs.start + self._outputs.size or end <= self._outputs.start:
             raise RefusedError(ILLEGAL_ADDRESS)

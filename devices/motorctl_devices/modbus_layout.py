@@ -121,7 +121,7 @@ class ModbusShape(Settings):
 
     @property
     def bases(self) -> tuple[int, int]:
-        """Give where input and output addresses count from."""
+        """Return the addresses from which inputs and outputs are counted."""
         return (0, 0x0800) if self.coupler else (self.input_base, self.output_base)
 
 
@@ -151,7 +151,7 @@ def problems(
 
 
 def input_block(shape: ModbusShape) -> Block:
-    """Give the range of what the device shows, from the input base."""
+    """Return the range of the registers that are read, from the input base."""
     ends: list[tuple[int, int]] = []
     for channel in shape.channels.values():
         for word in (channel.counts, channel.index_counts):
@@ -169,7 +169,7 @@ def input_block(shape: ModbusShape) -> Block:
 
 
 def output_block(shape: ModbusShape) -> Block:
-    """Give the range of what the device is told, from the output base."""
+    """Return the range of the registers that are written, from the output base."""
     ends: list[tuple[int, int]] = []
     for channel in shape.channels.values():
         volts, enable = channel.volts, channel.enable

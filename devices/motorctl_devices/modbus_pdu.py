@@ -46,7 +46,7 @@ class Table:
         self._blocks = (*self._blocks, block)
 
     def span(self, start: int, count: int) -> slice:
-        """Give where these registers are in `data`. Raises RefusedError where one is missing."""
+        """Return these registers' slice of `data`. Raises RefusedError where one is missing."""
         end = start + count
         for block in self._blocks:
             if block.start <= start and end <= block.start + block.size:
@@ -74,7 +74,7 @@ class Registers:
         self._refresh, self._written = refresh, written
 
     def serve(self, request: bytes) -> bytes:
-        """Give the answer to a request, both without address and checksum."""
+        """Return the answer to a request, both without address and checksum."""
         try:
             return self._serve(request)
         except RefusedError as refused:

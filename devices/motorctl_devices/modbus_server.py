@@ -49,11 +49,11 @@ class ModbusEndpoint(Endpoint[Adu]):
         self.unit, self._echoes = unit, echoes
 
     def time_ns(self) -> int:
-        """Give when what is being served came."""
+        """Return when the request being served arrived [ns]."""
         return self.now_ns
 
     def echo(self, number: int) -> int:
-        """Give the sequence number to show for the one that was written."""
+        """Return the sequence number to show for the one that was written."""
         return self.sequence(number, 65536)
 
     def died(self) -> None:
@@ -89,7 +89,7 @@ class ModbusTcp(ModbusEndpoint):
 
     @property
     def address(self) -> str:
-        """Give host:port."""
+        """Return host:port."""
         return f"{self._host}:{self._port}"
 
     def open(self) -> None:
@@ -110,7 +110,7 @@ class ModbusTcp(ModbusEndpoint):
             self._server = None
 
     def filenos(self) -> list[int]:
-        """Give what to wait on."""
+        """Return the file descriptors to wait on."""
         numbers = list(self._clients)
         if self._server is not None:
             numbers.append(self._server.fileno())
@@ -238,7 +238,7 @@ class ModbusRtu(ModbusEndpoint):
 
     @property
     def address(self) -> str:
-        """Give the path of the serial port."""
+        """Return the path of the serial port."""
         return self._port.path
 
     def open(self) -> None:
@@ -250,7 +250,7 @@ class ModbusRtu(ModbusEndpoint):
         self._port.close()
 
     def filenos(self) -> list[int]:
-        """Give what to wait on."""
+        """Return the file descriptors to wait on."""
         number = self._port.fileno()
         return [number] if number >= 0 else []
 
@@ -303,14 +303,14 @@ class ModbusRtu(ModbusEndpoint):
         self._port.close()
 
     def plug(self) -> None:
-        """Give a port back. Raises RunError."""
+        """Open the port again. Raises RunError."""
         super().plug()
         self._buffer.clear()
         self._port.open()
 
 
 def _request_length(buffer: bytearray) -> int | None:
-    """Give how long this request is, None where too little came, 0 where nobody knows."""
+    """Return the request's length in bytes; None: too short to tell, 0: unknown function."""
     if len(buffer) < 2:
         return None
     function = buffer[1]

@@ -59,11 +59,11 @@ class PtyPort:
         self._master = self._slave = -1
 
     def fileno(self) -> int:
-        """Give the file descriptor to wait on, -1 where the port is unplugged."""
+        """Return the file descriptor to wait on, -1 where the port is unplugged."""
         return self._master
 
     def read(self) -> bytes:
-        """Give what came, perhaps nothing."""
+        """Return the bytes received, perhaps none."""
         try:
             return os.read(self._master, READ_AT_MOST)
         except OSError:

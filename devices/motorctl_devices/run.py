@@ -24,11 +24,27 @@ MCL_CURRENT, MCL_FUTURE = 1, 2
 def run_device(
     path: Path, link: Path | None, ready: Callable[[str], None], *, raise_workers: bool = False
 ) -> dict[str, Any]:
-    """Serve the device of a file until SIGINT or SIGTERM, and give its report.
+    """Serve the device of a file until SIGINT or SIGTERM; return its report.
 
-    `ready` is told the endpoint once the device answers. With `raise_workers` the kernel's threads
-    that carry pseudo-terminals get a real-time priority meanwhile. Raises ConfigError, UsageError
-    and RunError.
+    Parameters
+    ----------
+    path
+        The device file.
+    link
+        Symbolic link to make to the serial port; None: none.
+    ready
+        Called with the endpoint once the device answers.
+    raise_workers
+        Meanwhile the kernel's threads that carry pseudo-terminals get a real-time priority.
+
+    Returns
+    -------
+    dict
+        The report, as plain data.
+
+    Raises
+    ------
+    ConfigError, UsageError, RunError
     """
     device = load_device(path, link)
     with prompt_ptys() if raise_workers else nullcontext():

@@ -78,7 +78,7 @@ class Schedule:
             self.next_change_ns = now_ns
 
     def update(self, now_ns: int) -> Sequence[Fault]:
-        """Set what is in force now; give the faults that changed. Call from `next_change_ns` on."""
+        """Update which faults are active; return those changed. Call from `next_change_ns` on."""
         if self._zero_ns is None:
             return ()
         elapsed = now_ns - self._zero_ns

@@ -62,7 +62,7 @@ class Traits:
 
     @property
     def modes(self) -> int:
-        """Give the sum of the modes that it can do."""
+        """Return the sum of the modes that the device supports."""
         known = set(self.shape.modes) - ({"stream"} if self.shape.half_duplex else set())
         return sum(MODES[name] for name in known)
 
@@ -102,7 +102,7 @@ class SerialBox(Endpoint[bytes]):
 
     @property
     def address(self) -> str:
-        """Give the path of the serial port."""
+        """Return the path of the serial port."""
         return self._port.path
 
     def open(self) -> None:
@@ -115,7 +115,7 @@ class SerialBox(Endpoint[bytes]):
         self._port.close()
 
     def filenos(self) -> list[int]:
-        """Give what to wait on."""
+        """Return the file descriptors to wait on."""
         number = self._port.fileno()
         return [number] if number >= 0 else []
 
@@ -125,7 +125,7 @@ class SerialBox(Endpoint[bytes]):
         self._port.close()
 
     def plug(self) -> None:
-        """Give a port back. Raises RunError."""
+        """Open the port again. Raises RunError."""
         super().plug()
         self._came.clear()
         self._port.open()
@@ -140,7 +140,7 @@ class SerialBox(Endpoint[bytes]):
             self._say_capabilities(0, 0)
 
     def hear(self, ready: Sequence[int]) -> None:
-        """Cut what came into frames."""
+        """Split the received bytes into frames."""
         if self._port.fileno() not in ready:
             return
         *frames, rest = (bytes(self._came) + self._port.read()).split(b"\0")

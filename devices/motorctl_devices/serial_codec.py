@@ -40,7 +40,7 @@ class Refusal(IntEnum):
 
 
 def to_wire(body: bytes) -> bytes:
-    """Give the bytes that travel for a body."""
+    """Return a body as it is sent: with CRC, encoded and delimited."""
     # crc_hqx is the polynomial 0x1021, not reflected, from the given start value.
     framed = body + binascii.crc_hqx(body, 0xFFFF).to_bytes(2, "little")
     pieces = [bytes((len(piece) + 1,)) + piece for piece in framed.split(b"\0")]
@@ -48,7 +48,7 @@ def to_wire(body: bytes) -> bytes:
 
 
 def from_wire(wire: bytes) -> bytes | None:
-    """Give the body in the bytes before a 00; None where they are no frame."""
+    """Return the body in the bytes before a 00; None where they are no frame."""
     if not 5 <= len(wire) <= LONGEST_WIRE:
         return None
     framed = bytearray()

@@ -44,7 +44,7 @@ class Wire:
     data_bitrate: int | None = None
 
     def frame_s(self, length: int, extended: bool = False) -> float:
-        """Give the longest time that a frame occupies the bus, interframe space included."""
+        """Return the longest time that a frame occupies the bus, with interframe space [s]."""
         if not self.fd:
             return classic_bits(length, extended) / self.bitrate
         nominal, data = fd_bits(length, extended)
@@ -73,7 +73,7 @@ def slcan_characters(length: int, extended: bool = False) -> int:
 
 
 def answer_s(options: CanOptions, layout: Layout) -> float:
-    """Give the time that SYNC and all answers take on the bus, at worst."""
+    """Return the longest time that SYNC and all answers take on the bus [s]."""
     wire = _wire(options)
     total = sum(wire.frame_s(f.length, f.extended) for f in layout.states)
     return total + (wire.frame_s(0, options.sync.extended) if options.sync else 0.0)

@@ -129,7 +129,7 @@ def _messages_of(path: Path) -> dict[str, DbcMessage]:
 def _pointers(
     given: Mapping[str, DbcSignals],
 ) -> Iterator[tuple[Key, str | None, Means, str, bool]]:
-    """Give every signal that is named: key, axis, meaning, name, inverted."""
+    """Yield every signal that is named: key, axis, meaning, name, inverted."""
     for axis, meanings in given.items():
         whose = None if axis == "all" else axis
         for means, target in meanings.root.items():

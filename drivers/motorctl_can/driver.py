@@ -26,10 +26,10 @@ from motorctl.hal import (
 )
 from motorctl_can import budget, fits
 from motorctl_can.checks import missing_from_layout
+from motorctl_can.codec_records import channels_of, frames_of, signals_of
 from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
 from motorctl_can.options import CanOptions
-from motorctl_can.records import channels_of, frames_of, signals_of
 
 with kernels_cached():
     from motorctl_can import kernels
@@ -299,7 +299,7 @@ class CanDriver(Driver):
         return whole
 
     def _drain(self, link: Link, phase: int, now: float, room: int) -> int:
-        """Take what is waiting, at most `room` frames; give the room that is left."""
+        """Take the waiting frames, at most `room`; return how many more may be taken."""
         while room > 0:
             message = link.receive(0)
             if message is not None:
@@ -346,11 +346,11 @@ class CanDriver(Driver):
             self._settle(self._states)
 
     def _patience(self) -> int:
-        """Give for how many periods nothing has to come before what is owed counts as lost."""
+        """Return after how many silent periods the answers still owed count as lost."""
         return min(int(self._states["owed"].max()), MOST_QUIET_PERIODS)
 
     def _take(self, link: Link, message: can.Message, phase: int, now: float) -> int:
-        """Take one frame in; give the bit of the state frame that brought a sample."""
+        """Decode one frame; return the bit of its state frame if it brought a sample, else 0."""
         if message.is_error_frame:
             link.error_frame(message)
             return 0

@@ -43,7 +43,7 @@ def _layout_key(options: CanOptions) -> str:
 
 
 def _entry(options: CanOptions, signal: Signal, name: str) -> Key:
-    """Give the key of a signal's entry, which stands in the DBC file where there is one."""
+    """Return the key of a signal's entry, which stands in the DBC file where there is one."""
     return (*signal.key, name) if options.frames is not None else signal.key
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.hal import Status
-from motorctl_can.records import Kind, Records
+from motorctl_can.codec_records import Kind, Records
 
 RESYNCHRONISE = 3
 """So many frames behind the last number, each following the one before, are right"""
@@ -68,10 +68,24 @@ def put_raw(signal: Any, row: Bytes, raw: int) -> None:
 def take(
     signals: Records, frames: Records, channels: Records, number: int, row: Bytes, phase: int
 ) -> int:
-    """Take a state frame of the right length in, or refuse it for its sequence.
+    """Decode a state frame of the right length, or refuse it for its sequence.
 
-    `phase` says whether SYNC was sent before; the result is ACCEPTED, DUPLICATE, BACKWARDS, or
-    LATE: it answers an earlier SYNC, so its count is not of this period.
+    Parameters
+    ----------
+    signals, frames, channels
+        Records of SIGNAL, FRAME and CHANNEL of the state frames.
+    number
+        Index of the frame in `frames`.
+    row
+        Its bytes.
+    phase
+        Whether SYNC was sent before.
+
+    Returns
+    -------
+    int
+        ACCEPTED, DUPLICATE, BACKWARDS, or LATE: it answers an earlier SYNC, so its count is not
+        of this period.
     """
     frame = frames[number]
     step = 1
@@ -178,7 +192,7 @@ def refuse(frames: Records, number: int) -> None:
 
 @numba.njit(cache=True)
 def sync_sent(frames: Records, channels: Records) -> None:
-    """Expect an answer in every state frame; what came before is of an earlier period."""
+    """Expect an answer in every state frame; frames received before are of an earlier period."""
     for frame in frames:
         frame.owed += 1
     for channel in channels:
@@ -201,9 +215,16 @@ def deliver(
     index_counts: NDArray[np.int64],
     status: NDArray[np.uint32],
 ) -> None:
-    """End a read: give each channel its newest whole sample, and tell what is missing.
+    """End a read: write each channel's newest whole sample, and flag what is missing.
 
-    `common` is the status of all channels.
+    Parameters
+    ----------
+    frames, channels
+        Records of FRAME and CHANNEL of the state frames.
+    common
+        Status bits of all channels.
+    counts, index_counts, status
+        Receive the sample [counts, counts, status bits], shape (channels,) each.
     """
     refused = 0
     for f in range(len(frames)):
@@ -243,7 +264,19 @@ def encode(
     enable: NDArray[np.uint8],
     row: Bytes,
 ) -> None:
-    """Write a command frame: clamped, never wrapped, and with the next sequence."""
+    """Write a command frame: clamped, never wrapped, and with the next sequence.
+
+    Parameters
+    ----------
+    signals, frames
+        Records of SIGNAL and FRAME of the command frames.
+    number
+        Index of the frame in `frames`.
+    volts, enable
+        Command of each channel [V], and whether it is enabled; shape (channels,).
+    row
+        Receives the frame's bytes.
+    """
     frame = frames[number]
     row[:] = 0
     for s in range(frame.begin, frame.end):

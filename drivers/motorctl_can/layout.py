@@ -64,12 +64,12 @@ class Place:
 
     @property
     def step(self) -> int:
-        """Give 1 where the next higher bits are in the next byte, -1 where in the one before."""
+        """Return 1 where the next higher bits are in the next byte, -1 where in the one before."""
         return -1 if self.big else 1
 
     @property
     def lowest(self) -> tuple[int, int]:
-        """Give byte and bit of the lowest bit; the byte may lie beyond the frame."""
+        """Return byte and bit of the lowest bit; the byte may lie beyond the frame."""
         if not self.big:
             return divmod(self.start, 8)
         last = self.start // 8 * 8 + (7 - self.start % 8) + self.bits - 1
@@ -77,11 +77,11 @@ class Place:
 
     @property
     def span(self) -> int:
-        """Give the number of bytes that it touches."""
+        """Return the number of bytes that the signal touches."""
         return (self.lowest[1] + self.bits + 7) // 8
 
     def positions(self) -> Iterator[tuple[int, int]]:
-        """Give (byte, bit) of every bit, from the lowest."""
+        """Yield (byte, bit) of every bit, from the lowest."""
         byte, bit = self.lowest
         for i in range(bit, bit + self.bits):
             yield byte + self.step * (i // 8), i % 8
@@ -105,16 +105,16 @@ class Signal:
     """Limits of the value that the description of the layout gives besides those of the bits."""
 
     def raw(self, value: float) -> int:
-        """Give the raw number nearest to a value."""
+        """Return the raw number nearest to a value."""
         return round((value - self.offset) / self.scale)
 
     def value(self, raw: int) -> float:
-        """Give what a raw number says."""
+        """Return the value that a raw number stands for."""
         return raw * self.scale + self.offset
 
     @property
     def raw_limits(self) -> tuple[int, int]:
-        """Give the lowest and the highest raw number that may be sent."""
+        """Return the lowest and the highest raw number that may be sent."""
         bits = self.place.bits
         low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if self.signed else (0, (1 << bits) - 1)
         for bound, is_low in ((self.minimum, True), (self.maximum, False)):
@@ -129,7 +129,7 @@ class Signal:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Give the lowest and the highest value that may be sent."""
+        """Return the lowest and the highest value that may be sent."""
         ends = [self.value(raw) for raw in self.raw_limits]
         return min(ends), max(ends)
 
@@ -148,11 +148,11 @@ class Frame:
 
     @property
     def address(self) -> str:
-        """Give the identifier as people write it."""
+        """Return the identifier as people write it."""
         return address(self.identifier, self.extended)
 
     def one(self, means: Means) -> Signal | None:
-        """Give the frame's first signal of a meaning."""
+        """Return the frame's first signal of a meaning; None where it has none."""
         return next((s for s in self.signals if s.means is means), None)
 
 
@@ -164,37 +164,37 @@ class Layout:
 
     @property
     def commands(self) -> tuple[Frame, ...]:
-        """Give the frames that motorctl sends."""
+        """Return the frames that motorctl sends."""
         return tuple(f for f in self.frames if f.command)
 
     @property
     def states(self) -> tuple[Frame, ...]:
-        """Give the frames that the device sends."""
+        """Return the frames that the device sends."""
         return tuple(f for f in self.frames if not f.command)
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Give the axes that are named, in the order of their first signals."""
+        """Return the axes that are named, in the order of their first signals."""
         return tuple(dict.fromkeys(s.axis for s in self.signals() if s.axis is not None))
 
     @property
     def watchdogs(self) -> tuple[Signal, ...]:
-        """Give the signals that tell the device the time of its watchdog."""
+        """Return the signals that set the device's watchdog time."""
         return tuple(s for s in self.signals() if s.means is Means.WATCHDOG)
 
     def signals(self) -> Iterator[Signal]:
-        """Give every signal of every frame."""
+        """Yield every signal of every frame."""
         for frame in self.frames:
             yield from frame.signals
 
     def find(self, means: Means, axis: str) -> Signal | None:
-        """Give the signal of a meaning for an axis: its own, or that of all."""
+        """Return the signal of a meaning for an axis: its own, or the one for all axes."""
         return next(
             (s for s in self.signals() if s.means is means and s.axis in (axis, None)), None
         )
 
     def frame_of(self, signal: Signal) -> Frame:
-        """Give the frame that carries a signal."""
+        """Return the frame that carries a signal."""
         return next(f for f in self.frames if signal in f.signals)
 
 

@@ -60,13 +60,13 @@ class Link:
 
     @property
     def status(self) -> int:
-        """Give what is wrong for all channels."""
+        """Return the status bits that hold for all channels."""
         return self.lost | self.passing
 
     def receive(self, timeout_s: float) -> can.Message | None:
-        """Give the next frame, or None where none came in time or it was no frame.
+        """Return the next frame, or None where none came in time or it was no frame.
 
-        On a serial line it may also be that only a part of one came yet.
+        On a serial line None may also mean that only a part of a frame has arrived yet.
         """
         try:
             if self._waited and timeout_s > 0:
@@ -283,5 +283,5 @@ def _hint(options: CanOptions, error: Exception) -> str:
 
 
 def now_s() -> float:
-    """Give the clock of the frames' time stamps."""
+    """Return the time on the clock of the frames' time stamps [s]."""
     return time.time()

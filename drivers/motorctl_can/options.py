@@ -114,11 +114,11 @@ class CanOptions(DriverOptions):
 
     @property
     def layout(self) -> Layout:
-        """Give the frames, whether written out or taken from a DBC file."""
+        """Return the frames, whether written out or taken from a DBC file."""
         return self._layout
 
     def _read_layout(self) -> tuple[Layout, list[Wrong]]:
-        """Give the layout, and what left gaps in it; none where it is not given in one way."""
+        """Return the layout and its problems; empty unless it is given in exactly one way."""
         if self.frames is not None and self.dbc is None:
             return _layout_of(self.frames), []
         if self.dbc is not None and self.frames is None and self.signals:

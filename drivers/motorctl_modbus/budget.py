@@ -16,18 +16,46 @@ HEADERS = 90
 
 
 def tcp_exchange_s(written: int, read: int, turnaround_s: float) -> float:
-    """Give the time of one exchange on TCP, and this machine's part."""
+    """Return the time of one exchange on TCP, this machine's part included.
+
+    Parameters
+    ----------
+    written, read
+        Registers in a request and in its reply.
+    turnaround_s
+        From the end of a request to the start of its reply, in the device [s].
+
+    Returns
+    -------
+    float
+        Time [s].
+    """
     return _tcp_wire_s(written, read) + turnaround_s + HOST_S
 
 
 def rtu_exchange_s(rtu: Rtu, written: int, read: int, turnaround_s: float) -> float:
-    """Give the time from one request to the first moment at which the next may go out."""
+    """Return the time from one request to the earliest start of the next.
+
+    Parameters
+    ----------
+    rtu
+        The line's settings.
+    written, read
+        Registers in a request and in its reply.
+    turnaround_s
+        From the end of a request to the start of its reply, in the device [s].
+
+    Returns
+    -------
+    float
+        Time [s].
+    """
     characters = _rtu_request(written) + _rtu_reply(read)
     return characters * rtu.character_s + 2 * rtu.t35_s + turnaround_s
 
 
 def tcp_budget(written: int, read: int, turnaround_s: float) -> RateBudget:
-    """Give the highest rate on TCP."""
+    """Return the highest rate on TCP."""
     exchange_s = tcp_exchange_s(written, read, turnaround_s)
     return _budget(
         exchange_s,
@@ -39,7 +67,7 @@ def tcp_budget(written: int, read: int, turnaround_s: float) -> RateBudget:
 
 
 def rtu_budget(rtu: Rtu, written: int, read: int, turnaround_s: float) -> RateBudget:
-    """Give the highest rate on RTU."""
+    """Return the highest rate on RTU."""
     exchange_s = rtu_exchange_s(rtu, written, read, turnaround_s)
     characters = _rtu_request(written) + _rtu_reply(read)
     return _budget(

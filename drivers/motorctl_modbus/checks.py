@@ -153,7 +153,7 @@ def _length_problems(claims: list[Claim], most: int, kind: str) -> list[Problem]
 def _holder(
     claim: Claim, address: int, words: dict[int, Claim], bits: dict[int, dict[int, Claim]]
 ) -> Claim | None:
-    """Give the claim that already has this register or bit, and not to share it."""
+    """Return the claim that already has this register or bit and does not share it."""
     held = words.get(address)
     if held is not None or address not in bits:
         return held

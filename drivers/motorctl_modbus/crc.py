@@ -13,9 +13,9 @@ _TABLE = tuple(_entry(byte) for byte in range(256))
 
 
 def crc16(data: bytearray | bytes, size: int) -> int:
-    """Give the checksum of the first `size` bytes, to be sent lowest byte first.
+    """Return the CRC of the first `size` bytes, to be sent lowest byte first.
 
-    Over a frame with its checksum it is 0.
+    Over a frame with its CRC it is 0.
     """
     table, crc = _TABLE, 0xFFFF
     for i in range(size):

@@ -56,7 +56,7 @@ class Exchange(ABC):
         self._sent_s = 0.0
 
     def space(self) -> memoryview:
-        """Give where to put what is received next. Never empty after `judge`."""
+        """Return the part of the buffer to receive into. Never empty after `judge`."""
         return self._view[self._filled :]
 
     def received(self, size: int) -> None:
@@ -179,7 +179,7 @@ class RtuExchange(Exchange):
         LOW_FIRST.pack_into(self.request, body, crc16(self.request, body))
 
     def sent(self, now_s: float) -> None:
-        """Wait for a reply from now on; what came before is forgotten."""
+        """Wait for a reply from now on; discard the bytes received before."""
         self._outstanding, self._spoiled = True, False
         self._filled = 0
         self._sent_s = now_s

@@ -15,7 +15,7 @@ REGISTER = struct.Struct(">H")
 
 
 def used_of(options: ModbusOptions, channels: Sequence[Channel]) -> dict[int, ChannelMap]:
-    """Give the part of the map that axes use."""
+    """Return the part of the map that axes use, by channel number."""
     used = {channel.number for channel in channels}
     return {number: part for number, part in options.channels.items() if number in used}
 
@@ -71,7 +71,7 @@ class OutputBlock:
             REGISTER.pack_into(frame, at + self._sequence_at, sequence)
 
     def off_registers(self, sequence: int) -> list[int]:
-        """Give the registers of every channel at zero and disabled."""
+        """Return the registers of every channel at zero and disabled."""
         frame = bytearray(2 * self.count)
         for packing, offset, _, zero, _, _, mask, swap in self._unused:
             packing.pack_into(frame, offset, _word(zero, mask, swap))
@@ -101,7 +101,7 @@ class InputBlock:
         return self._sequence is None or registers[self._sequence] == sequence
 
     def boot_id(self, registers: tuple[int, ...]) -> int:
-        """Give the number of the device's start; 0 where it has none."""
+        """Return the device's boot number; 0 where it has none."""
         return 0 if self._boot_id is None else registers[self._boot_id]
 
     def decode(self, registers: tuple[int, ...]) -> None:
@@ -136,7 +136,7 @@ def _volts_plan(volts: Volts, first: int, high_first: bool) -> VoltsPlan:
 
 
 def _word(count: int, mask: int, swap: bool) -> int:
-    """Give a count as it goes out: without its sign, the registers in the device's order."""
+    """Return a count as it is sent: unsigned, the registers in the device's order."""
     count &= mask
     return (count >> 16) | ((count & 0xFFFF) << 16) if swap else count
 

@@ -35,7 +35,7 @@ EXCEPTIONS = {
 
 
 def in_words(code: int) -> str:
-    """Give an exception code with its name."""
+    """Return an exception code with its name."""
     return f"exception {code} ({EXCEPTIONS.get(code, 'unknown')})"
 
 
@@ -74,7 +74,7 @@ def release(client: Client) -> None:
 
 
 def line_of(client: Client) -> Line:
-    """Give what pymodbus opened, for use in the tick."""
+    """Return the line that pymodbus opened, for use in the tick."""
     if isinstance(client, ModbusTcpClient):
         assert client.socket is not None
         return TcpLine(client.socket)
@@ -83,7 +83,7 @@ def line_of(client: Client) -> Line:
 
 
 def lower_latency(client: Client, options: ModbusOptions) -> tuple[str, ...]:
-    """Ask a serial port for low latency; gives a note where it is refused."""
+    """Ask a serial port for low latency; return a note where it is refused."""
     if isinstance(client, ModbusTcpClient) or options.rtu is None:
         return ()
     port = client.socket
@@ -101,7 +101,22 @@ def lower_latency(client: Client, options: ModbusOptions) -> tuple[str, ...]:
 
 
 def ask(client: Client, what: str, question: Callable[[], ModbusPDU]) -> ModbusPDU:
-    """Give the answer, which may be an exception response; RunError where there is none."""
+    """Return the answer to a question, which may be an exception response.
+
+    Parameters
+    ----------
+    client
+        The open client, on which the question is asked.
+    what
+        Subject of the message where the answer does not come.
+    question
+        Sends the request and waits for its answer.
+
+    Raises
+    ------
+    RunError
+        No valid answer came.
+    """
     with complaints():
         try:
             return question()
@@ -118,9 +133,28 @@ def ask(client: Client, what: str, question: Callable[[], ModbusPDU]) -> ModbusP
 def first_exchange(
     client: Client, options: ModbusOptions, outputs: OutputBlock, inputs: InputBlock, sequence: int
 ) -> tuple[int, ...]:
-    """Exchange once with every axis at zero and disabled; gives the registers of the reply.
+    """Exchange once with every axis at zero and disabled.
 
-    Raises RunError where the device does not answer as the tick needs it.
+    Parameters
+    ----------
+    client
+        The open client.
+    options
+        The driver's options.
+    outputs, inputs
+        The registers written and read.
+    sequence
+        Sequence number to send.
+
+    Returns
+    -------
+    tuple of int
+        The registers of the reply, `inputs.count` of them.
+
+    Raises
+    ------
+    RunError
+        The device does not answer as the tick needs it.
     """
     where = f"unit {options.unit} at {options.device}"
     answer = ask(

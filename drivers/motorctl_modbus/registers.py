@@ -91,7 +91,7 @@ class StatusBits(Part):
     estop: InputBit | None = None
 
     def named(self) -> Iterator[tuple[str, InputBit]]:
-        """Give those that the device has, with their names."""
+        """Yield the bits that the device has, with their names."""
         for name in StatusBits.model_fields:
             bit = getattr(self, name)
             if bit is not None:
@@ -141,7 +141,7 @@ class Claim:
 def output_claims(
     channels: Mapping[int, ChannelMap], sequence: Sequence | None = None
 ) -> list[Claim]:
-    """Give everything that a request writes."""
+    """Return a claim for everything that a request writes."""
     claims = []
     for number, channel in channels.items():
         part, volts, enable = ("channels", str(number)), channel.volts, channel.enable
@@ -157,7 +157,7 @@ def input_claims(
     sequence: Sequence | None = None,
     boot_id: BootId | None = None,
 ) -> list[Claim]:
-    """Give everything that a request reads."""
+    """Return a claim for everything that a request reads."""
     claims = []
     for number, channel in channels.items():
         part = ("channels", str(number))
@@ -175,6 +175,6 @@ def input_claims(
 
 
 def block(claims: list[Claim]) -> tuple[int, int]:
-    """Give the first address and the number of registers that cover all claims."""
+    """Return the first address and the number of registers that cover all claims."""
     first = min(claim.address for claim in claims)
     return first, max(claim.address + claim.registers for claim in claims) - first

@@ -30,23 +30,23 @@ POLL_WIRE_BYTES = BARE_BYTES + OVERHEAD_BYTES
 
 
 def command_wire_bytes(channels: int) -> int:
-    """Give the bytes of COMMAND or EXCHANGE on the wire."""
+    """Return the number of bytes of COMMAND or EXCHANGE on the wire."""
     return COMMAND_HEAD_BYTES + COMMAND_CHANNEL_BYTES * channels + OVERHEAD_BYTES
 
 
 def state_wire_bytes(channels: int) -> int:
-    """Give the bytes of the longest STATE on the wire: an index mark on each channel."""
+    """Return the bytes of the longest STATE on the wire: an index mark on each channel."""
     a_channel = STATE_CHANNEL_BYTES + STATE_INDEX_BYTES
     return STATE_HEAD_BYTES + a_channel * channels + OVERHEAD_BYTES
 
 
 def byte_s(options: SerialOptions) -> float:
-    """Give the time of a byte; 0 where there is no bit rate."""
+    """Return the time of a byte [s]; 0 where there is no bit rate."""
     return BITS_A_BYTE / options.baud if options.baud else 0.0
 
 
 def turnaround_s(options: SerialOptions) -> tuple[float, str]:
-    """Give how long an answer takes beside its bytes, and why."""
+    """Return how long an answer takes beside its bytes [s], and why."""
     if options.turnaround_s is not None:
         return options.turnaround_s, "turnaround_s"
     # By-id names of adapters begin with usb-; ttyUSB and ttyACM hold it in capitals.
@@ -59,7 +59,7 @@ def turnaround_s(options: SerialOptions) -> tuple[float, str]:
 
 
 def round_trip_s(options: SerialOptions, channels: int) -> float:
-    """Give the time from a request to the end of the longest STATE."""
+    """Return the time from a request to the end of the longest STATE [s]."""
     request = POLL_WIRE_BYTES if options.mode == "poll" else command_wire_bytes(channels)
     pause = HALF_DUPLEX_BYTE_TIMES / 2 if options.one_pair else 0
     wire = (request + pause + state_wire_bytes(channels)) * byte_s(options)
@@ -67,7 +67,17 @@ def round_trip_s(options: SerialOptions, channels: int) -> float:
 
 
 def rate_budget(options: SerialOptions, channels: int, period_s: float) -> RateBudget:
-    """Compute the highest rate with a session of `channels` channels."""
+    """Compute the highest rate of a session.
+
+    Parameters
+    ----------
+    options
+        The driver's options.
+    channels
+        Channels in the session.
+    period_s
+        Of the loop [s]; for the explanation alone.
+    """
     state, command = state_wire_bytes(channels), command_wire_bytes(channels)
     pause_s, pause_why = turnaround_s(options)
     frames = {

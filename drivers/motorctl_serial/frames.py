@@ -37,7 +37,7 @@ _CRC_TABLE = _crc_table()
 
 @njit(cache=True)
 def crc16(data: Bytes, size: int) -> int:
-    """Give the CRC of the first `size` bytes."""
+    """Return the CRC of the first `size` bytes."""
     crc = CRC_START
     for i in range(size):
         crc = ((crc << 8) & 0xFFFF) ^ _CRC_TABLE[((crc >> 8) ^ data[i]) & 0xFF]
@@ -46,9 +46,21 @@ def crc16(data: Bytes, size: int) -> int:
 
 @njit(cache=True)
 def cobs_encode(data: Bytes, size: int, coded: Bytes) -> int:
-    """Code `size` bytes without any zero; gives how many bytes that makes, without delimiter.
+    """Encode bytes without any zero (COBS).
 
-    `coded` must hold size + size // 254 + 1 bytes.
+    Parameters
+    ----------
+    data
+        The bytes to encode, the first `size` of them.
+    size
+        How many.
+    coded
+        Receives the code; must hold size + size // 254 + 1 bytes.
+
+    Returns
+    -------
+    int
+        Number of coded bytes, without delimiter.
     """
     code_at, fill = 0, 1
     for i in range(size):
@@ -65,9 +77,21 @@ def cobs_encode(data: Bytes, size: int, coded: Bytes) -> int:
 
 @njit(cache=True)
 def cobs_decode(coded: Bytes, size: int, data: Bytes) -> int:
-    """Restore the zeros of `size` coded bytes; gives how many bytes that makes, -1 if impossible.
+    """Restore the zeros of coded bytes (COBS).
 
-    `data` must hold `size` bytes.
+    Parameters
+    ----------
+    coded
+        The code without delimiter, the first `size` bytes of it.
+    size
+        How many.
+    data
+        Receives the decoded bytes; must hold `size` bytes.
+
+    Returns
+    -------
+    int
+        Number of decoded bytes; -1 where the code is invalid.
     """
     at, fill = 0, 0
     while at < size:
@@ -89,9 +113,21 @@ def cobs_decode(coded: Bytes, size: int, data: Bytes) -> int:
 
 @njit(cache=True)
 def put_frame(body: Bytes, size: int, wire: Bytes) -> int:
-    """Append the CRC to a body, code and delimit it; gives the bytes on the wire.
+    """Append the CRC to a body, encode and delimit it.
 
-    `body` must have room for the CRC behind its `size` bytes.
+    Parameters
+    ----------
+    body
+        The frame's body; must have room for the CRC behind its `size` bytes.
+    size
+        Length of the body in bytes.
+    wire
+        Receives the frame.
+
+    Returns
+    -------
+    int
+        Number of bytes on the wire.
     """
     crc = crc16(body, size)
     body[size] = crc & 0xFF
@@ -113,10 +149,26 @@ def put_command(
     body: Bytes,
     wire: Bytes,
 ) -> int:
-    """Make a COMMAND or EXCHANGE of `channels` channels; gives the bytes on the wire.
+    """Make a COMMAND or EXCHANGE; return its number of bytes on the wire.
 
-    `numbers` tells the device's channel of each entry; channels of the device that none names
-    stay disabled. Volts beyond full scale are clamped; no number is 0 V and disabled.
+    Volts beyond full scale are clamped; NaN becomes 0 V and disabled.
+
+    Parameters
+    ----------
+    frame
+        Type of the frame.
+    sequence
+        Sequence number, 0 to 255.
+    volts, enable
+        Command of each entry [V], and whether it is enabled; shape (n,).
+    numbers
+        The device's channel of each entry, shape (n,); channels without an entry stay disabled.
+    channels
+        Channels in the frame.
+    codes_per_volt
+        Scale [codes/V].
+    body, wire
+        Work space, and the frame that results.
     """
     size = 3 + 2 * channels
     body[:size] = 0
@@ -135,7 +187,7 @@ def put_command(
 
 
 def frame_of(body: bytes) -> bytes:
-    """Give the wire's bytes of any body, slowly."""
+    """Return a body as a frame on the wire; slow, not for the tick."""
     room = np.zeros(LONGEST_BODY + CRC_BYTES, np.uint8)
     room[: len(body)] = np.frombuffer(body, np.uint8)
     wire = np.zeros(LONGEST_BODY + OVERHEAD_BYTES, np.uint8)

@@ -64,7 +64,7 @@ class Port:
         self._serial.close()
 
     def read(self) -> int:
-        """Read into `chunk` what is there, without waiting; gives the number of bytes."""
+        """Read the waiting bytes into `chunk`, without blocking; return their number."""
         if self.gone:
             return 0
         try:
@@ -93,7 +93,7 @@ class Port:
             self.gone = True
 
     def write(self, wire: memoryview | bytes) -> bool:
-        """Send a frame without waiting; gives whether the kernel took all of it."""
+        """Send a frame without blocking; return whether the kernel took all of it."""
         if self.gone:
             return False
         try:

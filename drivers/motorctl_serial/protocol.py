@@ -124,14 +124,28 @@ class Refusal:
 
 
 def hello(sequence: int, channels: int, mode: Mode, watchdog_ms: int, period_us: int) -> bytes:
-    """Give the body of HELLO."""
+    """Return the body of HELLO.
+
+    Parameters
+    ----------
+    sequence
+        Of the frame, 0 to 255.
+    channels
+        Of the session: the highest number in use plus one.
+    mode
+        How states are exchanged.
+    watchdog_ms
+        Time without a command after which the device disables its outputs [ms].
+    period_us
+        Of the loop [us].
+    """
     return _HELLO.pack(
         FrameType.HELLO, sequence, VERSION, channels, mode, 0, watchdog_ms, period_us
     )
 
 
 def bare(frame: FrameType, sequence: int) -> bytes:
-    """Give the body of a frame without fields."""
+    """Return the body of a frame without fields."""
     return bytes((frame, sequence))
 
 

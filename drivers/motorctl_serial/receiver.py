@@ -84,7 +84,7 @@ _STALE, _CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 
 
 def make_receiver() -> NDArray[Any]:
-    """Give a receiver without a session."""
+    """Return a receiver without a session."""
     receiver = np.zeros(1, RECEIVER)
     forget(receiver)
     return receiver
@@ -126,7 +126,7 @@ def lose_count(receivers: NDArray[Any]) -> None:
 
 @njit(cache=True)
 def take(receivers: NDArray[Any], chunk: Bytes, size: int) -> int:
-    """Take `size` bytes from the wire; gives the bits of `News`."""
+    """Take `size` bytes from the wire; return the bits of `News`."""
     rx = receivers[0]
     news = 0
     for i in range(size):
@@ -276,7 +276,21 @@ def deliver(
     index_counts: NDArray[np.int64],
     status: NDArray[np.uint32],
 ) -> None:
-    """Fill one read's arrays with the newest sample; `bits` of `Status` come on top."""
+    """Fill one read's arrays with the newest sample.
+
+    Parameters
+    ----------
+    receivers
+        One record of RECEIVER.
+    numbers
+        The device's channel of each entry, shape (n,).
+    news
+        Bits of `News` of this read.
+    bits
+        Bits of `Status` to set on every channel.
+    counts, index_counts, status
+        Receive the sample [counts, counts, status bits], shape (n,) each.
+    """
     rx = receivers[0]
     if news & _FRESH == 0:
         bits |= _STALE

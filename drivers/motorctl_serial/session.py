@@ -41,8 +41,32 @@ def begin(
 ) -> tuple[Capabilities, int]:
     """Begin a session of as many channels as the highest number needs.
 
-    Gives what the device said, and the sequence number after the last one used. Raises RunError
-    where it does not answer or does not fit.
+    Parameters
+    ----------
+    port
+        The open port.
+    rx
+        The receiver, which is reset.
+    options
+        The driver's options.
+    channels
+        The channels that axes use.
+    period_s
+        Of the loop [s].
+    sequence
+        Sequence number of the first HELLO.
+
+    Returns
+    -------
+    device : Capabilities
+        The device's answer.
+    sequence : int
+        The sequence number after the last one used.
+
+    Raises
+    ------
+    RunError
+        The device does not answer, or does not fit.
     """
     receiver.forget(rx)
     wanted = max(channel.number for channel in channels) + 1

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from motorctl.hal import Channel, Status
 from motorctl_sim.options import Fault, Plant, SimOptions
 from motorctl_sim.options.settings import Profile
-from motorctl_sim.physics.records import CLOCK, FAULT, PLANT, PROFILE_CELLS, STATE, Term
+from motorctl_sim.physics.plant_records import CLOCK, FAULT, PLANT, PROFILE_CELLS, STATE, Term
 
 Records = NDArray[np.void]
 
@@ -38,7 +38,7 @@ def make_clock(options: SimOptions, period_s: float) -> Records:
 
 
 def make_plants(options: SimOptions, channels: Sequence[Channel], clock: Records) -> Records:
-    """Give one record of PLANT for each channel, in their order."""
+    """Return one record of PLANT for each channel, in their order."""
     plants = np.zeros(len(channels), PLANT)
     numbers = [channel.number for channel in channels]
     for record, channel in zip(plants, channels, strict=True):
@@ -53,7 +53,7 @@ def make_plants(options: SimOptions, channels: Sequence[Channel], clock: Records
 
 
 def make_states(options: SimOptions, channels: Sequence[Channel]) -> Records:
-    """Give one zeroed record of STATE for each channel, with a random generator of its own."""
+    """Return a zeroed record of STATE for each channel, with its own random generator."""
     states = np.zeros(len(channels), STATE)
     for state, channel in zip(states, channels, strict=True):
         sequence = np.random.SeedSequence((options.seed, channel.number))
@@ -62,7 +62,7 @@ def make_states(options: SimOptions, channels: Sequence[Channel]) -> Records:
 
 
 def make_faults(options: SimOptions, channels: Sequence[Channel], period_s: float) -> Records:
-    """Give the records of all faults that concern one of the channels."""
+    """Return the records of all faults that concern one of the channels."""
     numbers = [channel.number for channel in channels]
     heard = [f for f in options.faults if f.channel is None or f.channel in numbers]
     records = np.zeros(len(heard), FAULT)

@@ -141,7 +141,7 @@ class SimDriver(Driver):
         self._move(self._clock, self._plants, self._states, self._faults, 1)
 
     def true_state(self) -> TrueState:
-        """Give a copy of the true motion, for tests and demonstrations; the loop never asks."""
+        """Return a copy of the true motion, for tests and demonstrations, never for the loop."""
         states = self._states
         return TrueState(
             float(self._clock["tick"][0] * self._clock["period"][0]),

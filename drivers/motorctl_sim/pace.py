@@ -28,7 +28,7 @@ class Pace:
         self._last_ns = None
 
     def periods(self, now_ns: int) -> int:
-        """Give the whole periods since the last call: at least one, at most MAX_PERIODS."""
+        """Return the whole periods since the last call: at least one, at most MAX_PERIODS."""
         if self._last_ns is None:
             self._last_ns = float(now_ns)
             return 0

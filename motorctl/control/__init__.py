@@ -5,8 +5,8 @@ from motorctl.control.estimator import adapt
 from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
 from motorctl.control.inverse import invert
 from motorctl.control.law import carry_over_gap, law_step, shift_law, start_law
+from motorctl.control.law_records import LawFlag, law_settings, law_state
 from motorctl.control.projection import project, violates
-from motorctl.control.records import LawFlag, law_settings, law_state
 from motorctl.control.setup import fill_by_name, fill_settings, fill_state, max_input_delay_s
 
 __all__ = [

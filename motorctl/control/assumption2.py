@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
-from motorctl.control.records import MAX_HALF_PLANES
+from motorctl.control.law_records import MAX_HALF_PLANES
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
 

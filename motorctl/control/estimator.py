@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from motorctl.control.law_records import HISTORY, LawFlag
 from motorctl.control.projection import project, violates
-from motorctl.control.records import HISTORY, LawFlag
 from motorctl.kernels import inner_kernel
 
 ADAPTED = int(LawFlag.ADAPTED)

@@ -14,7 +14,7 @@ from typing import Any
 
 from motorctl.control.estimator import adapt, remember_command
 from motorctl.control.inverse import invert
-from motorctl.control.records import LawFlag
+from motorctl.control.law_records import LawFlag
 from motorctl.kernels import inner_kernel
 
 SATURATED = int(LawFlag.SATURATED)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.control.assumption2 import monotonicity_half_planes
-from motorctl.control.records import HISTORY, LAW_GIVEN
+from motorctl.control.law_records import HISTORY, LAW_GIVEN
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
 

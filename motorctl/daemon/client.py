@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from motorctl.daemon.places import client_socket
+from motorctl.daemon.paths import client_socket
 from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 

@@ -28,9 +28,9 @@ from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
+from motorctl.loop.axis_records import STANDSTILL_RATIO
 from motorctl.loop.faults import device_message
 from motorctl.loop.plan import plan_move, plan_program
-from motorctl.loop.records import STANDSTILL_RATIO
 from motorctl.motion import Program, Trajectory
 
 REPLY_TIMEOUT_S = 1.0

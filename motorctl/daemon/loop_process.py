@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from motorctl.config.machine import Machine
-from motorctl.daemon.mistakes import in_words
+from motorctl.daemon.error_text import in_words
 from motorctl.errors import RunError
 from motorctl.loop import LoopMemory, Phase, spawn
 from motorctl.loop.fences import require_known_processor

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from motorctl.daemon.mistakes import in_words
+from motorctl.daemon.error_text import in_words
 from motorctl.errors import MotorctlError
 from motorctl.log import LogWriter
 from motorctl.log.timing import TimingSummary

@@ -19,11 +19,11 @@ from motorctl.config.metadata import log_metadata
 from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
+from motorctl.daemon.error_text import in_words
 from motorctl.daemon.journal import Journal
 from motorctl.daemon.loop_process import LoopProcess
-from motorctl.daemon.mistakes import in_words
 from motorctl.daemon.notify import ServiceNotifier
-from motorctl.daemon.places import daemon_socket, state_file
+from motorctl.daemon.paths import daemon_socket, state_file
 from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.report import Report
 from motorctl.daemon.server import ControlServer

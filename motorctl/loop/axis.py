@@ -9,7 +9,9 @@ from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, SampleFlag
-from motorctl.loop.held import (
+from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
+from motorctl.loop.homing import home
+from motorctl.loop.missed_samples import (
     counter_step,
     hold_position,
     is_unexpected,
@@ -20,8 +22,6 @@ from motorctl.loop.held import (
     predict_motion,
     predicts,
 )
-from motorctl.loop.homing import home
-from motorctl.loop.records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
 from motorctl.loop.reference import brake, follow, hold_where_it_is
 from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,

@@ -8,7 +8,7 @@ from typing import Any
 from motorctl.hal import FAULT_BITS, Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop.records import (
+from motorctl.loop.axis_records import (
     JUMP_SPEED_RATIO,
     OVERSPEED_RATIO,
     OVERSPEED_TICKS,

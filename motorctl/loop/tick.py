@@ -15,9 +15,9 @@ from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.errors import RunError
 from motorctl.hal import Driver, Inputs, Outputs
 from motorctl.kernels import compiling_told, kernels_cached, specialise
+from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
-from motorctl.loop.records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
 from motorctl.loop.supervision import WATCH
 

@@ -26,7 +26,7 @@ from motorctl_benchmarks.diagnosis.closed_loop import ClosedLoop
 from motorctl_benchmarks.diagnosis.figures import campaign_figures
 from motorctl_benchmarks.diagnosis.groups import GROUPS, CaseKey, draw, keys, parse_key
 from motorctl_benchmarks.diagnosis.known_effects import KNOWN
-from motorctl_benchmarks.diagnosis.mistakes import calibration_lines, mistakes
+from motorctl_benchmarks.diagnosis.outcome_report import calibration_lines, mistakes
 from motorctl_benchmarks.diagnosis.peer_columns import PeerProblem
 from motorctl_benchmarks.diagnosis.peers import SELECTIONS, PeerAnswer, named_by
 from motorctl_benchmarks.diagnosis.run_case import Outcome, Task, run_task
@@ -42,7 +42,7 @@ from motorctl_benchmarks.diagnosis.score import (
 from motorctl_benchmarks.diagnosis.speed import Cost, figures_of, long_case, peak_memory_gb
 from motorctl_benchmarks.diagnosis.true_motion import true_error_rms_m
 from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
-from motorctl_benchmarks.subject import measure
+from motorctl_benchmarks.measure import measure
 
 COGGING = {"cogging": {"pitch_m": 0.03}}
 APERIODIC = {"cogging": {"pitch_m": 0.03, "aperiodic": {}}}

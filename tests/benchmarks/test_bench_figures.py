@@ -17,7 +17,7 @@ from motorctl_benchmarks import law_figures, tick_figures, virtual_figures
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.gantries import gantry_with
 from motorctl_benchmarks.interleave import interleaved, median_ratio
-from motorctl_benchmarks.subject import measure
+from motorctl_benchmarks.measure import measure
 from motorctl_benchmarks.tick_figures import growth_figures
 from motorctl_benchmarks.tick_probe import PARTS, TickProbe
 

@@ -16,9 +16,9 @@ from motorctl.config import (
     summarise,
 )
 from motorctl.control import fill_by_name
-from motorctl.control.records import LAW_GIVEN
+from motorctl.control.law_records import LAW_GIVEN
 from motorctl.errors import ConfigError, UsageError
-from motorctl.loop.records import AXIS_GIVEN
+from motorctl.loop.axis_records import AXIS_GIVEN
 from motorctl.model import known_effects
 
 SHIPPED = sorted(shipped_configs())

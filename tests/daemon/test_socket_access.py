@@ -15,7 +15,7 @@ import pytest
 
 from motorctl.daemon.access import ControlSocket, Peer, peer_of
 from motorctl.daemon.client import Client
-from motorctl.daemon.places import client_socket, daemon_socket, state_file
+from motorctl.daemon.paths import client_socket, daemon_socket, state_file
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import RunError, UsageError
 

@@ -11,7 +11,7 @@ from motorctl.config.keys import LateSamples
 from motorctl.hal import Inputs, Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
-from motorctl.loop.records import JUMP_SPEED_RATIO
+from motorctl.loop.axis_records import JUMP_SPEED_RATIO
 from motorctl_sim import SimDriver
 
 HOLD = 5

@@ -24,7 +24,7 @@ END_S = 10.0
 
 @contextmanager
 def device_running(file: dict[str, Any], folder: Path) -> Iterator[str]:
-    """Serve a device from a process of its own, and give its endpoint. Raises RunError."""
+    """Serve a device from a process of its own; yield its endpoint. Raises RunError."""
     path = folder / "device.yaml"
     path.write_text(yaml.safe_dump(file))
     settings = ["--raise-workers"] if can_be_prompt() else []

@@ -35,7 +35,7 @@ ROUND_TRIP_TARGET = Target("value", "<", 150.0)
 
 
 def exchange_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
-    """Time write and read of each driver; gives figures, and what to know of them."""
+    """Time write and read of each driver; return figures and notes."""
     figures = _timed("can_virtual", "CAN codec and python-can, virtual", _can_virtual(), CAN_TARGET)
     chosen = {t.name: t for t in transports()}
     for k, (name, title) in enumerate(

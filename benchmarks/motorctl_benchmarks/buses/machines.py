@@ -24,7 +24,7 @@ SEED = 1
 
 
 def slowed(rate_hz: float, delay_s: float) -> float:
-    """Give the part of the published crossover that a rate and a delay leave room for."""
+    """Return the share of the published crossover that a rate and a delay allow."""
     total_s = 1.5 / rate_hz + delay_s + PLANT_DELAY_S
     return min(1.0, PHASE / total_s / PUBLISHED_RAD_S)
 
@@ -32,10 +32,18 @@ def slowed(rate_hz: float, delay_s: float) -> float:
 def machine_on(
     transport: Transport, drivers: dict[str, Any], delay_s: float, cycles_s: float
 ) -> Machine:
-    """Give the machine of a transport with this driver.
+    """Return the machine of a transport with these drivers.
 
-    delay_s is how much later its commands act than in a direct exchange: the model declares it.
-    cycles_s: the programs last longer.
+    Parameters
+    ----------
+    transport
+        The bus, with its rate.
+    drivers
+        Type and options of the driver.
+    delay_s
+        How much later commands act than in a direct exchange [s]; the model declares it.
+    cycles_s
+        The programs last longer than this [s].
     """
     share = slowed(transport.rate_hz, delay_s)
     motion = max(share, LEAST_SHARE)
@@ -74,12 +82,12 @@ def machine_on(
 
 
 def direct(transport: Transport, delay_s: float, cycles_s: float) -> Machine:
-    """Give the same machine simulated directly, its commands as late as behind the bus."""
+    """Return the same machine simulated directly, its commands as late as behind the bus."""
     return machine_on(transport, {"type": "sim", **gantry_options(delay_s)}, delay_s, cycles_s)
 
 
 def gantry_options(delay_s: float = 0.0) -> dict[str, Any]:
-    """Give the options of the simulated gantry; delay_s is added to that of its plants."""
+    """Return the options of the simulated gantry; delay_s is added to its plants' own."""
     options: dict[str, Any] = {"preset": CONFIG, "seed": SEED}
     if delay_s:
         plants = load(CONFIG).drivers["gantry"].options.model_dump()["plants"]
@@ -91,7 +99,7 @@ def gantry_options(delay_s: float = 0.0) -> dict[str, Any]:
 
 
 def device_file(transport: Transport) -> dict[str, Any]:
-    """Give the file of the device at the other end."""
+    """Return the file of the device at the other end."""
     channel = {"resolution_m": 0.5e-6, "counter_bits": counter_bits(transport)}
     return {
         "gantry": gantry_options(),

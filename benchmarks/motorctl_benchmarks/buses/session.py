@@ -56,7 +56,24 @@ class Measured:
 def measure_transport(
     transport: Transport, duration_s: float, folder: Path, progress: Progress
 ) -> Measured:
-    """Run C2 over the transport for so long. Raises RunError where it fails or an axis trips."""
+    """Run C2 over a transport, and the same machine simulated directly beside it.
+
+    Parameters
+    ----------
+    transport
+        The bus to measure.
+    duration_s
+        Length of each run [s].
+    folder
+        Where device file and logs are written.
+    progress
+        Called with the share done, 0 to 1.
+
+    Raises
+    ------
+    RunError
+        A run fails, or an axis trips.
+    """
     log, wall, virtual = (folder / f"{name}.parquet" for name in ("bus", "wall", "virtual"))
     with device_running(device_file(transport), folder) as endpoint:
         options = transport.driver(endpoint)

@@ -20,13 +20,13 @@ class Transport:
     name: str
     rate_hz: float
     driver: Callable[[str], Options]
-    """Gives the driver's options for the endpoint that the device told."""
+    """Returns the driver's options for the endpoint that the device reported."""
     serve: Options = field(default_factory=dict)
     """The key `serve` of the device's file."""
 
 
 def transports() -> tuple[Transport, ...]:
-    """Give every bus that this machine can stand in for, each near its budget."""
+    """Return every bus that this machine can emulate, each near its budget."""
     return (
         _serial("serial poll", 2000.0, "poll"),
         _serial("serial exchange", 2000.0, "exchange"),
@@ -45,7 +45,7 @@ def _serial(name: str, rate_hz: float, mode: str) -> Transport:
 
 
 def frames() -> Options:
-    """Give one command and one state frame of 8 bytes for two axes with 28 bit counters."""
+    """Return one command and one state frame of 8 bytes for two axes with 28 bit counters."""
     command: Options = {"sequence": {"means": "sequence", "start": 40, "bits": 8}}
     state: Options = {"sequence": {"means": "sequence", "start": 56, "bits": 8}}
     for k, axis in enumerate(AXES):
@@ -113,12 +113,12 @@ def _modbus_rtu(name: str, rate_hz: float) -> Transport:
 
 
 def counter_bits(transport: Transport) -> int:
-    """Give the width of the device's counters."""
+    """Return the width of the device's counters [bits]."""
     return 28 if "can" in transport.serve else 32
 
 
 def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """Give a mapping with changes, nested ones key by key."""
+    """Return a mapping with changes, nested ones key by key."""
     result = dict(base)
     for key, value in change.items():
         before = result.get(key)

@@ -59,7 +59,7 @@ class Answer:
         return found if self.verdict == "effect" else f"{self.verdict}, named {found}"
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data; None where there is no number."""
+        """Return it as plain data; None where there is no number."""
         plain = asdict(self)
         for key in ("explained_fraction", "seconds", "processor_s"):
             plain[key] = None if math.isnan(plain[key]) else plain[key]

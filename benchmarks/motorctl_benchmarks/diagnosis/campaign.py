@@ -46,7 +46,7 @@ class CampaignOptions:
 
 
 def tasks_of(options: CampaignOptions) -> list[Task]:
-    """Give everything that is to be done, in the order in which it is begun."""
+    """Return every task, in the order in which they are begun."""
     if options.only:
         return [Task(key, key.group == "one", True, options.logs) for key in options.only]
     tasks, counted = [], dict.fromkeys(PEER_GROUPS, 0)
@@ -62,7 +62,7 @@ def tasks_of(options: CampaignOptions) -> list[Task]:
 
 
 def run_campaign(options: CampaignOptions, progress: Progress) -> list[Outcome]:
-    """Run every task; gives the outcomes in the tasks' order.
+    """Run every task; return the outcomes in the tasks' order.
 
     Raises UsageError where a file or folder cannot be written, RunError where a worker dies.
     """

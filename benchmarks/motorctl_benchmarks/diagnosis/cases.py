@@ -79,7 +79,22 @@ def draw_case(
     from a stream of its own: the same seed gives the same machine and motion at any strength, but
     for the limits of acceleration, which leave room for what the effects take. What is drawn is
     told by `draw_axis`, `configure`, `draw_programs` and the functions in `KNOWN` and `UNKNOWN`.
-    Raises UsageError where an effect is not known here.
+
+    Parameters
+    ----------
+    seed
+        Decides everything that is drawn.
+    effects
+        The number of known effects, or the effects' names.
+    strength
+        Factor on the size of the effects.
+    motion
+        Kind of the motion.
+
+    Raises
+    ------
+    UsageError
+        There is no effect of that name.
     """
     names = _some_known(seed, effects, motion) if isinstance(effects, int) else tuple(effects)
     drawers = KNOWN | UNKNOWN
@@ -108,7 +123,7 @@ def unknown_case(seed: int, motion: Motion = "rich", *, strength: float = 1.0) -
 
 
 def without_effects(case: Case) -> Case:
-    """Give the same machine and motion with nothing undeclared in it: the oracle."""
+    """Return the same machine and motion with nothing undeclared in it: the oracle."""
     channel = str(CHANNELS[case.axis])
     taken = (*case.truth, "position_force") if "cable_hysteresis" in case.truth else case.truth
     sim = {key: part for key, part in case.config["drivers"][DRIVER].items() if key != "faults"}
@@ -133,7 +148,7 @@ def as_left(case: Case, duration_s: float) -> Case:
 
 
 def on_other_motion(case: Case, seed: int, motion: Motion = "rich") -> Case:
-    """Give the same machine, effects included, on a motion drawn by another seed."""
+    """Return the same machine, effects included, on a motion drawn by another seed."""
     return replace(case, motion=motion, config=with_motion(case.config, seed, motion))
 
 
@@ -155,7 +170,7 @@ def _with_sine_encoder(plant: AxisPlant) -> AxisPlant:
 
 
 def plain(case: Case) -> dict[str, Any]:
-    """Give what was put in as plain data, for a record beside the results."""
+    """Return what was put in as plain data, to be kept beside the results."""
     return {
         "name": case.name,
         "seed": case.seed,

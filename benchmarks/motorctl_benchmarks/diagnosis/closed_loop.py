@@ -72,7 +72,7 @@ class ClosedLoop:
         return (self.refined_m - self.oracle_m) / excess
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return asdict(self) | {"over_oracle": self.over_oracle, "excess_left": self.excess_left}
 
 
@@ -85,8 +85,23 @@ def close_loop(
 ) -> ClosedLoop:
     """Refine the case's configuration by its diagnosis and drive the unseen motion.
 
-    Raises ConfigError or UsageError where no valid configuration comes out, RunError where an axis
-    trips.
+    Parameters
+    ----------
+    case
+        The machine with its effects.
+    diagnosis
+        Of the case's recording.
+    folder
+        Where the configurations are written.
+    duration_s
+        Length of each run [s].
+
+    Raises
+    ------
+    ConfigError, UsageError
+        No valid configuration results.
+    RunError
+        An axis trips.
     """
     written = folder / f"{case.name}.yaml"
     written.write_text(yaml.safe_dump(case.config, sort_keys=False))
@@ -112,7 +127,7 @@ def close_loop(
 
 
 def _true_model(refined: Mapping[str, Options], case: Case) -> dict[str, Options]:
-    """Give the declared effects with what the plant has as initial values."""
+    """Return the declared effects with the plant's parameters as initial values."""
     plant = case.config["drivers"][DRIVER]["plants"][str(CHANNELS[case.axis])]
     model = {}
     for name in case.config["axes"][case.axis]["model"]:

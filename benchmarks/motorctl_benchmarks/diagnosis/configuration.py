@@ -24,8 +24,18 @@ def configure(
 ) -> Options:
     """Write the machine without any effect, with its motion, as a configuration.
 
-    `claims` is what the effects to come will take from each axis' motor. The rate is 5 kHz, in one
-    case of five 4 or 8 kHz.
+    The rate is 5 kHz, in one case of five 4 or 8 kHz.
+
+    Parameters
+    ----------
+    seed
+        Decides the rate, the controllers and the motion.
+    axes
+        The plant of each axis.
+    claims
+        What the effects, which are added later, will take from each axis' motor.
+    motion
+        Kind of the motion.
     """
     rate_hz = Draw(seed, "rate").pick((5000.0, 4000.0, 8000.0), (8, 1, 1))
     config: Options = {
@@ -48,7 +58,7 @@ def configure(
 
 
 def with_motion(config: Options, seed: int, motion: Motion) -> Options:
-    """Give the configuration with another motion, and the plants standing at its start."""
+    """Return the configuration with another motion, and the plants at rest at its start."""
     reaches = {name: Reach.of(axis["limits"]) for name, axis in config["axes"].items()}
     programs = draw_programs(seed, motion, reaches)
     sim = config["drivers"][DRIVER]

@@ -24,45 +24,45 @@ class Draw:
         self._rng = np.random.default_rng([seed, *words])
 
     def uniform(self, low: float, high: float) -> float:
-        """Give a number that is as likely anywhere between the two."""
+        """Return a number drawn uniformly between the two."""
         return float(self._rng.uniform(low, high))
 
     def log_uniform(self, low: float, high: float) -> float:
-        """Give a number whose logarithm is as likely anywhere between the two's."""
+        """Return a number whose logarithm is uniform between those of the two."""
         return math.exp(self.uniform(math.log(low), math.log(high)))
 
     def sign(self) -> float:
-        """Give 1 or -1."""
+        """Return 1 or -1."""
         return 1.0 if self.chance(0.5) else -1.0
 
     def phase(self) -> float:
-        """Give an angle [rad]."""
+        """Return an angle [rad]."""
         return self.uniform(-math.pi, math.pi)
 
     def chance(self, share: float) -> bool:
-        """Give true in that share of the cases."""
+        """Return true with that probability."""
         return bool(self._rng.random() < share)
 
     def whole(self, low: int, high: int) -> int:
-        """Give a whole number between the two, both included."""
+        """Return a whole number between the two, both included."""
         return int(self._rng.integers(low, high, endpoint=True))
 
     def pick(self, choices: Sequence[T], weights: Sequence[float] | None = None) -> T:
-        """Give one of the choices."""
+        """Return one of the choices, by weights where given."""
         shares = None if weights is None else np.asarray(weights) / sum(weights)
         return choices[int(self._rng.choice(len(choices), p=shares))]
 
     def some(self, choices: Sequence[T], count: int) -> list[T]:
-        """Give so many different ones of the choices, in random order."""
+        """Return `count` different choices, in random order."""
         return [choices[int(k)] for k in self._rng.permutation(len(choices))[:count]]
 
     def shares(self, count: int) -> list[float]:
-        """Give so many positive numbers whose sum is 1, none of them tiny."""
+        """Return `count` positive numbers whose sum is 1, none of them tiny."""
         parts = self._rng.uniform(0.3, 1.0, count)
         return [float(part) for part in parts / parts.sum()]
 
     def smooth_values(self, count: int, peak: float) -> list[float]:
-        """Give the knots of a random curve without mean whose largest deviation is `peak`."""
+        """Return the knots of a random curve of zero mean whose largest deviation is `peak`."""
         values = self._rng.standard_normal(count)
         values -= values.mean()
         return [float(value) for value in values * (peak / np.abs(values).max())]

@@ -43,7 +43,7 @@ HALVED = ("flexible_mode",)
 
 
 def campaign_figures(outcomes: Sequence[Outcome]) -> list[Figure]:
-    """Give every figure of a campaign, in the order of its groups."""
+    """Return every figure of a campaign, in the order of its groups."""
     groups = by_group(outcomes)
     figures: list[Figure] = []
     for name, cases in groups.items():
@@ -79,7 +79,7 @@ def by_group(outcomes: Iterable[Outcome]) -> dict[str, list[Outcome]]:
 
 
 def percent(hits: Iterable[bool]) -> float:
-    """Give the share of hits in percent; NaN of none."""
+    """Return the share of hits in percent; NaN where there are none."""
     every = list(hits)
     return 100.0 * sum(every) / len(every) if every else float("nan")
 
@@ -165,7 +165,7 @@ def _peer_figures(groups: dict[str, list[Outcome]]) -> list[Figure]:
 
 
 def _closed_loop_figures(cases: Sequence[Outcome]) -> list[Figure]:
-    """Give for each effect the median over its cases; a loop that failed counts as infinite."""
+    """Return each effect's median over its cases; a loop that failed counts as infinite."""
     driven: dict[str, list[Outcome]] = {}
     for case in cases:
         if case.closed_loop is not None or case.closed_loop_failure:

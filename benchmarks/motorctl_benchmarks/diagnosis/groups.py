@@ -93,7 +93,7 @@ def draw(key: CaseKey) -> Case:
 
 
 def keys(size: Size, cases: int | None, first_seed: int) -> list[CaseKey]:
-    """Give the cases of a campaign, group by group; `cases` overrides how many in each."""
+    """Return the cases of a campaign, group by group; `cases` overrides the number in each."""
     return [
         CaseKey(group.name, first_seed + k * SEEDS_OF_A_GROUP + i)
         for k, group in enumerate(GROUPS.values())

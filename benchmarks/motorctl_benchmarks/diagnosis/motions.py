@@ -48,7 +48,7 @@ class Reach:
         return self.high_m - self.low_m
 
     def within(self, other: Reach) -> Reach:
-        """Give this reach, slowed down until `other` can do the same on its own scale."""
+        """Return this reach, slowed down until `other` can do the same on its own scale."""
         scale = other.span_m / self.span_m
         return Reach(
             self.low_m,

@@ -95,7 +95,7 @@ class PeerBench:
         return cls(Hypothesis(regressors).refreshed(), spans_of(signals), sign_of(declared.effects))
 
     def physical(self) -> PeerProblem:
-        """Give the columns of every known effect."""
+        """Return the columns of every known effect."""
         forms = ranked(
             self.hypothesis, candidates(self.hypothesis, self.spans), self.spans, self.sign
         )
@@ -107,7 +107,7 @@ class PeerBench:
         return self._problem(np.vstack(columns), meanings)
 
     def generic(self) -> PeerProblem:
-        """Give products of two signals, and sines."""
+        """Return products of two signals, and sines."""
         signals = self.hypothesis.regressors.signals
         acceleration = self.hypothesis.predicted_acceleration()
         names, parts = [], []
@@ -119,7 +119,7 @@ class PeerBench:
         return self._problem(signals.filtered(parts), meanings)
 
     def _rows_of(self, effect: Effect) -> Array:
-        """Give an effect's columns as they enter our regression, (p, m)."""
+        """Return an effect's columns as they enter our regression, (p, m)."""
         own = self.hypothesis.problem.columns
         if effect.kind == "command":
             # enters as the difference that it makes to the command
@@ -145,7 +145,7 @@ class PeerBench:
 
 
 def _generic_terms(s: Stretch, a: Array, period_s: float, spans: Spans) -> list[tuple[str, Array]]:
-    """Give named terms over a stretch, (N,) each; signals are scaled to about one."""
+    """Return named terms over a stretch, (N,) each; signals are scaled to about one."""
     middle = 0.5 * sum(spans.position_m)
     place = 2.0 * (s.x - middle) / spans.travel_m
     age = (s.time_s - spans.time_s[0]) / spans.duration_s

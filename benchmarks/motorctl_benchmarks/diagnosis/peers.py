@@ -50,7 +50,7 @@ class PeerAnswer:
     """Of its own selection; our scan of the forms is not in it."""
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return {"named": [list(meaning) for meaning in self.named], "seconds": self.seconds}
 
 
@@ -60,7 +60,7 @@ def peer_name(library: str, columns: str) -> str:
 
 
 def installed_peers() -> tuple[str, ...]:
-    """Give the peers that can be imported."""
+    """Return the peers that can be imported."""
     return tuple(name for name, module in MODULES.items() if importlib.util.find_spec(module))
 
 
@@ -130,7 +130,17 @@ def frols(problem: PeerProblem) -> Selected:
 
 
 def bic(sse: float, terms: int, rows: int) -> float:
-    """Give the Bayesian information criterion of a least-squares fit."""
+    """Return the Bayesian information criterion of a least-squares fit.
+
+    Parameters
+    ----------
+    sse
+        Sum of squared residuals.
+    terms
+        Fitted coefficients.
+    rows
+        Equations.
+    """
     return rows * float(np.log(max(sse, 1e-300) / rows)) + terms * float(np.log(rows))
 
 

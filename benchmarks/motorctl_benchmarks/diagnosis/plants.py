@@ -47,13 +47,25 @@ class AxisPlant:
         return 0.5 * (self.low_m + self.high_m)
 
     def thrust_v(self, command_v: float) -> float:
-        """Give the thrust that a positive command makes, V."""
+        """Return the thrust that a positive command makes [V]."""
         return command_v + self.quadratic * command_v**2 + self.cubic * command_v**3
 
     def acceleration_within(self, reserve_v: float, added_inertia: float, gain: float) -> float:
-        """Give the acceleration that `FULL_USE` of the voltage makes at full speed [m/s^2].
+        """Return the acceleration that `FULL_USE` of the voltage makes at full speed.
 
-        `reserve_v` is kept for further forces, `gain` is what is left of the thrust.
+        Parameters
+        ----------
+        reserve_v
+            Voltage kept for further forces [V].
+        added_inertia
+            Beyond the carriage's own [V s^2/m].
+        gain
+            Share of the thrust that is left.
+
+        Returns
+        -------
+        float
+            Acceleration [m/s^2].
         """
         thrust = gain * self.thrust_v(FULL_USE * MAX_VOLTAGE_V) - reserve_v
         against = self.viscous * self.max_velocity_m_s + self.coulomb + abs(self.offset)

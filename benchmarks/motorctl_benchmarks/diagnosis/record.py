@@ -15,7 +15,7 @@ _TOLD_OF_A_DRIVER = ("type",)
 
 
 def record_case(case: Case, folder: Path, *, duration_s: float = DURATION_S) -> Path:
-    """Simulate the case and give its log, named after it, in a folder that exists.
+    """Simulate the case; return its log, named after it, in a folder that exists.
 
     Raises ConfigError where the configuration is wrong, RunError where an axis trips.
     """

@@ -35,7 +35,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A case and what came of it."""
+    """A case and its results."""
 
     key: CaseKey
     title: str
@@ -57,7 +57,7 @@ class Outcome:
         return RULES[self.key.group](self.truth, self.answer)
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return {
             "group": self.key.group,
             "case": dict(self.case),

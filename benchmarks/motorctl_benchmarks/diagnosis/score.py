@@ -17,7 +17,7 @@ BIN_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 
 def also_right(truth: Truth) -> frozenset[str]:
-    """Give names that are no error beside the truth.
+    """Return names that are no error beside the truth.
 
     Cogging that was drawn with an aperiodic part is a periodic force and one that is not: a
     function of position beside it names that second part.
@@ -120,9 +120,15 @@ class Bin:
 def calibration(answers: Sequence[tuple[Truth, Answer]]) -> tuple[tuple[Bin, ...], float]:
     """Compare confidence with truth over every name that was given, in whatever group.
 
-    A name is right where the effect was put in. Gives the bins that have names, and the expected
-    calibration error: the mean distance between confidence and share, weighted by names; NaN
-    where nothing was named.
+    A name is right where the effect was put in.
+
+    Returns
+    -------
+    bins : tuple of Bin
+        Those that have names.
+    error : float
+        Expected calibration error: the mean distance between confidence and share, weighted by
+        names; NaN where nothing was named.
     """
     given = [
         (named.confidence, named.name in frozenset(truth) | also_right(truth))

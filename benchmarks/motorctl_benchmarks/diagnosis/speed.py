@@ -68,7 +68,7 @@ def _to(place_m: float, limits: Options) -> Options:
 
 
 def speed_figures(seed: int, progress: Progress) -> tuple[list[Figure], list[str]]:
-    """Measure; gives figures, and what to know of them."""
+    """Measure time and memory of a diagnosis; return figures and notes."""
     case = long_case(seed, LONG_S)
     lengths = {"short": DURATION_S, "double": 2.0 * DURATION_S, "long": LONG_S}
     costs: dict[str, Cost] = {}
@@ -119,7 +119,7 @@ def cost_of(log: Path, axis: str | None) -> Cost:
 
 
 def peak_memory_gb(status: Path = STATUS) -> float:
-    """Give the most memory that this process had resident.
+    """Return the peak resident memory of this process [GB].
 
     From the kernel's status of the process where there is one: getrusage counts what the parent
     had at the time of the fork.

@@ -40,7 +40,7 @@ _SIZES = frozenset(
 
 
 def scaled(effect: str, options: Options, strength: float) -> Options:
-    """Give the options of the same effect with `strength` times the size."""
+    """Return the options of the same effect with `strength` times the size."""
     if effect in _TIMES:
         return {"time_s": max(strength * options["time_s"], min(SHORTEST_LAG_S, options["time_s"]))}
     return {key: _scaled(key, value, strength) for key, value in options.items()}

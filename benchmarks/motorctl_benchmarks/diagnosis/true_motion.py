@@ -20,7 +20,7 @@ SETTLING_S = 0.6
 
 
 def true_error_rms_m(machine: Machine, axis: str, duration_s: float) -> float:
-    """Let a simulated machine follow its programs; give the rms of true position minus reference.
+    """Run a simulated machine's programs; return the rms of true position minus reference [m].
 
     The true position is the simulated plant's own at the time of each reading: without the
     encoder's error, noise and quantisation. Raises RunError where an axis trips.
@@ -49,7 +49,7 @@ def true_error_rms_m(machine: Machine, axis: str, duration_s: float) -> float:
 
 
 def _watched(driver: type[Driver], seen: list[Array]) -> type[Driver]:
-    """Give the simulated driver with every true position at a reading added to `seen`."""
+    """Return a driver that adds the true positions to `seen` at every reading."""
 
     class Watched(driver):  # type: ignore[misc, valid-type]
         def read(self, inputs: Inputs) -> None:

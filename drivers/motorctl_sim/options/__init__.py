@@ -65,7 +65,7 @@ class SimOptions(DriverOptions):
         return self
 
     def plant(self, channel: int) -> Plant:
-        """Give the plant on a channel."""
+        """Return the plant on a channel: as configured, else the preset's."""
         if channel in self.plants:
             return self.plants[channel]
         return Plant.model_validate(_preset_plant(self.preset, channel))

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from motorctl.hal import inner_kernel
-from motorctl_sim.physics.records import DELAY_LINE, FROZEN
+from motorctl_sim.physics.plant_records import DELAY_LINE, FROZEN
 from motorctl_sim.physics.shapes import dahl, harmonics
 
 INPUT_DELAY = FROZEN["INPUT_DELAY"]
@@ -15,7 +15,7 @@ THRUST_HYSTERESIS = FROZEN["THRUST_HYSTERESIS"]
 
 @inner_kernel
 def amplifier_level(plant: Any, state: Any) -> float:
-    """Give the voltage that the amplifier answers to over this period, V."""
+    """Return the voltage that the amplifier answers to over this period [V]."""
     if state.enable == 0 or state.output_off != 0 or not math.isfinite(state.command):
         return 0.0
     level = min(max(state.command, -plant.max_voltage), plant.max_voltage)
@@ -39,7 +39,7 @@ def _delayed(plant: Any, state: Any) -> float:
 
 @inner_kernel
 def thrust(plant: Any, state: Any, x: float) -> float:
-    """Advance the actuator by a substep and give its mean thrust over it, V.
+    """Advance the actuator by a substep; return its mean thrust over it [V].
 
     Fm(i)/A1 = i + theta5 i|i| + theta6 i^3 (Chen, Yao, Wang 2013, eq. 2), i the command behind
     delay and first-order lag; both are integrated exactly for a command held over substeps.

@@ -41,8 +41,8 @@ from motorctl_sim.physics.observation import (
     observe,
     to_count,
 )
+from motorctl_sim.physics.plant_records import FROZEN
 from motorctl_sim.physics.position import end_stop_force, position_force
-from motorctl_sim.physics.records import FROZEN
 from motorctl_sim.physics.sprung import advance_sprung, sprung_force
 
 GAIN_DRIFT = FROZEN["GAIN_DRIFT"]
@@ -140,7 +140,15 @@ def start(clock: Any, plants: Any, states: Any, faults: Any) -> None:
 
 @numba.njit(cache=True)
 def advance(clock: Any, plants: Any, states: Any, faults: Any, periods: int) -> None:
-    """Let periods pass, all axes together; the arguments are arrays of the records."""
+    """Simulate some periods, all axes together.
+
+    Parameters
+    ----------
+    clock, plants, states, faults
+        Records of CLOCK (one), PLANT and STATE (one for each channel) and FAULT.
+    periods
+        How many.
+    """
     axes = len(states)
     watch = clock[0]
     h = watch.substep
@@ -163,7 +171,15 @@ def advance(clock: Any, plants: Any, states: Any, faults: Any, periods: int) -> 
 
 @numba.njit(cache=True)
 def deliver(states: Any, counts: Any, index_counts: Any, status: Any) -> None:
-    """Hand the last observation over and rearm the index latches."""
+    """Copy the last observation into the loop's arrays and rearm the index latches.
+
+    Parameters
+    ----------
+    states
+        Records of STATE, one for each channel.
+    counts, index_counts, status
+        Receive the observation [counts, counts, status bits], shape (channels,) each.
+    """
     for i in range(len(states)):
         state = states[i]
         counts[i] = state.count

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from motorctl.hal import inner_kernel
-from motorctl_sim.physics.records import FROZEN
+from motorctl_sim.physics.plant_records import FROZEN
 from motorctl_sim.physics.shapes import dahl, profile
 
 DAHL = FROZEN["DAHL"]
@@ -20,7 +20,7 @@ LEVEL_CHANGES = STRIBECK | POSITION_FRICTION | FRICTION_PATCH | FRICTION_BUMP
 
 @inner_kernel
 def sliding_level(plant: Any, x: float, v: float) -> float:
-    """Give the force of steady sliding, V, apart from viscous friction; never negative."""
+    """Return the force of steady sliding without viscous friction [V]; never negative."""
     terms = plant.terms
     level: float = plant.coulomb
     if terms & LEVEL_CHANGES == 0:
@@ -45,12 +45,26 @@ def sliding_level(plant: Any, x: float, v: float) -> float:
 
 @inner_kernel
 def friction(plant: Any, state: Any, x: float, v: float, moved: float) -> float:
-    """Advance presliding by the motion `moved` [m] and give the force against motion, V.
+    """Advance presliding by the motion `moved` [m]; return the force against motion [V].
 
     The direction s of the Coulomb part is (2/pi) arctan(slope v), or the presliding state:
     Dahl's dz/dt = v - |v| z/x_s, s = z/x_s; or LuGre (Canudas de Wit et al. 1995),
     dz/dt = v - sigma0 |v| z/g(v), force sigma0 z + sigma1 dz/dt with sigma0 = theta3/x_s and
     g(v) the sliding level, so that a Stribeck term enters g.
+
+    Parameters
+    ----------
+    plant, state
+        Records of PLANT and STATE.
+    x, v
+        Position [m] and velocity [m/s].
+    moved
+        Motion over the substep [m].
+
+    Returns
+    -------
+    float
+        Force [V].
     """
     level = sliding_level(plant, x, v)
     if plant.terms & DAHL:

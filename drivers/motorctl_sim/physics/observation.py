@@ -18,7 +18,7 @@ INDEX_LATCHED = np.uint32(Status.INDEX_LATCHED)
 
 @inner_kernel
 def encoder_position(plant: Any, x: float) -> float:
-    """Give what the encoder's interpolation makes of a position, m."""
+    """Return the encoder's reading of a position [m], with its interpolation error."""
     if plant.error_amplitude == 0.0:
         return x
     error: float = plant.error_amplitude * math.sin(plant.error_rad_m * x + plant.error_phase)
@@ -27,7 +27,7 @@ def encoder_position(plant: Any, x: float) -> float:
 
 @inner_kernel
 def to_count(plant: Any, state: Any, y: float) -> int:
-    """Give the counter's value at an encoder position, wrapped in two's complement."""
+    """Return the counter's value at an encoder position y [m], in two's complement."""
     count: int = plant.sign * math.floor(y / plant.resolution + 0.5) + state.zero_count
     if plant.counter_bits < 63:
         half = 1 << (plant.counter_bits - 1)

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from motorctl.hal import inner_kernel
-from motorctl_sim.physics.records import FROZEN
+from motorctl_sim.physics.plant_records import FROZEN
 from motorctl_sim.physics.shapes import dahl, harmonics, profile
 
 POSITION_FORCE = FROZEN["POSITION_FORCE"]
@@ -16,7 +16,7 @@ CABLE = FROZEN["CABLE"]
 
 @inner_kernel
 def position_force(plant: Any, state: Any, x: float, moved: float) -> float:
-    """Give the force of position on the carriage, V; `moved` [m] drives the cable's hysteresis."""
+    """Return the force of position x [m] on the carriage [V]; `moved` [m] drives the cable."""
     terms = plant.terms
     force = 0.0
     if plant.cogging.count > 0:
@@ -38,7 +38,7 @@ def position_force(plant: Any, state: Any, x: float, moved: float) -> float:
 
 @inner_kernel
 def end_stop_force(plant: Any, x: float, v: float) -> float:
-    """Give the force of the rubber at the ends, V; it pushes inwards or not at all."""
+    """Return the force of the rubber end stops [V]; it pushes inwards or not at all."""
     if x > plant.upper_end:
         pushed = plant.end_stiffness * (x - plant.upper_end) + plant.end_damping * v
         return -max(float(pushed), 0.0)

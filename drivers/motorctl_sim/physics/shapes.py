@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from motorctl.hal import inner_kernel
-from motorctl_sim.physics.records import PROFILE_CELLS
+from motorctl_sim.physics.plant_records import PROFILE_CELLS
 
 
 @inner_kernel

@@ -17,7 +17,22 @@ from motorctl.hal import inner_kernel
 
 @inner_kernel
 def sprung_force(part: Any, state: NDArray[Any], h: float) -> float:
-    """Give the force on the carriage half a substep h on, V; state is (r, r')."""
+    """Return the force on the carriage half a substep on.
+
+    Parameters
+    ----------
+    part
+        A record of SPRUNG.
+    state
+        (r, r'): offset from the carriage [m] and its rate [m/s].
+    h
+        Substep [s].
+
+    Returns
+    -------
+    float
+        Force [V].
+    """
     r = state[0] + 0.5 * h * state[1]
     beyond = r - min(max(r, -part.half_gap), part.half_gap)
     if part.half_gap > 0.0 and beyond == 0.0:

@@ -29,7 +29,10 @@ import pytest
 
 # The checks' bare asserts then tell values, in a third party's test run too.
 pytest.register_assert_rewrite(
-    *(f"{__name__}.{module}" for module in ("bench", "declarations", "faults", "life", "values"))
+    *(
+        f"{__name__}.{module}"
+        for module in ("counts_and_volts", "declarations", "driver_bench", "faults", "life")
+    )
 )
 
 from motorctl.hal.conformance.rig import Received, Rig  # noqa: E402

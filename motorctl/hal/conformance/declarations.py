@@ -7,7 +7,7 @@ import math
 import pytest
 
 from motorctl.hal import Driver, DriverOptions, driver_class
-from motorctl.hal.conformance.bench import Bench
+from motorctl.hal.conformance.driver_bench import Bench
 from motorctl.hal.conformance.io_watch import touched_by
 from motorctl.hal.conformance.rig import Rig
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.hal import FAULT_BITS, Status
-from motorctl.hal.conformance.bench import NOT_FRESH, Bench, opened
+from motorctl.hal.conformance.driver_bench import NOT_FRESH, Bench, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
 RESTARTED = Status.DEVICE_RESTARTED | Status.ENCODER_LOST

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from motorctl.hal import RunError, Status
-from motorctl.hal.conformance.bench import Bench, at_rest, opened
+from motorctl.hal.conformance.driver_bench import Bench, at_rest, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
 WARM_UP = 300

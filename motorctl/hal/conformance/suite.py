@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from motorctl.hal.conformance.counts_and_volts import CountsAndVoltsChecks
 from motorctl.hal.conformance.declarations import DeclarationChecks
 from motorctl.hal.conformance.faults import FaultChecks
 from motorctl.hal.conformance.life import LifeChecks
 from motorctl.hal.conformance.rig import Rig
-from motorctl.hal.conformance.values import ValueChecks
 
 
-class DriverConformance(DeclarationChecks, ValueChecks, FaultChecks, LifeChecks):
+class DriverConformance(DeclarationChecks, CountsAndVoltsChecks, FaultChecks, LifeChecks):
     """Inherit it, and define the fixture `rig`."""
 
     @pytest.fixture

@@ -36,7 +36,7 @@ def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
 
 def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings:
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
-    from motorctl_benchmarks.diagnosis.subject import diagnosis_findings
+    from motorctl_benchmarks.diagnosis.findings import diagnosis_findings
 
     return diagnosis_findings(progress, campaign or CampaignOptions())
 
@@ -73,7 +73,7 @@ class Result:
         return missed(self.figures)
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return it as plain data."""
         return {
             "subject": self.subject,
             "host": self.host,
@@ -86,10 +86,21 @@ class Result:
 
 
 def measure(subject: str, progress: Progress, campaign: CampaignOptions | None = None) -> Result:
-    """Measure a subject; `campaign` is for diagnosis.
+    """Measure a subject.
 
-    Raises UsageError for an unknown subject, naming those there are, and where the subject takes
-    no such options.
+    Parameters
+    ----------
+    subject
+        A key of SUBJECTS.
+    progress
+        Called with the share done, 0 to 1.
+    campaign
+        Options of the subject diagnosis.
+
+    Raises
+    ------
+    UsageError
+        The subject is unknown, or takes no such options.
     """
     if subject not in SUBJECTS:
         raise UsageError(f"there is no bench '{subject}'; there are: {', '.join(SUBJECTS)}")

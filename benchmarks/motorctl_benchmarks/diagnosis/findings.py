@@ -5,7 +5,11 @@ from __future__ import annotations
 from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.diagnosis.campaign import CampaignOptions, run_campaign, tasks_of
 from motorctl_benchmarks.diagnosis.figures import by_group, campaign_figures
-from motorctl_benchmarks.diagnosis.mistakes import calibration_document, calibration_lines, mistakes
+from motorctl_benchmarks.diagnosis.outcome_report import (
+    calibration_document,
+    calibration_lines,
+    mistakes,
+)
 from motorctl_benchmarks.diagnosis.peers import MODULES, installed_peers
 from motorctl_benchmarks.diagnosis.speed import speed_figures
 from motorctl_benchmarks.findings import Findings

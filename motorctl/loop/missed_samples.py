@@ -8,7 +8,7 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState
-from motorctl.loop.records import (
+from motorctl.loop.axis_records import (
     DOUBT_ACCELERATION_RATIO,
     DOUBT_PERIODS,
     DOUBT_TICKS,

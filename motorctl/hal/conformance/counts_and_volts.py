@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.hal.conformance.bench import Bench, at_rest, opened
+from motorctl.hal.conformance.driver_bench import Bench, at_rest, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
 CANARIES = 3
 """Entries of other drivers on both sides of this driver's slice."""
 
 
-class ValueChecks:
+class CountsAndVoltsChecks:
     """What goes through is what was given, and nothing else."""
 
     def test_arrays_are_filled_in_place(self, rig: Rig) -> None:

@@ -16,7 +16,7 @@ from motorctl_benchmarks.diagnosis.score import calibration
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
-    """Give every answer that was wrong, and every refined controller that is not good enough."""
+    """Return every wrong answer, and every refined controller that is not good enough."""
     rows = []
     for outcome in outcomes:
         if not outcome.right:
@@ -65,6 +65,6 @@ def calibration_lines(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def calibration_document(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """Give the same as plain data."""
+    """Return the calibration as plain data, a mapping for each bin."""
     bins, _ = calibration([(o.truth, o.answer) for o in outcomes])
     return [asdict(b) for b in bins]
