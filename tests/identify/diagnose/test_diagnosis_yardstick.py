@@ -9,6 +9,7 @@ import pytest
 from fit_plant import C1, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from other_plant import OtherPlant
 
 from motorctl.identify.columns.signals import make_signals, spans_of
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
@@ -82,11 +83,14 @@ def test_an_effect_that_is_there_is_not_refuted(signals):
     assert without_refuted(found) == (found, ())
 
 
-def test_an_effect_beyond_its_physical_bounds_is_refuted(signals, monkeypatch):
+def test_an_effect_of_a_sign_that_makes_no_physical_sense_is_refuted(monkeypatch):
+    soft = make_signals(OtherPlant(width_m_s=2e-2).run(seed=4, duration_s=8.0), slope_s_m=900.0)
     cls = effect_class("stribeck")
-    (force,) = make_effect(cls, {"velocity_m_s": 5e-3}).parameters
-    monkeypatch.setattr(cls, "parameters", (replace(force, lower=-2.0, upper=-1.0),))
-    found = outcome(signals, make_effect(cls, {"velocity_m_s": 5e-3}))
-    _, why = without_refuted(found)
-    assert "is refuted: stribeck would be" in why[0]
-    assert "-2 to -1 make physical sense" in why[0]
+    less_at_low_speed = make_effect(cls, {"velocity_m_s": 1e-2})
+    assert without_refuted(outcome(soft, less_at_low_speed))[1] == ()
+    (force,) = less_at_low_speed.parameters
+    monkeypatch.setattr(cls, "parameters", (replace(force, lower=0.0),))
+    kept, why = without_refuted(outcome(soft, less_at_low_speed))
+    assert not kept.final.added
+    assert "is refuted: stribeck would be -" in why[0]
+    assert "less than 0 makes no physical sense" in why[0]

@@ -18,8 +18,8 @@ from motorctl.identify.diagnose.verdict.parameters import theta_of, values_of
 from motorctl.model import Effect
 
 SURELY = 3.0
-"""Standard errors by which a parameter must lie beyond what makes physical sense. Convention: three
-standard deviations."""
+"""Standard errors by which a parameter that cannot be negative is so. Convention: three standard
+deviations."""
 WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
 impossible models pass, smaller refutes by chance. Chosen by hand."""
@@ -44,7 +44,7 @@ def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
 
 
 def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
-    """Find an added effect with a parameter that makes no physical sense."""
+    """Find an added effect with a parameter of a sign that makes no physical sense."""
     if float(hypothesis.b[0]) <= 0.0:
         effect = hypothesis.added[-1]
         return effect, f"{effect.name} is refuted: with it the inertia would be negative"
@@ -53,12 +53,11 @@ def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
         effect = next(e for e in values.model.effects if e.name == own.name)
         theta, error = theta_of(values, effect)
         for parameter, value, sigma in zip(effect.parameters, theta, error, strict=True):
-            beyond = max(parameter.lower - value, value - parameter.upper)
-            if beyond > SURELY * sigma:
+            if parameter.lower >= 0.0 and value < -SURELY * sigma:
                 name = effect.full_name(parameter)
                 return own, (
-                    f"{effect.name} is refuted: {name} would be {value:.3g}, and "
-                    f"{parameter.lower:g} to {parameter.upper:g} make physical sense"
+                    f"{effect.name} is refuted: {name} would be {value:.3g} {parameter.unit}, and "
+                    "less than 0 makes no physical sense"
                 )
     return None
 
