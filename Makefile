@@ -27,8 +27,7 @@ test: $(STAMP) lint
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
-	$(BIN)/python -m pytest -m 'slow and wall_clock' --ignore tests/system
-	$(BIN)/python -m pytest -n 2 -m 'slow and wall_clock' tests/system # slow loops: two fit beside
+	$(BIN)/python -m pytest -m 'slow and wall_clock'
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

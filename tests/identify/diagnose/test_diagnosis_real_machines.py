@@ -1,0 +1,133 @@
+"""Recordings of real machines by other hands: right, or honestly unknown, and never worse.
+
+What each machine is was found by an analysis apart from `diagnose` (docs/real_machines.md). The
+recordings are not ours to publish: `tools/fetch_recordings.py` fetches them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fetch_recordings import REPOSITORIES, folder_of
+from fit_plant import C1
+
+from motorctl.identify.diagnose.recording import diagnose_recording
+from motorctl.log import read_recording
+
+RECORDINGS = Path(os.environ.get("MOTORCTL_RECORDINGS", "nowhere"))
+MISSING = [name for name in REPOSITORIES if not folder_of(RECORDINGS, name).is_dir()]
+UR10E, BLDC, OPENARM = REPOSITORIES
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(MISSING),
+        reason="MOTORCTL_RECORDINGS names no folder with the recordings: tools/fetch_recordings.py",
+    ),
+]
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One axis of a recording, and what may be said of it."""
+
+    name: str
+    read: Callable[[], Columns]
+    """Gives time_s, position (rad), command and, where there is one, reference (rad)."""
+    unit: str
+    may_name: tuple[str, ...] = ()
+    """Effects that the machine has; none other may be named."""
+
+
+def joint(number: int) -> Callable[[], Columns]:
+    def read() -> Columns:
+        folder = folder_of(RECORDINGS, UR10E) / "dataset_ur10e" / "jointwise_motion"
+        (path,) = folder.glob(f"*joint_{number}.csv")
+        rows = np.loadtxt(path, delimiter=",")
+        return {
+            "time_s": rows[:, 0] - rows[0, 0],
+            "position": rows[:, number],
+            "command": rows[:, 12 + number],
+        }
+
+    return read
+
+
+def brushless() -> Columns:
+    path = folder_of(RECORDINGS, BLDC) / "codes" / "Testing" / "speed_data" / "speed_test1.txt"
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows = rows[rows[:, 5] == 0.0]  # its own compensation is off
+    return {"time_s": rows[:, 0], "position": rows[:, 1], "command": rows[:, 4]}
+
+
+def arm(number: int) -> Callable[[], Columns]:
+    def read() -> Columns:
+        folder = folder_of(RECORDINGS, OPENARM) / "results"
+        rows = np.load(folder / f"real_uart_capture_collect_joint_{number}.npz")
+        return {
+            "time_s": rows["time"] - rows["time"][0],
+            "position": rows["q"][:, number - 1],
+            "command": rows["tau_command"][:, number - 1],
+            "reference": rows["q_cmd"][:, number - 1],
+        }
+
+    return read
+
+
+GRAVITY = ("position_force",)
+MACHINES = [
+    Machine("brushless motor", brushless, "A", ("cogging", "position_force")),
+    Machine("UR10e joint 1", joint(1), "A"),
+    Machine("UR10e joint 2", joint(2), "A", GRAVITY),
+    Machine("UR10e joint 3", joint(3), "A", GRAVITY),
+    Machine("UR10e joint 4", joint(4), "A", (*GRAVITY, "presliding")),
+    Machine("UR10e joint 5", joint(5), "A"),
+    Machine("UR10e joint 6", joint(6), "A"),
+    Machine("OpenArm joint 1", arm(1), "N*m", GRAVITY),
+    Machine("OpenArm joint 3", arm(3), "N*m"),
+    Machine("OpenArm joint 6", arm(6), "N*m"),
+    Machine("OpenArm joint 7", arm(7), "N*m"),
+]
+
+
+def described(machine: Machine, folder: Path) -> Path:
+    """Write an evenly sampled file and its description."""
+    columns = machine.read()
+    t = columns["time_s"]
+    period_s = float(np.median(np.diff(t)))
+    even = np.arange(t[0], t[-1], period_s)
+    table = {name: np.interp(even, t, c) for name, c in columns.items() if name != "time_s"}
+    rows = np.column_stack(list(table.values()))
+    np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(table), comments="")
+    text = f"file: r.csv\nsample_rate_hz: {1.0 / period_s:.6f}\naxes:\n  x:\n"
+    text += "    position: {column: position, unit: rad}\n"
+    text += f"    command: {{column: command, unit: {machine.unit}}}\n"
+    if "reference" in table:
+        text += "    reference: {column: reference, unit: rad}\n"
+    path = folder / "r.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda machine: machine.name)
+def test_a_real_machine_gets_a_right_answer_or_none(machine: Machine, tmp_path: Path) -> None:
+    axis = diagnose_recording(read_recording(described(machine, tmp_path)), {"x": C1}).axes["x"]
+    named = {effect.name for effect in axis.effects}
+    print(f"{machine.name}: {axis.verdict}; {axis.sentence}")
+    assert named <= set(machine.may_name)
+    before, after = (
+        axis.error.simulated_position_before_rms,
+        axis.error.simulated_position_after_rms,
+    )
+    assert before is not None
+    assert after is not None
+    assert after <= 1.02 * before
+    if machine.read is brushless:
+        cogging = next(e for e in axis.effects if e.name == "cogging")
+        assert cogging.effect.options.pitch_m == pytest.approx(2.0 * np.pi / 6.0, rel=1e-3)

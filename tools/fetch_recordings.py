@@ -1,0 +1,45 @@
+"""Fetch public recordings of real machines, for tests that compare the diagnosis with them.
+
+    python tools/fetch_recordings.py FOLDER
+    MOTORCTL_RECORDINGS=FOLDER pytest -m slow tests/identify/diagnose -k real_machine
+
+The recordings belong to their authors and stay out of this repository.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+REPOSITORIES = (
+    "shamilmamedov/dynamic_calibration",
+    "heitor-andrade/laas_anti_cogging",
+    "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators",
+)
+
+
+def folder_of(recordings: Path, repository: str) -> Path:
+    """Return where a repository's files are."""
+    return recordings / repository.replace("/", "+")
+
+
+def main() -> int:
+    """Clone what is not there yet."""
+    if len(sys.argv) != 2:
+        print(f"usage: python {sys.argv[0]} FOLDER", file=sys.stderr)
+        return 2
+    failed = 0
+    for repository in REPOSITORIES:
+        place = folder_of(Path(sys.argv[1]), repository)
+        if place.exists():
+            print(f"{repository}: there already")
+            continue
+        address = f"https://github.com/{repository}.git"
+        done = subprocess.run(["git", "clone", "--depth", "1", address, str(place)], check=False)
+        failed += done.returncode != 0
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
