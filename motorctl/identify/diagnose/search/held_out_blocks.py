@@ -18,6 +18,9 @@ correlated. Chosen by hand."""
 FOLDS = 3
 """Groups of blocks that are held out in turn. More takes time, fewer fits each with less. Chosen by
 hand."""
+NOTHING = 1e-200
+"""Sum of squares of a column that is nothing but rounding, as a spline's where no row comes: its
+coefficient would overflow. Convention."""
 RIDGE = 1e-13
 """Added to the diagonal of the normal equations once the columns have length one: keeps what is
 collinear solvable. Larger pulls estimates to zero, smaller is lost in rounding (2e-16 times the
@@ -141,7 +144,7 @@ def held_out_sse(problem: BlockedRegression) -> Array:
 
 def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
     diagonal = np.diag(gram if by is None else by)[:-1]
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scale = np.sqrt(np.where(diagonal > NOTHING, diagonal, 1.0))
     return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
 
 

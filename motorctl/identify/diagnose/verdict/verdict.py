@@ -61,6 +61,10 @@ function's shadow. Larger drops right names, smaller keeps shadows. Chosen by ha
 COLOURED = 3.0
 """Low-frequency residual over what the noise model expects, in power, from which it has structure
 in time. Larger misses structure, smaller finds it in noise. Chosen by hand."""
+MORE_THAN_NOISE = 3.0
+"""Squared residual over that of noise alone, beyond which a model without any structure that can be
+told is not complete all the same. Larger calls real machines complete, smaller doubts models whose
+noise was estimated too small. Chosen by hand."""
 LOW_HZ = 20.0
 """Frequencies that count as low there [Hz]. Larger mixes the measurement's noise in, smaller
 averages fewer bins. Chosen by hand."""
@@ -131,7 +135,8 @@ def judge(found: Found) -> Judged:
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        if relevant and (coloured > COLOURED or bursting > BURSTS):
+        shaped = coloured > COLOURED or bursting > BURSTS
+        if relevant and (shaped or final > MORE_THAN_NOISE * noise):
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
