@@ -33,8 +33,10 @@ def begin() -> None:
     _began_s[0] = time.monotonic()
 
 
-def was_interrupted() -> bool:
-    """Tell whether the computer paused for too long since the newest test began, and say so."""
+def was_interrupted(error: BaseException | None) -> bool:
+    """Tell whether the computer paused for too long in a test that failed, and say so."""
+    if error is None:
+        return False
     notes = (n for file in _watched() for n in pause_watch.NOTE.iter_unpack(file.read_bytes()))
     longest_s = max((pause_s for ended_s, pause_s in notes if ended_s > _began_s[0]), default=0.0)
     if longest_s < TOO_LONG_S:
