@@ -82,20 +82,19 @@ def refine_axis(
     def unchanged(*done: str) -> AxisRefinement:
         return AxisRefinement(name, found.verdict, False, (), current, done, 0.0, before, before)
 
-    if found.verdict == "insufficient_data":
+    if found.verdict == "insufficient_data" and not found.mended:
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
     crowded = _too_many(axis, found, without)
     signals = make_signals(found.data, dict(found.others))
     carried = carry_over(found, spans_of(signals), {*without, *crowded})
     # rounded before bounds are made: the range of a parameter may depend on an option
+    as_declared = {*axis.declared.names} - {term.name for term in found.mended}
     model = EffectList(
-        [
-            e if e.name in axis.declared.names else with_rounded_options(e)
-            for e in carried.model.effects
-        ]
+        [e if e.name in as_declared else with_rounded_options(e) for e in carried.model.effects]
     )
     new = [effect for effect in model.effects if effect.name not in axis.declared.names]
-    if not new and not carried.left_behind and found.verdict != "complete":
+    nothing_new = not new and not carried.left_behind and not found.mended
+    if nothing_new and found.verdict != "complete":
         return unchanged(f"unchanged: {found.sentence}")
     fitted = estimates_of(model, carried.theta, carried.std_error, sizes_of(model, signals))
     wanted = _wanted(axis, current, found, model, fitted)
@@ -146,6 +145,7 @@ def _done(
     found: AxisDiagnosis, added: tuple[str, ...], carried: CarriedModel, before: float, after: float
 ) -> Iterator[str]:
     yield from carried.notes
+    yield from (term.sentence for term in found.mended)
     if added:
         yield f"added {', '.join(added)}; all parameters were fitted together"
         for effect in found.effects:
