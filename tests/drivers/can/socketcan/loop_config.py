@@ -9,8 +9,6 @@ INTERFACE = "vcan1"
 DEVICE = [sys.executable, "-c", "import motorctl.cli as c; c.main()", "gantry-device"]
 RATE_HZ = 100
 DISTANCE_M = 0.05
-PATIENCE_S = 4.0
-"""An emulated processor pauses for seconds where its host is busy."""
 COMMAND, STATE = 0x200, 0x180
 
 
@@ -38,17 +36,16 @@ def device_file() -> dict[str, Any]:
         "gantry": {"preset": "published_gantry", "seed": 1},
         "channels": [{"axis": axis, **channel} for axis in "xy"],
         "rate_hz": 2 * RATE_HZ,
-        "watchdog_s": PATIENCE_S,
+        "watchdog_s": 1.0,
         "serve": {"can": bus},
     }
 
 
 def can_driver() -> dict[str, Any]:
     """Give the driver's options: free-running, as no emulated device keeps time."""
-    bus = {"interface": "socketcan", "channel": INTERFACE, "frames": frames()}
-    late = {"hold_ticks": round(PATIENCE_S * RATE_HZ), "predict": True}
-    patient = {"max_age_s": PATIENCE_S, "open_timeout_s": 60.0, "late": late}
-    return {"type": "can", **bus, **patient}
+    bus = {"interface": "socketcan", "channel": INTERFACE, "frames": frames(), "max_age_s": 1.0}
+    late = {"hold_ticks": RATE_HZ, "predict": True}
+    return {"type": "can", **bus, "open_timeout_s": 60.0, "late": late}
 
 
 def config(driver: dict[str, Any]) -> dict[str, Any]:
