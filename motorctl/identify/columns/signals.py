@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
@@ -24,6 +23,16 @@ from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import position_noise_density
 from motorctl.identify.columns.repetition import period_of
+from motorctl.identify.columns.stretches import (
+    REST_RANGE,
+    REST_S,
+    TRIM_PERIODS,
+    Stretch,
+    at_rest,
+    make_stretch,
+    quiet_band_hz,
+    smoothed,
+)
 from motorctl.model import Effect, Spans
 from motorctl.model.columns import error_columns, input_columns, state_columns
 
@@ -49,72 +58,18 @@ what neighbouring rows say and takes time. Arithmetic, with room chosen by hand.
 MOTION_PER_BAND = 6.0
 """Least rate at which columns of the motion are formed, in multiples of the band. Smaller lets
 harmonics of friction's steps alias into the band, larger takes time. Chosen by hand."""
-TRIM_PERIODS = 8.0
-"""Rows dropped at each end of a stretch, in periods of the band's end. Smaller lets the filter's
-ends into the rows, larger loses rows of short stretches. Chosen by hand."""
 PIECE_S = 3.0
 """Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
 more rows to trimming. Chosen by hand."""
 SHORTEST_S = 0.3
 """Shortest stretch without a gap that is used [s]. Smaller leaves nothing after trimming, larger
 loses recordings with many gaps. Chosen by hand."""
-REST_SPEED = 3.0
-"""Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
-throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
-REST_RANGE = 14.0
-"""Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
-within which friction's bristles bend unseen. A count's rounding has an rms of 1/sqrt(12), so 14 /
-sqrt(12) = 4.04 counts; larger throws away slow motion, smaller keeps rests. That it is four was
-chosen by hand on the simulated campaign."""
-REST_PART = 1e-3
-"""Part of the top speed that creeping at rest stays below. Larger throws away slow motion, smaller
-keeps rests whose position hunts. Chosen by hand."""
 FEWEST_ROWS = 100
 """Fewest rows in motion with which diagnosis begins. Smaller names effects from next to nothing,
 larger refuses short recordings. Chosen by hand."""
-QUIET_NOISE = 0.03
-"""Noise of the velocity that friction depends on, in multiples of 1/slope. Larger blurs the sign of
-friction near rest, smaller smooths reversals away. Chosen by hand."""
-NARROWEST_QUIET = 0.3
-"""That velocity's band is at least this part of the rows' band. Larger lets noise through, smaller
-delays reversals too much. Chosen by hand."""
 MOST_GAINS = 64
 """Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
 forms them again. Chosen by hand."""
-REST_S = 0.06
-"""Shortest standstill that counts as a rest [s]. Smaller takes the turning points of a move for
-rests, larger keeps rests that say nothing. Chosen by hand."""
-REST_EDGE_S = 0.03
-"""What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
-that say nothing, smaller hides the breakaway. Chosen by hand."""
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Signals without a gap; arrays of shape (N,)."""
-
-    time_s: Array
-    position: Array
-    """As measured."""
-    x: Array
-    """Smoothed."""
-    v: Array
-    command: Array
-    others: dict[str, Array]
-    """(N, 3) motion of each other axis."""
-    quiet: Array
-    """The velocity that friction depends on."""
-
-    def beside(self, effect: Effect, step: int = 1) -> Array:
-        """Return the motion of the axes that an effect depends on, (n, axes, 3), each step-th row.
-
-        An axis that was not recorded stands still.
-        """
-        motion = np.zeros((len(self.x[::step]), len(effect.other_axes), 3))
-        for i, axis in enumerate(effect.other_axes):
-            if axis in self.others:
-                motion[:, i] = self.others[axis][::step]
-        return motion
 
 
 @dataclass(frozen=True)
@@ -247,16 +202,12 @@ class Signals:
             columns.append(total)
         return self.filtered(columns)
 
-    def measurement(self, effect: Effect) -> Array:
-        """Return what an error of the measured position adds to its acceleration, (q, m).
+    def measurement_spectra(self, effect: Effect) -> Spectra:
+        """Return what an error of the measured position adds to its acceleration: the spectra.
 
         A column for each of the effect's amplitudes. They are formed on the smoothed position:
         functions of the quantised one correlate with its own noise.
         """
-        return self.rows_of(self.measurement_spectra(effect))
-
-    def measurement_spectra(self, effect: Effect) -> Spectra:
-        """Return the spectra of the same columns."""
         columns = []
         for s in self.stretches:
             errors = error_columns(effect, s.x)
@@ -355,19 +306,15 @@ def make_signals(
     density = position_noise_density(data)
     noise = math.sqrt(density * (2.0 * math.pi) ** 2 * band**3 / 3.0)
     rms = math.sqrt(0.5 * density * rate)
-    quiet_hz = _quiet_band_hz(density, band, slope_s_m)
+    quiet_hz = quiet_band_hz(density, band, slope_s_m)
     stretches, kept, enough = [], [], 0
     for rows in data.stretches(shortest):
-        stretch = _stretch(data, others or {}, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
+        stretch = make_stretch(data, others or {}, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
         stretches.append(stretch)
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True
         enough += int(used.sum())
-        resting = np.abs(stretch.v[::decimation]) < REST_SPEED * noise
-        top = float(np.percentile(np.abs(stretch.v), 99.0))
-        within = min(REST_RANGE * rms, REST_PART * top * REST_S)
-        resting |= _stays(stretch.x[::decimation], within, data.period_s * decimation)
-        used &= ~_at_rest(resting, data.period_s * decimation)
+        used &= ~at_rest(stretch, decimation * data.period_s, decimation, noise, rms)
         kept.append(used)
     if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
         raise DataError(
@@ -458,69 +405,5 @@ def spans_of(signals: Signals) -> Spans:
     )
 
 
-def _stretch(
-    data: Measured, others: dict[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
-) -> Stretch:
-    x = smoothed(data.position[rows], smooth_hz, data.period_s)
-    v = np.gradient(x, data.period_s)
-    quiet = np.gradient(smoothed(data.position[rows], quiet_hz, data.period_s), data.period_s)
-    beside = {}
-    for name, other in others.items():
-        xo = smoothed(other.position[rows], 0.5 * smooth_hz, data.period_s)
-        vo = np.gradient(xo, data.period_s)
-        beside[name] = np.column_stack([xo, vo, second_difference(xo, data.period_s)])
-    return Stretch(
-        time_s=data.time_s[rows],
-        position=data.position[rows],
-        x=x,
-        v=v,
-        command=data.command[rows],
-        others=beside,
-        quiet=quiet,
-    )
-
-
-def _quiet_band_hz(density: float, band_hz: float, slope_s_m: float | None) -> float:
-    widest = 2.0 * band_hz
-    if slope_s_m is None or not 0.0 < slope_s_m < math.inf or density <= 0.0:
-        return widest
-    noise = QUIET_NOISE / slope_s_m
-    allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * math.pi) ** 2)))
-    return min(max(allowed, NARROWEST_QUIET * band_hz), widest)
-
-
-def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
-    """Low-pass without phase; the ends are continued by point reflection."""
-    n = len(position)
-    pad = min(n - 1, math.ceil(TRIM_PERIODS / cutoff_hz / period_s))
-    extended = np.pad(position, pad, mode="reflect", reflect_type="odd")
-    ramp = np.linspace(extended[0], extended[-1], len(extended))
-    size = fft.next_fast_len(len(extended), real=True)
-    spectrum = fft.rfft(extended - ramp, size)
-    frequency = np.arange(len(spectrum)) / (size * period_s)
-    spectrum *= np.exp(-((frequency / cutoff_hz) ** 8) * math.log(2.0))
-    smooth = fft.irfft(spectrum, size)[: len(extended)] + ramp
-    return np.asarray(smooth[pad : pad + n])
-
-
 def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
     return input_columns(effect, u, s.x, s.time_s)
-
-
-def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
-    """Return where the position stays within a range, hunting included, for about a rest."""
-    size = max(3, round(REST_S / period_s))
-    highest: Array = maximum_filter1d(x, size)
-    lowest: Array = minimum_filter1d(x, size)
-    return np.asarray(highest - lowest < within)
-
-
-def _at_rest(still: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
-    """Find the inside of long rests, where friction is no function of velocity."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
-    result = np.zeros(len(still), dtype=np.bool_)
-    keep = round(REST_EDGE_S / period_s)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if (stop - start) * period_s > REST_S + 2 * REST_EDGE_S:
-            result[start + keep : stop - keep] = True
-    return result

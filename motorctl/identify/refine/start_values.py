@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.machine import Estimate
-from motorctl.identify.columns.signals import Signals, Stretch
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.stretches import Stretch
 from motorctl.model import Effect, EffectList, Parameter
 from motorctl.model.columns import input_columns, state_columns
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
-from motorctl.identify.columns.signals import Signals, Spectra, smoothed
+from motorctl.identify.columns.signals import Signals, Spectra
+from motorctl.identify.columns.stretches import smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
     BlockedRegression,
@@ -75,17 +76,22 @@ class Regressors:
 
     def with_declared(self, declared: EffectList) -> Regressors:
         """Return regressors of another declared model; columns that both have are formed once."""
-        other = Regressors.__new__(Regressors)
-        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in _OF_DECLARED})
+        other = copy.copy(self)
         other.declared = declared
+        for name in _OF_DECLARED:
+            other.__dict__.pop(name, None)
         return other
+
+    @property
+    def command_column(self) -> int:
+        """Which column of a problem is the command: the last one is what stands on the left."""
+        return -1 if self.side == "command" else 0
 
     @cached_property
     def command_energy(self) -> float:
         """Sum of squares of the command in the rows, in the units of what is left over."""
         whole = Hypothesis(self).refreshed()
-        column = -1 if self.side == "command" else 0
-        command = whole.problem.columns[:, column]
+        command = whole.problem.columns[:, self.command_column]
         scale = 1.0 if self.side == "command" else float(whole.b[0]) ** 2
         return float(np.sum(command**2)) * scale
 
@@ -160,6 +166,11 @@ class Hypothesis:
         """
         return self.path if self.regressors.side == "command" else AT_ONCE
 
+    @property
+    def applied(self) -> CommandPath:
+        """What of the path the command's own columns go through: all that is not undone."""
+        return AT_ONCE if self.regressors.side == "command" else self.path
+
     def of_kind(self, kind: str) -> list[Effect]:
         """Return declared effects of a kind, then the added ones; without inertia.
 
@@ -192,9 +203,7 @@ class Hypothesis:
         """The regression of the acceleration, or of the recorded command, on all columns."""
         regressors, undo = self.regressors, self.undone
         command_is_left = regressors.side == "command"
-        columns = [
-            regressors.inputs(self.of_kind("input"), AT_ONCE if command_is_left else self.path)
-        ]
+        columns = [regressors.inputs(self.of_kind("input"), self.applied)]
         columns += [regressors.state(e, self.acceleration, undo) for e in self.of_kind("state")]
         columns += [regressors.measurement(e, undo) for e in self.of_kind("measurement")]
         X, y = np.vstack(columns), regressors.left
@@ -256,8 +265,7 @@ class Hypothesis:
                 self.problem, signals.rows_of(signals.measurement_spectra(effect), undo)
             )
         if effect.kind == "input":
-            path = AT_ONCE if self.regressors.side == "command" else self.path
-            return with_columns(self.problem, signals.inputs([effect], path)[1:])
+            return with_columns(self.problem, signals.inputs([effect], self.applied)[1:])
         step = signals.decimation if coarse else None
         columns = signals.rows_of(signals.state_spectra(effect, self.acceleration, step), undo)
         return with_columns(self.problem, columns, is_loose(effect))

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.signals import Signals, Stretch
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.stretches import Stretch
 
 Array = NDArray[np.float64]
 

@@ -32,12 +32,11 @@ from motorctl.identify.diagnose.verdict.errors import (
     alternatives,
     ambiguous_with,
     explained,
-    fit_rows,
+    held_out_rms,
     in_plain_band,
     model_error,
     own_shares,
     per_command,
-    rms_of,
     split_rows,
 )
 from motorctl.identify.diagnose.verdict.mended import mended_terms
@@ -180,7 +179,6 @@ def _effects(
     found: Found, values: FittedModel, split: Split, error: ModelError
 ) -> tuple[FoundEffect, ...]:
     shares = own_shares(found, [e.name for e in found.final.added])
-    fit = ~split.held_out
     effects = []
     for added in found.final.added:
         effect = next(e for e in values.model.effects if e.name == added.name)
@@ -201,8 +199,7 @@ def _effects(
             unexplained=left,
             indistinguishable=len(twins),
         )
-        without = rms_of(rest.problem, fit_rows(rest.problem, fit).b, split.held_out)
-        without /= per_command(found)
+        without = held_out_rms(found, rest.problem, split)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
         effects.append(
             FoundEffect(

@@ -115,10 +115,10 @@ def floor_of(found: Found) -> float:
     return math.sqrt(signals.noise_variance(found.force_noise)) / abs(float(found.final.b[0]))
 
 
-def rms_of(problem: BlockedRegression, b: Array, chosen: Rows) -> float:
-    """Return the rms that coefficients leave over some rows, in units of the left side."""
-    r = residual(problem, b)[: len(chosen)]
-    return float(np.sqrt(np.mean(r[chosen] ** 2)))
+def held_out_rms(found: Found, problem: BlockedRegression, split: Split) -> float:
+    """Return the rms that a fit to the other rows leaves of those held out, in units of command."""
+    r = residual(problem, fit_rows(problem, ~split.held_out).b)[: len(split.held_out)]
+    return float(np.sqrt(np.mean(r[split.held_out] ** 2))) / per_command(found)
 
 
 def model_error(found: Found, split: Split, final: BlockedRegression, unit: str) -> ModelError:
@@ -127,14 +127,12 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
     `final` are the columns of the whole one. Both errors are of the same quantity in the same
     units: of the acceleration or of the recorded command, whichever the search had on the left.
     """
-    fit, held = ~split.held_out, split.held_out
-    unit_left = per_command(found)
-    before = rms_of(found.base.problem, fit_rows(found.base.problem, fit).b, held) / unit_left
-    after = rms_of(final, fit_rows(final, fit).b, held) / unit_left
+    held = split.held_out
+    before = held_out_rms(found, found.base.problem, split)
+    after = held_out_rms(found, final, split)
     floor = min(floor_of(found), after, before)
-    signals = found.final.regressors.signals
-    place = -1 if found.final.regressors.side == "command" else 0
-    command = final.columns[:, place].ravel()[: signals.rows][held]
+    regressors = found.final.regressors
+    command = final.columns[:, regressors.command_column].ravel()[: regressors.signals.rows][held]
     positions = tuple(simulated_position_rms(h, held) for h in (found.base, found.final))
     return ModelError(
         unit=unit,

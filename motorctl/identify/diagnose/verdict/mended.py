@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from motorctl.identify.diagnose.result import MendedTerm
 from motorctl.identify.diagnose.search.declared_shape import turning_over
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.errors import Split, fit_rows, per_command, rms_of
+from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
 from motorctl.model import EffectList
 from motorctl.model.sign_function import sign_of
 
@@ -21,12 +20,9 @@ def mended_terms(
     if not changed or sign is None:
         return ()
 
-    def error(hypothesis: Hypothesis) -> float:
-        problem = hypothesis.problem
-        fitted = fit_rows(problem, ~split.held_out)
-        return rms_of(problem, fitted.b, split.held_out) / per_command(found)
-
-    before, after = error(turning_over(found.base, sign)), error(found.base)
+    declared_form = turning_over(found.base, sign)
+    before = held_out_rms(found, declared_form.problem, split)
+    after = held_out_rms(found, found.base.problem, split)
     terms = []
     for effect in changed:
         old, new = effect.options.model_dump(), used[effect.name].options.model_dump()

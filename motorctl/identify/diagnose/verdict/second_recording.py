@@ -74,8 +74,7 @@ def _rms(hypothesis: Hypothesis, signals: Signals, unit_left: float = 1.0) -> tu
     regressors = Regressors(signals, old.declared, blocks, old.side)
     problem = Hypothesis(regressors, hypothesis.added).refreshed().problem
     left = residual(problem, hypothesis.solution.b)[: signals.rows]
-    place = -1 if old.side == "command" else 0
-    command = problem.columns[:, place].ravel()[: signals.rows]
+    command = problem.columns[:, regressors.command_column].ravel()[: signals.rows]
     return float(np.sqrt(np.mean(left**2))) / unit_left, float(np.sqrt(np.mean(command**2)))
 
 

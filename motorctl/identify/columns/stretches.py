@@ -1,0 +1,183 @@
+"""One stretch of a recording without a gap: smoothed motion, and where it is at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from motorctl.identify.columns.filters import second_difference
+from motorctl.identify.columns.measured import Measured
+from motorctl.model import Effect
+
+Array = NDArray[np.float64]
+
+TRIM_PERIODS = 8.0
+"""Rows dropped at each end of a stretch, in periods of the band's end. Smaller lets the filter's
+ends into the rows, larger loses rows of short stretches. Chosen by hand."""
+QUIET_NOISE = 0.03
+"""Noise of the velocity that friction depends on, in multiples of 1/slope. Larger blurs the sign of
+friction near rest, smaller smooths reversals away. Chosen by hand."""
+NARROWEST_QUIET = 0.3
+"""That velocity's band is at least this part of the rows' band. Larger lets noise through, smaller
+delays reversals too much. Chosen by hand."""
+REST_S = 0.06
+"""Shortest standstill that counts as a rest [s]. Smaller takes the turning points of a move for
+rests, larger keeps rests that say nothing. Chosen by hand."""
+REST_EDGE_S = 0.03
+"""What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
+that say nothing, smaller hides the breakaway. Chosen by hand."""
+REST_SPEED = 3.0
+"""Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
+throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
+REST_RANGE = 14.0
+"""Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
+within which friction's bristles bend unseen. A count's rounding has an rms of 1/sqrt(12), so 14 /
+sqrt(12) = 4.04 counts; larger throws away slow motion, smaller keeps rests. That it is four was
+chosen by hand on the simulated campaign."""
+REST_PART = 1e-3
+"""Part of the top speed that creeping at rest stays below. Larger throws away slow motion, smaller
+keeps rests whose position hunts. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Signals without a gap; arrays of shape (N,)."""
+
+    time_s: Array
+    position: Array
+    """As measured."""
+    x: Array
+    """Smoothed."""
+    v: Array
+    command: Array
+    others: dict[str, Array]
+    """(N, 3) motion of each other axis."""
+    quiet: Array
+    """The velocity that friction depends on."""
+
+    def beside(self, effect: Effect, step: int = 1) -> Array:
+        """Return the motion of the axes that an effect depends on, (n, axes, 3), each step-th row.
+
+        An axis that was not recorded stands still.
+        """
+        motion = np.zeros((len(self.x[::step]), len(effect.other_axes), 3))
+        for i, axis in enumerate(effect.other_axes):
+            if axis in self.others:
+                motion[:, i] = self.others[axis][::step]
+        return motion
+
+
+def make_stretch(
+    data: Measured, others: dict[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
+) -> Stretch:
+    """Smooth the motion of some rows of a recording.
+
+    Parameters
+    ----------
+    data
+        What was measured of the axis.
+    others
+        The other axes that move, by name, at the same times.
+    rows
+        Which samples.
+    smooth_hz
+        Band of the smoothed position [Hz].
+    quiet_hz
+        Band of the velocity that friction depends on [Hz].
+
+    Returns
+    -------
+    Stretch
+        The signals at the full rate.
+    """
+    x = smoothed(data.position[rows], smooth_hz, data.period_s)
+    v = np.gradient(x, data.period_s)
+    quiet = np.gradient(smoothed(data.position[rows], quiet_hz, data.period_s), data.period_s)
+    beside = {}
+    for name, other in others.items():
+        xo = smoothed(other.position[rows], 0.5 * smooth_hz, data.period_s)
+        vo = np.gradient(xo, data.period_s)
+        beside[name] = np.column_stack([xo, vo, second_difference(xo, data.period_s)])
+    return Stretch(
+        time_s=data.time_s[rows],
+        position=data.position[rows],
+        x=x,
+        v=v,
+        command=data.command[rows],
+        others=beside,
+        quiet=quiet,
+    )
+
+
+def quiet_band_hz(density: float, band_hz: float, slope_s_m: float | None) -> float:
+    """Return the band of the velocity that friction depends on [Hz]: noise small beside 1/slope."""
+    widest = 2.0 * band_hz
+    if slope_s_m is None or not 0.0 < slope_s_m < math.inf or density <= 0.0:
+        return widest
+    noise = QUIET_NOISE / slope_s_m
+    allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * math.pi) ** 2)))
+    return min(max(allowed, NARROWEST_QUIET * band_hz), widest)
+
+
+def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
+    """Low-pass without phase; the ends are continued by point reflection."""
+    n = len(position)
+    pad = min(n - 1, math.ceil(TRIM_PERIODS / cutoff_hz / period_s))
+    extended = np.pad(position, pad, mode="reflect", reflect_type="odd")
+    ramp = np.linspace(extended[0], extended[-1], len(extended))
+    size = fft.next_fast_len(len(extended), real=True)
+    spectrum = fft.rfft(extended - ramp, size)
+    frequency = np.arange(len(spectrum)) / (size * period_s)
+    spectrum *= np.exp(-((frequency / cutoff_hz) ** 8) * math.log(2.0))
+    smooth = fft.irfft(spectrum, size)[: len(extended)] + ramp
+    return np.asarray(smooth[pad : pad + n])
+
+
+def at_rest(
+    stretch: Stretch, row_period_s: float, decimation: int, velocity_noise: float, noise: float
+) -> NDArray[np.bool_]:
+    """Find the rows inside long rests, where friction is no function of velocity.
+
+    Parameters
+    ----------
+    stretch
+        The motion.
+    row_period_s, decimation
+        Time between rows [s], and the samples of one.
+    velocity_noise, noise
+        Rms of the noise of velocity and of position, in the position's unit (per second).
+
+    Returns
+    -------
+    ndarray
+        Which rows are dropped, (m,).
+    """
+    x, v = stretch.x[::decimation], stretch.v[::decimation]
+    top = float(np.percentile(np.abs(stretch.v), 99.0))
+    within = min(REST_RANGE * noise, REST_PART * top * REST_S)
+    still = (np.abs(v) < REST_SPEED * velocity_noise) | _stays(x, within, row_period_s)
+    return _inside_of_rests(still, row_period_s)
+
+
+def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
+    """Return where the position stays within a range, hunting included, for about a rest."""
+    size = max(3, round(REST_S / period_s))
+    highest: Array = maximum_filter1d(x, size)
+    lowest: Array = minimum_filter1d(x, size)
+    return np.asarray(highest - lowest < within)
+
+
+def _inside_of_rests(still: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
+    """Find the inside of long rests, where friction is no function of velocity."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    result = np.zeros(len(still), dtype=np.bool_)
+    keep = round(REST_EDGE_S / period_s)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if (stop - start) * period_s > REST_S + 2 * REST_EDGE_S:
+            result[start + keep : stop - keep] = True
+    return result
