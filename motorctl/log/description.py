@@ -24,6 +24,7 @@ from motorctl.log.units import (
     FORCE_UNITS,
     POSITION_UNITS,
     TIME_UNITS,
+    VELOCITY_UNITS,
     CommandUnit,
     PositionUnit,
     usual_spelling,
@@ -41,6 +42,16 @@ def _unit(known: tuple[str, ...]) -> AfterValidator:
 
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _turns_something(scale: float) -> float:
+    if scale == 0.0:
+        raise ValueError("must not be 0: it multiplies the column")
+    return scale
+
+
+Scale = Annotated[FiniteFloat, AfterValidator(_turns_something)]
+"""What a column is multiplied by: -1 turns its sign."""
 
 
 class _Part(BaseModel):
@@ -64,6 +75,7 @@ class PositionColumn(_Part):
 
     column: str
     unit: Annotated[str, _unit((*POSITION_UNITS, "count"))]
+    scale: Scale = 1.0
     resolution: Positive | None = None
     """One count, in `resolution_unit`."""
     resolution_unit: Annotated[str, _unit(tuple(POSITION_UNITS))] = "m"
@@ -94,8 +106,8 @@ class PositionColumn(_Part):
         """What one unit of the column is in `base_unit`."""
         if self.unit == "count":
             assert self.resolution is not None
-            return self.resolution * POSITION_UNITS[self.resolution_unit][0]
-        return POSITION_UNITS[self.unit][0]
+            return self.scale * self.resolution * POSITION_UNITS[self.resolution_unit][0]
+        return self.scale * POSITION_UNITS[self.unit][0]
 
     @property
     def base_unit(self) -> PositionUnit:
@@ -107,7 +119,25 @@ class PositionColumn(_Part):
         """One count of the encoder in `base_unit`, where it is told."""
         if self.resolution is None:
             return None
-        return self.resolution * POSITION_UNITS[self.resolution_unit][0]
+        return abs(self.scale) * self.resolution * POSITION_UNITS[self.resolution_unit][0]
+
+
+class VelocityColumn(_Part):
+    """A column of velocities, for an axis whose position was not recorded."""
+
+    column: str
+    unit: Annotated[str, _unit(tuple(VELOCITY_UNITS))]
+    scale: Scale = 1.0
+
+    @property
+    def factor(self) -> float:
+        """What one unit of the column is in `base_unit` per second."""
+        return self.scale * VELOCITY_UNITS[self.unit][0]
+
+    @property
+    def base_unit(self) -> PositionUnit:
+        """Metres or radians."""
+        return VELOCITY_UNITS[self.unit][1]
 
 
 class CommandColumn(_Part):
@@ -115,11 +145,17 @@ class CommandColumn(_Part):
 
     column: str
     unit: Annotated[str, _unit(tuple(COMMAND_UNITS))]
+    scale: Scale = 1.0
+
+    @property
+    def factor(self) -> float:
+        """What one unit of the column is in `base_unit`."""
+        return self.scale * COMMAND_UNITS[self.unit][0]
 
     @property
     def base_unit(self) -> CommandUnit:
-        """V, A, N or N*m."""
-        return COMMAND_UNITS[self.unit]
+        """V, A, N, N*m or %."""
+        return COMMAND_UNITS[self.unit][1]
 
 
 class Force(_Part):
@@ -135,27 +171,47 @@ class Force(_Part):
 
 
 class AxisDescription(_Part):
-    """Where an axis' signals stand."""
+    """Where an axis' signals stand: its position, or where there is none its velocity."""
 
-    position: PositionColumn
+    position: PositionColumn | None = None
+    velocity: VelocityColumn | None = None
     command: CommandColumn
     reference: PositionColumn | None = None
     force_per_command: Force | None = None
 
     @model_validator(mode="after")
     def _units_agree(self) -> AxisDescription:
-        if self.reference and self.reference.base_unit != self.position.base_unit:
+        if (self.position is None) == (self.velocity is None):
+            raise ValueError(
+                "needs position: {column, unit}, or where it was not recorded "
+                "velocity: {column, unit}"
+            )
+        if self.reference and self.reference.base_unit != self.motion.base_unit:
             raise ValueError(
                 f"the reference is in {self.reference.base_unit}, "
-                f"but the position in {self.position.base_unit}"
+                f"but the position in {self.motion.base_unit}"
             )
         force = self.force_per_command
-        if force and (force.value == 0 or force.unit.partition("/")[2] != self.command.unit):
+        if force and (force.value == 0 or force.unit.partition("/")[2] != self.command.base_unit):
             raise ValueError(
                 f"force_per_command is {force.value:g} {force.unit}; "
-                f"should be a number other than 0 per {self.command.unit}, the command's unit"
+                f"should be a number other than 0 per {self.command.base_unit}, "
+                "the command's unit"
             )
         return self
+
+    @property
+    def motion(self) -> PositionColumn | VelocityColumn:
+        """The column that tells the motion."""
+        found = self.position or self.velocity
+        assert found is not None
+        return found
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """The column of each signal that is described."""
+        signals = ("position", "velocity", "command", "reference")
+        return {s: column.column for s in signals if (column := getattr(self, s)) is not None}
 
 
 Span = tuple[FiniteFloat, FiniteFloat]

@@ -9,14 +9,17 @@ from motorctl.log.partial import STREAM_MAGIC, SUFFIX
 from motorctl.log.table import Table
 from motorctl.log.table_csv import CsvTable
 from motorctl.log.table_mat import MatTable
+from motorctl.log.table_npz import NumpyTable
 from motorctl.log.table_parquet import ParquetTable
 
 _HEAD_BYTES = 512
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_ZIP = b"PK\x03\x04"
+_NPY = b"\x93NUMPY"
 _FOREIGN = {
     b"\x89PNG": "a PNG image",
     b"\xff\xd8\xff": "a JPEG image",
-    b"PK\x03\x04": "an Excel workbook or another ZIP archive",
+    _ZIP: "an Excel workbook or another ZIP archive",
     b"\x1f\x8b": "a gzip archive",
     b"%PDF": "a PDF document",
     b"ARROW1": "an Arrow file",
@@ -25,7 +28,7 @@ _FOREIGN = {
 
 
 def open_table(path: Path) -> Table:
-    """Open a Parquet, MAT or CSV file. Raises DataError where it is none of them, or damaged."""
+    """Open a table by its content. Raises DataError where it is of no known kind, or damaged."""
     head = _head(path)
     if _begins_unfinished(path, head):
         raise DataError(
@@ -37,6 +40,8 @@ def open_table(path: Path) -> Table:
         raise DataError(
             f"{path}: HDF5, such as MATLAB's save -v7.3 makes; save it with -v7 instead"
         )
+    if head.startswith(_NPY) or (head.startswith(_ZIP) and path.suffix.lower() == ".npz"):
+        return NumpyTable(path)
     for magic, what in _FOREIGN.items():
         if head.startswith(magic):
             raise DataError(f"{path}: is {what}, not a recording")

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from motorctl.errors import DataError
 from motorctl.log.columns import THETA
@@ -73,8 +77,10 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
         columns.get("tick"),
         _number(table.metadata.get("rate_hz")) or _number(config.get("rate_hz")),
         gaps,
+        [columns[axis + _POSITION] for axis in axes],
     )
     described = _mapping(config.get("axes"))
+    finite = [n for n in columns if n.partition(".")[2] in _FINITE.values()]
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,
@@ -86,7 +92,7 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
         lateness_s=_measured(grid, columns.get("lateness_s")),
         turnaround_s=_measured(grid, columns.get("turnaround_s")),
         rows_filled=grid.rows_filled,
-        notes=grid.notes,
+        notes=(*grid.notes, *_blank_notes(columns, finite)),
     )
 
 
@@ -103,10 +109,12 @@ def _axis(
     table: Table, columns: Mapping[str, Array], axis: str, grid: Grid, config: Mapping[str, Any]
 ) -> AxisRecording:
     found: dict[str, Any] = {}
+    blanks: list[NDArray[np.bool_] | None] = []
     for field, signal in _FINITE.items():
         if (values := columns.get(f"{axis}.{signal}")) is not None:
-            table.require_finite(f"{axis}.{signal}", values)
-            found[field] = read_only(grid.floats(values))
+            values, blank = table.without_blanks(f"{axis}.{signal}", values)
+            found[field] = read_only(grid.floats(values, held=field == "command"))
+            blanks.append(blank)
     for field, signal in _FLOATS.items():
         if (values := columns.get(f"{axis}.{signal}")) is not None:
             found[field] = read_only(grid.floats(values))
@@ -121,30 +129,34 @@ def _axis(
         if name.startswith(start)
     }
     resolution = _number(_mapping(config.get("encoder")).get("resolution_m"))
-    return AxisRecording(name=axis, theta_hat=theta, resolution=resolution, **found)
+    recorded = grid.recorded_without(blanks)
+    return AxisRecording(
+        name=axis, theta_hat=theta, resolution=resolution, recorded=recorded, **found
+    )
 
 
 def _read_described(path: Path, description: Description) -> Recording:
     file = path.parent / description.file
     if file.suffix.lower() in (".yaml", ".yml"):
-        raise DataError(f"{path}: file: {file} should be a CSV, Parquet or MAT file")
+        raise DataError(f"{path}: file: {file} should be a CSV, Parquet or MAT file, or NumPy's")
     table = open_table(file)
     clock = description.time
     wanted = [] if clock is None else [clock.column]
     for name, axis in description.axes.items():
-        for signal in ("position", "command", "reference"):
-            if (column := getattr(axis, signal)) is not None:
-                wanted.append(column.column)
-                if column.column not in table.names:
-                    key = f"axes.{name}.{signal}.column"
-                    raise DataError(f"{path}: {key}: {table.missing(column.column)}")
+        for signal, column in axis.columns.items():
+            wanted.append(column)
+            if column not in table.names:
+                key = f"axes.{name}.{signal}.column"
+                raise DataError(f"{path}: {key}: {table.missing(column)}")
     columns = table.read(wanted)
     if clock is None:
         assert description.sample_rate_hz is not None
         rows = len(columns[wanted[0]])
         grid = grid_of_rate(table, rows, description.sample_rate_hz)
     else:
-        grid = grid_of_time(table, clock.column, columns[clock.column] * clock.seconds)
+        motion = [columns[axis.motion.column] for axis in description.axes.values()]
+        time_s = columns[clock.column] * clock.seconds
+        grid = grid_of_time(table, clock.column, time_s, motion=motion)
     for part, span in description.segments.given.items():
         _require_within(path, part, span, grid)
     return Recording(
@@ -156,28 +168,56 @@ def _read_described(path: Path, description: Description) -> Recording:
             for name, axis in description.axes.items()
         },
         segments=description.segments.given,
-        notes=grid.notes,
+        notes=(*grid.notes, *_description_notes(columns, description)),
     )
 
 
 def _described_axis(
     table: Table, columns: Mapping[str, Array], name: str, axis: AxisDescription, grid: Grid
 ) -> AxisRecording:
-    def taken(column: str, factor: float) -> Array:
-        table.require_finite(column, columns[column])
-        return read_only(grid.floats(columns[column]) * factor)
+    blanks: list[NDArray[np.bool_] | None] = []
 
-    reference = axis.reference
+    def taken(column: str, factor: float, held: bool = False) -> Array:
+        values, blank = table.without_blanks(column, columns[column])
+        blanks.append(blank)
+        return grid.floats(values, held) * factor
+
+    motion, reference = axis.motion, axis.reference
+    position = taken(motion.column, motion.factor)
+    if axis.velocity is not None:
+        seconds = np.arange(len(position)) / grid.sample_rate_hz
+        position = np.asarray(cumulative_trapezoid(position, seconds, initial=0))
     return AxisRecording(
         name=name,
-        position=taken(axis.position.column, axis.position.factor),
-        command=taken(axis.command.column, 1.0),
-        reference=None if reference is None else taken(reference.column, reference.factor),
-        position_unit=axis.position.base_unit,
+        position=read_only(position),
+        command=read_only(taken(axis.command.column, axis.command.factor, held=True)),
+        reference=None
+        if reference is None
+        else read_only(taken(reference.column, reference.factor)),
+        position_unit=motion.base_unit,
         command_unit=axis.command.base_unit,
         force_per_command=axis.force_per_command.known if axis.force_per_command else None,
-        resolution=axis.position.count,
+        resolution=None if axis.position is None else axis.position.count,
+        recorded=grid.recorded_without(blanks),
     )
+
+
+def _blank_notes(columns: Mapping[str, Array], names: Iterable[str]) -> Iterator[str]:
+    """Say what was filled in."""
+    for name in names:
+        if count := int(np.count_nonzero(np.isnan(columns[name]))):
+            yield (
+                f"{count} of {len(columns[name])} values of column '{name}' are blank: left out of "
+                "every judgement"
+            )
+
+
+def _description_notes(columns: Mapping[str, Array], description: Description) -> Iterator[str]:
+    """Say what was filled in, and what was never recorded."""
+    for name, axis in description.axes.items():
+        yield from _blank_notes(columns, axis.columns.values())
+        if axis.velocity is not None:
+            yield f"axis {name}: its position is the integral of column '{axis.velocity.column}'"
 
 
 def _require_within(path: Path, part: str, span: tuple[float, float], grid: Grid) -> None:

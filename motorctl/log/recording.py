@@ -57,6 +57,8 @@ class AxisRecording:
     position_unit: PositionUnit = "m"
     command_unit: CommandUnit = "V"
     force_per_command: ForcePerCommand | None = None
+    recorded: NDArray[np.bool_] | None = None
+    """Which samples were recorded and not filled in; None: all."""
     resolution: float | None = None
     """One count of the encoder in `position_unit`, where it is known."""
 

@@ -16,6 +16,11 @@ from motorctl.errors import DataError
 Array = NDArray[np.float64]
 
 _SHOWN_NAMES = 12
+MOST_MATRIX_COLUMNS = 256
+"""A matrix of more columns is no table of signals."""
+MOST_BLANK = 0.01
+"""Part of a column that may be blank and is filled in; more is a column that is not what it should
+be."""
 
 
 class Table(ABC):
@@ -76,6 +81,30 @@ class Table(ABC):
         shown = ", ".join(self.names[:_SHOWN_NAMES])
         more = len(self.names) - _SHOWN_NAMES
         return (shown or "none") + (f" and {more} more" if more > 0 else "")
+
+    def without_blanks(self, name: str, values: Array) -> tuple[Array, NDArray[np.bool_] | None]:
+        """Fill in the few values of a column that are blank, linearly.
+
+        Returns
+        -------
+        values : ndarray
+            Finite, (N,).
+        blank : ndarray or None
+            Which were filled in, (N,); None: none.
+
+        Raises
+        ------
+        DataError
+            With the row, where a value is infinite or more are blank than `MOST_BLANK`.
+        """
+        blank = np.isnan(values)
+        if not blank.any():
+            self.require_finite(name, values)
+            return values, None
+        if np.mean(blank) > MOST_BLANK or np.isinf(values).any():
+            self.require_finite(name, values)
+        rows = np.arange(len(values))
+        return np.interp(rows, rows[~blank], values[~blank]), blank
 
     def require_finite(self, name: str, values: Array) -> None:
         """Raise DataError, telling the row, where a value is not finite."""

@@ -16,17 +16,19 @@ from motorctl.errors import DataError
 from motorctl.log.table import Array, Table
 
 _DELIMITERS = ",;\t"
-_COMMENT = "#"
+_BLANKS = " "
+_COMMENTS = ("#", "%")
 _LONGEST_LINE = 1 << 20
 _MOST_HEAD_LINES = 1000
 _EMPTY = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null"]
 
 
 class CsvTable(Table):
-    """A text file with one header line: separated by comma, semicolon or tab.
+    """A text file with one header line: separated by comma, semicolon, tab or blanks.
 
-    Lines that begin with # may precede the header, or the last of them may be the header, as
-    numpy.savetxt writes it. Decimal commas are understood where the separator is none.
+    Lines that begin with # or % may precede the header, or the last of them may be the header, as
+    numpy.savetxt writes it. Without a header columns are named by their number, from 1. Decimal
+    commas are understood where the separator is none.
     """
 
     kind = "CSV"
@@ -39,7 +41,15 @@ class CsvTable(Table):
         """Return where a row stands, by its number and its line."""
         return f"row {index + 1} (line {self._head.lines + index + 1})"
 
+    def listing(self) -> str:
+        """List the columns, and say where they have no names."""
+        line = self._head.lines + 1
+        told = f" (line {line}: numbers where the names of columns should be)"
+        return super().listing() + (told if self._head.headless else "")
+
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
+        if self._head.delimiter == _BLANKS:
+            return self._between_blanks(names)
         try:
             table = self._parse(names, threads=True)
         except (pa.ArrowException, OSError, ValueError):
@@ -63,6 +73,20 @@ class CsvTable(Table):
                 decimal_point=self._head.decimal_point,
             ),
         )
+
+    def _between_blanks(self, names: Sequence[str]) -> dict[str, Array]:
+        try:
+            rows = np.loadtxt(
+                self.path,
+                comments=list(_COMMENTS),
+                skiprows=self._head.lines,
+                usecols=[self.names.index(name) for name in names],
+                ndmin=2,
+                encoding="utf-8-sig",
+            )
+        except (ValueError, OSError) as error:
+            raise DataError(f"{self.path}: {str(error).splitlines()[0]}") from error
+        return {name: rows[:, k].copy() for k, name in enumerate(names)}
 
     def _cause(self, message: str) -> str:
         """Return the parser's complaint in the file's own words: line, column, value."""
@@ -89,27 +113,38 @@ class _Head:
     """How many lines precede the first row."""
     delimiter: str
     decimal_point: str
+    headless: bool = False
 
 
 def _read_head(path: Path) -> _Head:
     lines = _first_lines(path)
     comments = 0
     while comments < len(lines) and (
-        not lines[comments].strip() or lines[comments].startswith(_COMMENT)
+        not lines[comments].strip() or lines[comments].startswith(_COMMENTS)
     ):
         comments += 1
     if comments == len(lines):
         raise DataError(f"{path}: no header line with the names of columns")
     header, count = lines[comments], comments + 1
-    if comments and _is_numeric(header):
-        header, count = lines[comments - 1].lstrip(_COMMENT), comments
-    if _is_numeric(header):
-        raise DataError(f"{path}: line {count}: numbers where the names of columns should be")
-    delimiter = max(_DELIMITERS, key=header.count)
-    names = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
+    headless = _is_numeric(header)
+    if comments and headless:
+        named = lines[comments - 1].lstrip("".join(_COMMENTS))
+        if len(_cells(named)) == len(_cells(header)):
+            header, count, headless = named, comments, False
+    delimiter = _delimiter(header)
+    if headless:
+        names = tuple(str(k + 1) for k in range(len(_cells(header))))
+        count -= 1
+    elif delimiter == _BLANKS:
+        names = tuple(header.split())
+    else:
+        names = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
     first_row = lines[count] if count < len(lines) else ""
+    if delimiter == _BLANKS and len(first_row.split()) != len(names):
+        delimiter = ","  # one column, whose name may have blanks
+        names = (header.strip(),)
     comma = delimiter != "," and "," in first_row and "." not in first_row
-    return _Head(names, count, delimiter, "," if comma else ".")
+    return _Head(names, count, delimiter, "," if comma else ".", headless)
 
 
 def _first_lines(path: Path) -> list[str]:
@@ -122,7 +157,7 @@ def _first_lines(path: Path) -> list[str]:
                 if not line:
                     break
                 lines.append(line.rstrip("\r\n"))
-                beyond_comments += bool(line.strip()) and not line.startswith(_COMMENT)
+                beyond_comments += bool(line.strip()) and not line.startswith(_COMMENTS)
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: not a text file in UTF-8") from error
     except OSError as error:
@@ -130,9 +165,19 @@ def _first_lines(path: Path) -> list[str]:
     return lines
 
 
+def _delimiter(line: str) -> str:
+    found = max(_DELIMITERS, key=line.count)
+    return found if found in line else _BLANKS
+
+
+def _cells(line: str) -> list[str]:
+    delimiter = _delimiter(line)
+    return line.split() if delimiter == _BLANKS else line.split(delimiter)
+
+
 def _is_numeric(line: str) -> bool:
     try:
-        [float(cell) for cell in re.split(r"[,;\t]", line)]
+        [float(cell) for cell in _cells(line)]
     except ValueError:
         return False
     return True

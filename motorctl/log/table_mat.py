@@ -16,13 +16,15 @@ from scipy.io import loadmat
 from motorctl.errors import DataError
 from motorctl.log.columns import AXIS_SIGNALS
 from motorctl.log.mat_structure import check_structure
-from motorctl.log.table import Array, Table
+from motorctl.log.table import MOST_MATRIX_COLUMNS, Array, Table
 
 METADATA_VARIABLE = "motorctl"
 
 
 class MatTable(Table):
     """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
+
+    Columns of a matrix are ``name(:,k)``, k from 1.
 
     A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
     """
@@ -61,6 +63,13 @@ def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
             yield from _vectors(f"{name}.{field}", value.ravel()[0][field])
     elif value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) == value.size:
         yield name, value.ravel()
+    elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value):
+        yield from ((f"{name}(:,{k + 1})", value[:, k]) for k in range(value.shape[1]))
+
+
+def _is_tall(matrix: NDArray[Any]) -> bool:
+    rows, columns = matrix.shape
+    return bool(0 < columns < rows and columns <= MOST_MATRIX_COLUMNS)
 
 
 def _dotted(name: str) -> str:

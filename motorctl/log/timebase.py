@@ -1,15 +1,23 @@
-"""The uniform grid of samples that a recording is brought onto."""
+"""The uniform grid of samples that a recording is brought onto.
+
+A log counts its ticks, so what it skipped is known. The times of a foreign file tell it: steps of
+whole periods are a hole, other steps are uneven sampling or clocks that were read late (see
+`uneven_times`). What was not recorded is filled in and marked, so that nothing is judged by it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from motorctl.errors import DataError
 from motorctl.log.table import Table
+from motorctl.log.uneven_times import RESAMPLED_STEPS, is_even_by_index, usual_step
 
 Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
@@ -30,39 +38,77 @@ LARGEST_TICK = 1 << 53
 
 @dataclass(frozen=True)
 class Grid:
-    """Uniform samples, and how to get there from the rows of a file."""
+    """Uniform samples, and how to get there from the rows of a file.
+
+    The rows that are taken lie at `_ticks`, whole numbers of periods, or where samples are uneven
+    at any place between them.
+    """
 
     sample_rate_hz: float
     time_s: Array
     notes: tuple[str, ...]
     rows_filled: int
     _rows: slice
-    _ticks: Ticks
-    """The tick of each row taken, from 0."""
+    _ticks: Ticks | Array
+    """The place of each row taken, in periods from 0."""
+    recorded: NDArray[np.bool_] | None = None
+    """Which samples were recorded and not filled in; None: all."""
+    resampled: bool = False
 
-    def floats(self, values: Array) -> Array:
-        """Bring a column of the file onto the grid, linearly over what is filled."""
+    @property
+    def _as_it_is(self) -> bool:
+        return self.rows_filled == 0 and not self.resampled
+
+    def floats(self, values: Array, held: bool = False) -> Array:
+        """Bring a column of the file onto the grid, linearly over what is filled.
+
+        Of uneven samples a smooth column is interpolated by a cubic spline, one that is `held`
+        between samples, as a command, keeps the value before.
+        """
         taken = values[self._rows]
-        if self.rows_filled == 0:
+        if self._as_it_is:
             return taken.copy()
-        return np.interp(np.arange(len(self.time_s)), self._ticks, taken)
+        grid = np.arange(len(self.time_s))
+        if not self.resampled:
+            return np.interp(grid, self._ticks, taken)
+        if held:
+            return np.asarray(taken[self._before(grid)])
+        smooth = np.asarray(CubicSpline(self._ticks, taken)(grid))
+        if self.recorded is None:
+            return smooth
+        return np.where(self.recorded, smooth, np.interp(grid, self._ticks, taken))
 
     def measured(self, values: Array) -> Array:
         """Bring a column onto the grid, NaN where it is filled."""
         taken = values[self._rows]
-        if self.rows_filled == 0:
+        if self._as_it_is:
             return taken.copy()
+        if self.resampled:
+            brought = taken[self._before(np.arange(len(self.time_s)))]
+            return brought if self.recorded is None else np.where(self.recorded, brought, np.nan)
         out = np.full(len(self.time_s), np.nan)
-        out[self._ticks] = taken
+        out[self._ticks.astype(np.int64)] = taken
         return out
 
     def integers(self, values: Array) -> NDArray[np.int64]:
         """Bring a column of codes onto the grid; filled rows repeat the one before."""
         taken = values[self._rows].astype(np.int64)
-        if self.rows_filled == 0:
-            return taken
-        before = np.searchsorted(self._ticks, np.arange(len(self.time_s)), side="right") - 1
-        return taken[before]
+        return taken if self._as_it_is else taken[self._before(np.arange(len(self.time_s)))]
+
+    def recorded_without(
+        self, blanks: Sequence[NDArray[np.bool_] | None]
+    ) -> NDArray[np.bool_] | None:
+        """Return which samples rest on nothing blank or filled in; None: all."""
+        found = self.recorded
+        for blank in blanks:
+            if blank is not None:
+                whole = self.floats(blank.astype(np.float64), held=True) == 0.0
+                found = whole if found is None else found & whole
+        return found
+
+    def _before(self, grid: Ticks) -> Ticks:
+        """Return the row at or before each sample."""
+        return np.maximum(np.searchsorted(self._ticks, grid + 1e-6, side="right") - 1, 0)
 
 
 def grid_of_rate(table: Table, rows: int, sample_rate_hz: float) -> Grid:
@@ -79,6 +125,7 @@ def grid_of_time(
     tick: Array | None = None,
     nominal_rate_hz: float | None = None,
     gaps: Gaps = "fill",
+    motion: Sequence[Array] = (),
 ) -> Grid:
     """Make the grid of a file with a column of times.
 
@@ -96,19 +143,23 @@ def grid_of_time(
     gaps
         "fill": gaps up to MOST_TICKS_FILLED are filled and the longest stretch without a longer one
         is taken. "keep": rows stay as they are and `time_s` is not uniform.
+    motion
+        Smooth columns, (N,) each, that tell whether uneven times are those of uneven samples.
 
     Raises
     ------
     DataError
-        Where times run backwards, repeat, or are not uniform.
+        Where times run backwards, repeat, or have more holes than samples.
     """
     _require_rows(table, len(time_s))
     table.require_finite(time_column, time_s)
     _require_increasing(table, time_column, time_s)
     ticks = np.arange(len(time_s)) if tick is None else _counted(table, tick)
     rate = _rate(table, time_s, ticks, nominal_rate_hz)
+    if tick is None and not _is_uniform(time_s, ticks, rate):
+        return _of_uneven_times(table, time_column, time_s, motion)
     _require_uniform(table, time_column, time_s, ticks, rate)
-    if tick is None or ticks[-1] == len(ticks) - 1:
+    if ticks[-1] == len(ticks) - 1:
         uniform = time_s[0] + np.arange(len(ticks)) / rate
         return Grid(rate, uniform, (), 0, slice(None), ticks)
     missing = int(ticks[-1]) + 1 - len(ticks)
@@ -136,7 +187,64 @@ def _filled(table: Table, time_s: Array, ticks: Ticks, rate: float) -> Grid:
     if filled:
         notes.append(f"{filled} skipped ticks of {int(taken[-1]) + 1} are filled in linearly")
     uniform = time_s[rows.start] + np.arange(int(taken[-1]) + 1) / rate
-    return Grid(rate, uniform, tuple(notes), filled, rows, taken)
+    recorded = np.zeros(len(uniform), dtype=np.bool_)
+    recorded[taken] = True
+    return Grid(rate, uniform, tuple(notes), filled, rows, taken, recorded)
+
+
+def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Array]) -> Grid:
+    """Make the grid of times that are not uniform: holes, late clocks or uneven samples."""
+    usual = usual_step(time_s)
+    steps = np.diff(time_s) / usual
+    whole = np.maximum(np.rint(steps), 1.0).astype(np.int64)
+    ticks = np.concatenate([[0], np.cumsum(whole)])
+    rate = _rate(table, time_s, ticks, None)
+    holes = int(np.count_nonzero(steps > RESAMPLED_STEPS))
+    missing = int(ticks[-1]) + 1 - len(ticks)
+    if missing > len(ticks):
+        _refuse_uneven(table, name, time_s)
+    by_index = is_even_by_index(ticks, time_s, motion)
+    if by_index or _is_uniform(time_s, ticks, rate):
+        notes = []
+        if by_index:
+            notes.append(
+                f"the times step by {np.percentile(steps, 1) * 1e3 * usual:.3g} to "
+                f"{np.percentile(steps, 99) * 1e3 * usual:.3g} ms, but the position is smoother "
+                f"without them: its samples are taken as uniform, at {rate:g} Hz"
+            )
+        if missing:
+            notes.append(
+                f"{missing} samples of {int(ticks[-1]) + 1} were not recorded: filled in for the "
+                "time base, and left out of every judgement"
+            )
+        uniform = time_s[0] + np.arange(int(ticks[-1]) + 1) / rate
+        recorded = np.zeros(len(uniform), dtype=np.bool_)
+        recorded[ticks] = True
+        return Grid(rate, uniform, tuple(notes), missing, slice(None), ticks, recorded)
+    return _resampled(time_s, steps, usual, holes)
+
+
+def _resampled(time_s: Array, steps: Array, usual: float, holes: int) -> Grid:
+    """Make the grid of uneven samples, at their mean rate where there is no hole."""
+    rate = 1.0 / (usual * float(np.mean(steps[steps <= RESAMPLED_STEPS])))
+    rate = float(f"{rate:.6g}")
+    places = (time_s - time_s[0]) * rate
+    count = int(places[-1]) + 1
+    recorded = np.ones(count, dtype=np.bool_)
+    for k in np.flatnonzero(steps > RESAMPLED_STEPS):
+        recorded[int(places[k]) + 1 : int(np.ceil(places[k + 1]))] = False
+    filled = int(np.count_nonzero(~recorded))
+    notes = [
+        f"samples are uneven ({1e3 * usual * np.percentile(steps, 1):.3g} to "
+        f"{1e3 * usual * np.percentile(steps, 99):.3g} ms apart): brought to {rate:g} Hz, smooth "
+        "columns by a cubic spline, commands held"
+    ]
+    if filled:
+        notes.append(f"{holes} holes: {filled} samples of {count} are left out of every judgement")
+    uniform = time_s[0] + np.arange(count) / rate
+    return Grid(
+        rate, uniform, tuple(notes), filled, slice(None), places, recorded if filled else None, True
+    )
 
 
 def _require_rows(table: Table, rows: int) -> None:
@@ -180,11 +288,27 @@ def _rate(table: Table, time_s: Array, ticks: Ticks, nominal_rate_hz: float | No
     return float(f"{rate:.{SIGNIFICANT_DIGITS}g}")
 
 
+def _is_uniform(time_s: Array, ticks: Ticks, rate: float) -> bool:
+    off = (time_s - time_s[0]) * rate - ticks
+    return bool(np.max(np.abs(off)) <= TOLERANCE_PERIODS)
+
+
+def _refuse_uneven(table: Table, name: str, time_s: Array) -> NoReturn:
+    usual = usual_step(time_s)
+    steps = np.diff(time_s)
+    k = int(np.argmax(steps)) + 1
+    raise DataError(
+        f"{table.path}: {table.row(k)}: column '{name}' steps by {steps[k - 1]:.6g} s, usually by "
+        f"{usual:.6g} s, and more samples are missing than there are: cut out one stretch of the "
+        "recording, or describe it in YAML with sample_rate_hz where only the times are inexact"
+    )
+
+
 def _require_uniform(table: Table, name: str, time_s: Array, ticks: Ticks, rate: float) -> None:
+    if _is_uniform(time_s, ticks, rate):
+        return
     off = (time_s - time_s[0]) * rate - ticks
     worst = int(np.argmax(np.abs(off)))
-    if abs(off[worst]) <= TOLERANCE_PERIODS:
-        return
     steps = np.diff(time_s) / np.diff(ticks)
     usual = float(np.median(steps))
     odd = np.flatnonzero(np.abs(steps / usual - 1) > 0.5)

@@ -87,6 +87,10 @@ def test_a_sample_rate_takes_the_place_of_a_time_column(described):
         ("µm", 1e-6, "m"),
         ("rad", 1, "rad"),
         ("deg", math.pi / 180, "rad"),
+        ("nm", 1e-9, "m"),
+        ("turn", 2 * math.pi, "rad"),
+        ("rev", 2 * math.pi, "rad"),
+        ("mm, scale: -2", -2e-3, "m"),
         ("count, resolution: 5.0e-7", 5e-7, "m"),
         ("count, resolution: {value: 0.5, unit: um}", 5e-7, "m"),
         ("count, resolution_m: 5e-7", 5e-7, "m"),
@@ -110,6 +114,85 @@ def test_every_unit_of_position(described, unit, factor, base):
 def test_every_unit_of_command(described, unit, force):
     text = GOOD.replace("unit: V", f"unit: {unit}").replace("N/V", force)
     assert described(text)[0].axes["x"].command_unit == unit.replace("Nm", "N*m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "base"),
+    [
+        ("mA", 1e-3, "A"),
+        ("mV", 1e-3, "V"),
+        ("kN", 1e3, "N"),
+        ("mNm", 1e-3, "N*m"),
+        ("percent", 1.0, "%"),
+        ("A, scale: -0.5", -0.5, "A"),
+    ],
+)
+def test_commands_are_scaled_to_their_base_unit(described, unit, factor, base):
+    text = GOOD.replace("unit: V", f"unit: {unit}").replace("N/V", f"N/{base}")
+    recording, data = described(text)
+    np.testing.assert_allclose(recording.axes["x"].command, factor * data["u"])
+    assert recording.axes["x"].command_unit == base
+
+
+def test_a_velocity_stands_for_a_position_that_was_not_recorded(described):
+    text = GOOD.replace("position: {column: q, unit: mm}", "velocity: {column: u, unit: rpm}")
+    recording, data = described(text.replace("unit: um", "unit: deg"))
+    axis = recording.axes["x"]
+    rate = 2 * math.pi / 60 * data["u"]
+    np.testing.assert_allclose(np.diff(axis.position), 0.5e-3 * (rate[1:] + rate[:-1]))
+    assert axis.position_unit == "rad"
+    assert "its position is the integral of column 'u'" in recording.notes[0]
+
+
+ROWS = np.column_stack([np.arange(N) / 250, np.linspace(0, 1, N), np.cos(np.arange(N))])
+
+
+def as_text(path):
+    np.savetxt(path, ROWS)
+
+
+def as_named_text(path):
+    np.savetxt(path, ROWS, header="1  2   3")
+
+
+def as_comma_text(path):
+    np.savetxt(path, ROWS, delimiter=",")
+
+
+def as_npy(path):
+    np.save(path, ROWS)
+
+
+def as_npz(path):
+    np.savez(path, run=ROWS, name=np.array(["no numbers"]))
+
+
+def as_mat(path):
+    scipy.io.savemat(path, {"run": ROWS})
+
+
+@pytest.mark.parametrize(
+    ("file", "write", "columns"),
+    [
+        ("a.txt", as_text, ("1", "2", "3")),
+        ("a.txt", as_named_text, ("1", "2", "3")),
+        ("a.csv", as_comma_text, ("1", "2", "3")),
+        ("a.npy", as_npy, ("[:,0]", "[:,1]", "[:,2]")),
+        ("a.npz", as_npz, ("run[:,0]", "run[:,1]", "run[:,2]")),
+        ("a.mat", as_mat, ("run(:,1)", "run(:,2)", "run(:,3)")),
+    ],
+)
+def test_columns_without_names_are_found_by_their_number(tmp_path, file, write, columns):
+    write(tmp_path / file)
+    t, q, u = (f'"{name}"' for name in columns)
+    (tmp_path / "d.yaml").write_text(
+        f"file: {file}\ntime: {{column: {t}}}\naxes:\n  b:\n"
+        f"    position: {{column: {q}, unit: m}}\n    command: {{column: {u}, unit: A}}\n"
+    )
+    recording = read_recording(tmp_path / "d.yaml")
+    assert recording.sample_rate_hz == pytest.approx(250)
+    np.testing.assert_allclose(recording.axes["b"].position, ROWS[:, 1])
+    np.testing.assert_allclose(recording.axes["b"].command, ROWS[:, 2])
 
 
 @pytest.mark.parametrize(
@@ -160,6 +243,8 @@ def test_csv_and_parquet_can_be_described_too(tmp_path):
         ("35.15", "much", r"axes\.x\.force_per_command\.value: .*number.*\(it is 'much'\)"),
         ("unit: um", "unit: deg", r"the reference is in rad, but the position in m"),
         ("unit: mm", "unit: count", r"axes\.x\.position: unit count needs resolution"),
+        ("unit: mm", "unit: mm, scale: 0", r"yaml:5: axes\.x\.position\.scale: must not be 0"),
+        ("position: {column: q, unit: mm}", "# none", r"axes\.x: needs position: .* velocity"),
         ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.column: is missing"),
         ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.colum: unknown key"),
         ("column: q", "column: qq", r"axes\.x\.position\.column: .*data\.mat: no column 'qq'"),

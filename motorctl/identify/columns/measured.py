@@ -106,8 +106,8 @@ def measured(recording: Recording, axis: str) -> Measured:
     usable = np.ones(len(record.position), dtype=np.bool_)
     if record.state is not None:
         usable &= np.isin(record.state, IN_FORCE)
-    if recording.lateness_s is not None:
-        usable &= ~np.isnan(recording.lateness_s)  # rows filled in for skipped periods
+    if record.recorded is not None:
+        usable &= record.recorded
     if record.flags is not None:
         usable &= (record.flags & SampleFlag.HELD) == 0
     force = record.force_per_command

@@ -97,18 +97,14 @@ MACHINES = [
 
 
 def described(machine: Machine, folder: Path) -> Path:
-    """Write an evenly sampled file and its description."""
+    """Write the columns with the times that were recorded, and their description."""
     columns = machine.read()
-    t = columns["time_s"]
-    period_s = float(np.median(np.diff(t)))
-    even = np.arange(t[0], t[-1], period_s)
-    table = {name: np.interp(even, t, c) for name, c in columns.items() if name != "time_s"}
-    rows = np.column_stack(list(table.values()))
-    np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(table), comments="")
-    text = f"file: r.csv\nsample_rate_hz: {1.0 / period_s:.6f}\naxes:\n  x:\n"
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    text = "file: r.csv\ntime: {column: time_s}\naxes:\n  x:\n"
     text += "    position: {column: position, unit: rad}\n"
     text += f"    command: {{column: command, unit: {machine.unit}}}\n"
-    if "reference" in table:
+    if "reference" in columns:
         text += "    reference: {column: reference, unit: rad}\n"
     path = folder / "r.yaml"
     path.write_text(text)
