@@ -13,11 +13,11 @@ from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 from motorctl.errors import DataError
 from motorctl.log.table import Table
-from motorctl.log.uneven_times import RESAMPLED_STEPS, is_even_by_index, usual_step
+from motorctl.log.uneven_times import counted_ticks, is_even_by_index, longest_step, usual_step
 
 Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
@@ -62,8 +62,9 @@ class Grid:
     def floats(self, values: Array, held: bool = False) -> Array:
         """Bring a column of the file onto the grid, linearly over what is filled.
 
-        Of uneven samples a smooth column is interpolated by a cubic spline, one that is `held`
-        between samples, as a command, keeps the value before.
+        Of uneven samples a smooth column is interpolated by monotone cubics, which never overshoot,
+        even between samples that nearly coincide; of one that is `held` between samples, as a
+        command, each period has the mean.
         """
         taken = values[self._rows]
         if self._as_it_is:
@@ -72,8 +73,8 @@ class Grid:
         if not self.resampled:
             return np.interp(grid, self._ticks, taken)
         if held:
-            return np.asarray(taken[self._before(grid)])
-        smooth = np.asarray(CubicSpline(self._ticks, taken)(grid))
+            return self._mean_held(taken)
+        smooth = np.asarray(PchipInterpolator(self._ticks, taken)(grid))
         if self.recorded is None:
             return smooth
         return np.where(self.recorded, smooth, np.interp(grid, self._ticks, taken))
@@ -105,6 +106,14 @@ class Grid:
                 whole = self.floats(blank.astype(np.float64), held=True) == 0.0
                 found = whole if found is None else found & whole
         return found
+
+    def _mean_held(self, taken: Array) -> Array:
+        """Return the mean over each period of what is held from one row to the next."""
+        spans = np.diff(self._ticks, append=self._ticks[-1] + 1.0)
+        integral = np.concatenate([[0.0], np.cumsum(taken * spans)])
+        edges = np.concatenate([self._ticks, [self._ticks[-1] + 1.0]])
+        at = np.interp(np.arange(len(self.time_s) + 1), edges, integral)
+        return np.asarray(np.diff(at))
 
     def _before(self, grid: Ticks) -> Ticks:
         """Return the row at or before each sample."""
@@ -196,21 +205,19 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
     """Make the grid of times that are not uniform: holes, late clocks or uneven samples."""
     usual = usual_step(time_s)
     steps = np.diff(time_s) / usual
-    whole = np.maximum(np.rint(steps), 1.0).astype(np.int64)
-    ticks = np.concatenate([[0], np.cumsum(whole)])
+    ticks = counted_ticks(time_s)
     rate = _rate(table, time_s, ticks, None)
-    holes = int(np.count_nonzero(steps > RESAMPLED_STEPS))
     missing = int(ticks[-1]) + 1 - len(ticks)
     if missing > len(ticks):
         _refuse_uneven(table, name, time_s)
-    by_index = is_even_by_index(ticks, time_s, motion)
-    if by_index or _is_uniform(time_s, ticks, rate):
+    exact = _is_uniform(time_s, ticks, rate)
+    if exact or is_even_by_index(ticks, time_s, motion):
         notes = []
-        if by_index:
+        if not exact:
             notes.append(
-                f"the times step by {np.percentile(steps, 1) * 1e3 * usual:.3g} to "
-                f"{np.percentile(steps, 99) * 1e3 * usual:.3g} ms, but the position is smoother "
-                f"without them: its samples are taken as uniform, at {rate:g} Hz"
+                f"the times step by {1e3 * usual * steps.min():.3g} to "
+                f"{1e3 * usual * steps.max():.3g} ms, which the position does not show: its "
+                f"samples are taken as uniform, at {rate:g} Hz"
             )
         if missing:
             notes.append(
@@ -221,26 +228,28 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
         recorded = np.zeros(len(uniform), dtype=np.bool_)
         recorded[ticks] = True
         return Grid(rate, uniform, tuple(notes), missing, slice(None), ticks, recorded)
-    return _resampled(time_s, steps, usual, holes)
+    return _resampled(time_s, steps, usual)
 
 
-def _resampled(time_s: Array, steps: Array, usual: float, holes: int) -> Grid:
+def _resampled(time_s: Array, steps: Array, usual: float) -> Grid:
     """Make the grid of uneven samples, at their mean rate where there is no hole."""
-    rate = 1.0 / (usual * float(np.mean(steps[steps <= RESAMPLED_STEPS])))
-    rate = float(f"{rate:.6g}")
+    rate = float(f"{1.0 / usual:.6g}")
+    holes = np.flatnonzero(steps > longest_step(time_s) / usual)
     places = (time_s - time_s[0]) * rate
     count = int(places[-1]) + 1
     recorded = np.ones(count, dtype=np.bool_)
-    for k in np.flatnonzero(steps > RESAMPLED_STEPS):
+    for k in holes:
         recorded[int(places[k]) + 1 : int(np.ceil(places[k + 1]))] = False
     filled = int(np.count_nonzero(~recorded))
     notes = [
         f"samples are uneven ({1e3 * usual * np.percentile(steps, 1):.3g} to "
         f"{1e3 * usual * np.percentile(steps, 99):.3g} ms apart): brought to {rate:g} Hz, smooth "
-        "columns by a cubic spline, commands held"
+        "columns by monotone cubics, commands as they were held"
     ]
     if filled:
-        notes.append(f"{holes} holes: {filled} samples of {count} are left out of every judgement")
+        notes.append(
+            f"{len(holes)} holes: {filled} samples of {count} are left out of every judgement"
+        )
     uniform = time_s[0] + np.arange(count) / rate
     return Grid(
         rate, uniform, tuple(notes), filled, slice(None), places, recorded if filled else None, True

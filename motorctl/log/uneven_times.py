@@ -6,23 +6,50 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
 
-RESAMPLED_STEPS = 3.0
-"""A step longer than so many usual ones is a hole."""
+HOLE_STEPS = 5.0
+"""A step longer than so many of those that nine tenths of the samples keep is a hole."""
 SMOOTHER = 0.7
-"""Samples are taken as uniform where that makes the motion so much smoother than its times do."""
+"""Where the motion is so much smoother over the count of its samples than over their times, or the
+other way round, it tells which of the two is right."""
+MOSTLY = 0.95
+"""Where it does not tell, samples count as uniform if this part of the steps is one period."""
+ONE_PERIOD = 0.25
+"""How far a step may be from one period to count as one."""
+LATE_SAMPLES = 7
+"""Samples whose median tells a hole from a clock that was read late: at most three in a row are."""
 FURTHEST_PERIODS = 1.5
 """A clock that is read late lies at most so far off the uniform grid, drift apart."""
 
 
+def longest_step(time_s: Array) -> float:
+    """Return the longest step that is no hole [s]."""
+    return HOLE_STEPS * float(np.percentile(np.diff(time_s), 90.0))
+
+
 def usual_step(time_s: Array) -> float:
-    """Return the time between neighbouring samples, holes apart [s]."""
+    """Return the mean time between neighbouring samples, holes apart [s]."""
     steps = np.diff(time_s)
     median = float(np.median(steps))
-    return float(np.mean(steps[steps <= RESAMPLED_STEPS * median]))
+    near = np.abs(steps / median - 1.0) < ONE_PERIOD
+    if np.mean(near) > MOSTLY:
+        return float(np.mean(steps[near]))
+    return float(np.mean(steps[steps <= longest_step(time_s)]))
+
+
+def counted_ticks(time_s: Array) -> Ticks:
+    """Return which period each sample belongs to, from 0: no two share one.
+
+    A clock that is read late is late for a sample or two; behind a hole all are.
+    """
+    count = np.arange(len(time_s))
+    beyond = median_filter((time_s - time_s[0]) / usual_step(time_s) - count, LATE_SAMPLES)
+    holes = np.rint(beyond - beyond[0]).astype(np.int64)
+    return np.asarray(np.maximum.accumulate(holes) + count)
 
 
 def is_even_by_index(ticks: Ticks, time_s: Array, motion: Sequence[Array]) -> bool:
@@ -49,7 +76,10 @@ def is_even_by_index(ticks: Ticks, time_s: Array, motion: Sequence[Array]) -> bo
         return False
     even = sum(_roughness(count, values) for values in motion)
     uneven = sum(_roughness(time_s, values) for values in motion)
-    return even < SMOOTHER * uneven
+    if even < SMOOTHER * uneven or uneven < SMOOTHER * even:
+        return even < uneven
+    steps = np.diff(time_s) / usual_step(time_s)
+    return float(np.mean(np.abs(steps - np.rint(steps)) < ONE_PERIOD)) > MOSTLY
 
 
 def _roughness(places: Array, values: Array) -> float:

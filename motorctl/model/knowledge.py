@@ -106,6 +106,8 @@ class Spans:
     """One count of the encoder; 0 where it is not known."""
     other_axes: tuple[str, ...] = ()
     """Axes whose motion was recorded too."""
+    rotary: bool = False
+    """Whether the position is an angle [rad]."""
 
     @property
     def travel_m(self) -> float:

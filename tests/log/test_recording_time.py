@@ -109,8 +109,12 @@ def test_uneven_samples_are_brought_to_their_mean_rate(tmp_path_factory, seed, a
     axis = recording.axes["x"]
     assert recording.sample_rate_hz == pytest.approx(1 / np.mean(steps), rel=1e-2)
     np.testing.assert_allclose(np.diff(recording.time_s), recording.period_s)
-    np.testing.assert_allclose(axis.position, np.sin(6.0 * recording.time_s), atol=2e-4)
-    assert set(np.unique(axis.command)) == {-1.0, 1.0}
+    np.testing.assert_allclose(axis.position, np.sin(6.0 * recording.time_s), atol=6e-4)
+    np.testing.assert_allclose(np.unique(axis.command)[[0, -1]], [-1.0, 1.0])
+    held = np.cumsum(np.sign(np.cos(6.0 * np.cumsum(steps)))[:-1] * steps[1:])
+    np.testing.assert_allclose(
+        np.cumsum(axis.command)[-2] * recording.period_s, held[-1], atol=0.02
+    )
     assert "samples are uneven" in recording.notes[0]
 
 
@@ -122,17 +126,16 @@ def test_a_hole_among_uneven_samples_is_marked(tmp_path):
     holes = recording.time_s[~axis.recorded]
     assert time_s[799] < holes[0] < holes[-1] < time_s[830]
     good = axis.recorded
-    np.testing.assert_allclose(axis.position[good], np.sin(6.0 * recording.time_s[good]), atol=2e-4)
+    np.testing.assert_allclose(axis.position[good], np.sin(6.0 * recording.time_s[good]), atol=6e-4)
 
 
 def test_a_clock_that_alternates_while_the_motion_does_not_is_taken_as_uniform(tmp_path):
     time_s = np.arange(1000) * 0.011
-    late = time_s + np.where(np.arange(1000) % 2, -0.0005, 0.0005)
-    late[::2] += 0.003
+    late = time_s + np.where(np.arange(1000) % 2, 0.0, 0.004)
     table = sines(time_s) | {"time_s": late}
     recording = read_recording(write_table(tmp_path / "a.csv", table))
     np.testing.assert_allclose(recording.axes["x"].position, table["x.position_m"], atol=1e-9)
-    assert "smoother without them" in recording.notes[0]
+    assert "position does not show" in recording.notes[0]
 
 
 def test_a_few_blank_values_are_filled_told_and_marked(tmp_path):

@@ -61,6 +61,9 @@ harmonics of friction's steps alias into the band, larger takes time. Chosen by 
 PIECE_S = 3.0
 """Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
 more rows to trimming. Chosen by hand."""
+PIECE_TRIMS = 6
+"""They are at least so many times what is dropped at one end: two of six parts are lost. Larger
+sees fewer places, smaller loses more. Arithmetic."""
 SHORTEST_S = 0.3
 """Shortest stretch without a gap that is used [s]. Smaller leaves nothing after trimming, larger
 loses recordings with many gaps. Chosen by hand."""
@@ -355,8 +358,8 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
     every = int(total_s / longest_s)
     if every < 2:
         return signals
-    length = round(PIECE_S / signals.row_period_s)
     trim = math.ceil(TRIM_PERIODS / signals.band_hz / signals.row_period_s)
+    length = max(round(PIECE_S / signals.row_period_s), PIECE_TRIMS * trim)
     d = signals.decimation
     stretches, kept = [], []
     count = 0
@@ -402,6 +405,7 @@ def spans_of(signals: Signals) -> Spans:
         band_hz=signals.band_hz,
         resolution_m=resolution or 0.0,
         other_axes=tuple(others),
+        rotary=signals.data.position_unit == "rad",
     )
 
 

@@ -111,7 +111,7 @@ def test_a_command_of_the_other_sign(run, refused):
 
 def test_a_position_that_is_not_a_number(run, refused):
     holed = run.position.copy()
-    holed[700] = np.nan
+    holed[700:1200] = np.nan
     assert "x.position_m" in refused(position_m=holed)
 
 

@@ -15,8 +15,8 @@ from motorctl.identify.columns.signals import make_signals, spans_of
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
-from motorctl.identify.diagnose.verdict.errors import simulated_position_rms
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
+from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
 from motorctl.model import effect_class, make_effect
 
 SIDES = ("acceleration", "command")
@@ -72,7 +72,8 @@ def outcome(signals, *added):
 
 def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signals):
     found = outcome(signals, late("input_lag", 0.2))
-    assert simulated_position_rms(found.final) > simulated_position_rms(found.base)
+    simulated = judge_by_simulation(found.base, found.final)
+    assert simulated.after_rms > simulated.before_rms
     kept, why = without_refuted(found)
     assert not kept.final.added
     assert why[0].startswith("input_lag is refuted: simulated over windows")

@@ -276,6 +276,15 @@ def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
     return Hypothesis(hypothesis.regressors, (*hypothesis.added, *sines), hypothesis.acceleration)
 
 
+def all_lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> float:
+    """Return the squared held-out residual that all the strongest lines leave together.
+
+    One line of a wave of many orders is but a small part of it.
+    """
+    sines = _lines(hypothesis, cls, spans)
+    return _beside(hypothesis, sines).held_out if sines else hypothesis.held_out
+
+
 def _lines(hypothesis: Hypothesis, cls: type[Effect], spans: Spans) -> list[Effect]:
     over_time = "wave_over_time" in cls.groups
     found = _time_lines(hypothesis) if over_time else _spectrum(hypothesis, cls)

@@ -20,6 +20,7 @@ from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.declared_shape import reshaped
 from motorctl.identify.diagnose.search.forms import (
     Form,
+    all_lines,
     at_bound,
     best_form,
     by_simplex,
@@ -241,6 +242,8 @@ def search(
         hypothesis = sideways(hypothesis, rivals, spans, sign, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, sign)
         hypothesis = backward(hypothesis, noise, spans)
+        if {e.name for e in hypothesis.added} == {e.name for e in added if e is not taken.effect}:
+            break  # what was just taken was dropped again, and would be for ever
         added = hypothesis.added
     base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
@@ -376,9 +379,15 @@ def ranked(
         return []
     best = gain(hypothesis, forms[0].held_out)
     front = [0]
-    for k, form in enumerate(forms[1:REFINED], 1):
+    for k, form in enumerate(forms[1:], 1):
+        waves = "wave_over_position" in form.effect.groups
+        if best <= LEAST_GAIN / 2.0 or (k >= REFINED and not waves):
+            continue
         near = NEAR * (PARTLY_SEEN if form.effect.scan_shows_part else 1.0)
-        if best > LEAST_GAIN / 2.0 and gain(hypothesis, form.held_out) > best / near:
+        shown = gain(hypothesis, form.held_out)
+        if shown <= best / near and waves:
+            shown = gain(hypothesis, all_lines(hypothesis, type(form.effect), spans))
+        if shown > best / near:
             front.append(k)
     improved = [refined(hypothesis, forms[k], spans) for k in front]
     rest = [form for k, form in enumerate(forms) if k not in front]

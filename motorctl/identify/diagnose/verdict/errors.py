@@ -20,6 +20,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect
 
@@ -32,9 +33,6 @@ judges with less. Chosen by hand; as many as there are folds."""
 REPORT_HZ = 100.0
 """Band of pictures, and of errors on another recording [Hz]: that in which `fit` works. Larger
 shows noise, smaller hides effects. Arithmetic: `fit`'s widest band."""
-WINDOW_S = 0.1
-"""Windows of simulated motion [s]. Shorter ones show nothing, in longer ones drift rules. Chosen by
-hand."""
 RIVAL = 0.5
 """Part of the gain of the effect taken from which another may be told to be indistinguishable.
 Larger overlooks rivals, smaller takes time. Chosen by hand."""
@@ -133,7 +131,7 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
     floor = min(floor_of(found), after, before)
     regressors = found.final.regressors
     command = final.columns[:, regressors.command_column].ravel()[: regressors.signals.rows][held]
-    positions = tuple(simulated_position_rms(h, held) for h in (found.base, found.final))
+    simulated = judge_by_simulation(found.base, found.final, held)
     return ModelError(
         unit=unit,
         held_out_before_rms=before,
@@ -141,9 +139,9 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
         noise_floor_rms=floor,
         explained_fraction=explained(before, after, floor),
         command_rms=float(np.sqrt(np.mean(command**2))),
-        simulated_position_before_rms=positions[0],
-        simulated_position_after_rms=positions[1],
-        window_s=WINDOW_S if positions[0] is not None else None,
+        simulated_position_before_rms=None if simulated is None else simulated.before_rms,
+        simulated_position_after_rms=None if simulated is None else simulated.after_rms,
+        window_s=None if simulated is None else simulated.window_s,
     )
 
 
@@ -226,31 +224,3 @@ def own_shares(found: Found, names: Sequence[str]) -> dict[str, float]:
         lost = found.final.without(name).solution.sse - found.final.solution.sse
         shares[name] = float(np.clip(lost / whole, 0.0, 1.0))
     return shares
-
-
-def simulated_position_rms(hypothesis: Hypothesis, held: Rows | None = None) -> float | None:
-    """Simulate windows of motion, each begun at the measured state, and return what is missed.
-
-    The modelled acceleration along the recorded command and motion, integrated twice; over the
-    rows that `held` chooses, or all; None where no window is whole.
-    """
-    predicted = hypothesis.predicted_acceleration()
-    signals = hypothesis.regressors.signals
-    dt = signals.period_s
-    length = max(4, round(WINDOW_S / dt))
-    squares, count, start = 0.0, 0, 0
-    for s, a, kept in zip(signals.stretches, predicted, signals.kept, strict=True):
-        used = kept.copy()
-        if held is not None:
-            used[kept] = held[start : start + int(kept.sum())]
-            start += int(kept.sum())
-        chosen = np.repeat(used, signals.decimation)[: len(s.x)]
-        for begin in range(length, len(s.x) - length, length):
-            if not chosen[begin : begin + length].all():
-                continue
-            part = slice(begin, begin + length)
-            v = s.v[begin] + dt * (np.cumsum(a[part]) - 0.5 * (a[begin] + a[part]))
-            x = s.x[begin] + dt * (np.cumsum(v) - 0.5 * (v[0] + v))
-            squares += float(np.sum((x - s.x[part]) ** 2))
-            count += length
-    return None if count == 0 else math.sqrt(squares / count)

@@ -13,8 +13,8 @@ import numpy as np
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found, rival_gains
-from motorctl.identify.diagnose.verdict.errors import simulated_position_rms
 from motorctl.identify.diagnose.verdict.parameters import theta_of, values_of
+from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
 from motorctl.model import Effect
 
 SURELY = 3.0
@@ -68,18 +68,19 @@ def _worse_when_simulated(base: Hypothesis, final: Hypothesis) -> tuple[Effect, 
     Errors of the measurement change no motion and are not asked.
     """
     suspects = [effect for effect in final.added if effect.kind != "measurement"]
-    before, after = simulated_position_rms(base), simulated_position_rms(final)
-    if not suspects or before is None or after is None:
-        return None
-    if after <= WORSE * before + CERTAIN * float(np.ptp(final.regressors.signals.stretches[0].x)):
+    simulated = judge_by_simulation(base, final) if suspects else None
+    rounding = CERTAIN * float(np.ptp(final.regressors.signals.stretches[0].x))
+    if simulated is None or simulated.worse <= WORSE or simulated.after_rms < rounding:
         return None
 
     def left(effect: Effect) -> float:
-        rest = final.without(effect.name).refreshed()
-        return simulated_position_rms(rest) or np.inf
+        rest = judge_by_simulation(base, final.without(effect.name).refreshed())
+        return np.inf if rest is None else rest.worse
 
     effect = min(suspects, key=left)
     return effect, (
-        f"{effect.name} is refuted: simulated over windows of the recording, the model with it "
-        f"would be {after:.3g} from the recorded position, the declared one {before:.3g}"
+        f"{effect.name} is refuted: simulated over windows of {simulated.window_s:.3g} s, the "
+        f"model with it would be {simulated.after_rms:.3g} from the recorded position, the "
+        f"declared one {simulated.before_rms:.3g}; over all lengths of window the ratio is "
+        f"{simulated.ratio:.3g}"
     )

@@ -1,0 +1,131 @@
+"""The yardstick that no hypothesis can change: the recorded position, predicted by simulation.
+
+The modelled acceleration along the recorded command and motion is integrated twice, from the
+measured state at the beginning of each window. Over short windows the noise of that state rules,
+over long ones the drift of whatever small force is unknown; so several lengths are asked, and that
+one is told at which the declared model's error first stands clear of the noise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+WINDOWS_S = (0.01, 0.03, 0.1)
+"""Lengths of the windows [s], a half decade apart. Shorter ones show the noise of the measured
+state, in longer ones drift rules. Chosen by hand."""
+FEWEST_SAMPLES = 4
+"""Samples of a window at least. Fewer show no motion. Arithmetic: a state and its change."""
+CLEAR_OF_NOISE = 5.0
+"""What the declared model misses, over the rms of the position's noise, from which a window tells
+of the model. Larger tells of longer windows, smaller of the noise. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What two models miss of the position, over windows of one length and over all lengths."""
+
+    window_s: float
+    before_rms: float
+    after_rms: float
+    ratio: float
+    """After over before, the geometric mean over all lengths."""
+
+    @property
+    def worse(self) -> float:
+        """Return how much worse the second is, by the length that is told or by all."""
+        return max(self.ratio, self.after_rms / max(self.before_rms, 1e-300))
+
+
+def judge_by_simulation(
+    base: Hypothesis, final: Hypothesis, held: Rows | None = None
+) -> Simulated | None:
+    """Compare two models by the position that they predict.
+
+    Parameters
+    ----------
+    base, final
+        The models, over the same rows.
+    held
+        Which rows are asked, (m,); all by default.
+
+    Returns
+    -------
+    Simulated or None
+        None where no window is whole.
+    """
+    before, after = simulated_position(base, held), simulated_position(final, held)
+    common = [window for window in before if window in after]
+    if not common:
+        return None
+    signals = base.regressors.signals
+    noise = math.sqrt(0.5 * signals.position_noise / signals.period_s)
+    told = next((w for w in common if before[w] > CLEAR_OF_NOISE * noise), common[-1])
+    ratios = [max(after[w], 1e-300) / max(before[w], 1e-300) for w in common]
+    ratio = math.exp(float(np.mean(np.log(ratios))))
+    return Simulated(told, before[told], after[told], ratio)
+
+
+def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> dict[float, float]:
+    """Return what a model misses of the position [m, rms], by the length of the windows [s].
+
+    Parameters
+    ----------
+    hypothesis
+        The model.
+    held
+        Which rows are asked, (m,); all by default.
+
+    Returns
+    -------
+    dict
+        Without lengths of which no window is whole.
+    """
+    signals = hypothesis.regressors.signals
+    predicted = hypothesis.predicted_acceleration()
+    chosen = _samples(signals, held)
+    lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in WINDOWS_S}
+    found = {}
+    for length in lengths:
+        squares = [
+            _missed(s.x, s.v, a, used, length, signals.period_s)
+            for s, a, used in zip(signals.stretches, predicted, chosen, strict=True)
+        ]
+        every = np.concatenate(squares)
+        if len(every):
+            found[length * signals.period_s] = math.sqrt(float(np.mean(every)))
+    return found
+
+
+def _samples(signals: Signals, held: Rows | None) -> list[Rows]:
+    """Return for each stretch the samples whose rows are asked."""
+    found, start = [], 0
+    for s, kept in zip(signals.stretches, signals.kept, strict=True):
+        used = kept.copy()
+        if held is not None:
+            used[kept] = held[start : start + int(kept.sum())]
+            start += int(kept.sum())
+        found.append(np.repeat(used, signals.decimation)[: len(s.x)])
+    return found
+
+
+def _missed(x: Array, v: Array, a: Array, used: Rows, length: int, dt: float) -> Array:
+    """Return the mean square that is missed in each whole window of one stretch."""
+    windows = max(len(x) // length - 1, 0)
+    part = slice(length, length * (windows + 1))  # the filter's start is no motion
+    if not windows:
+        return np.zeros(0)
+    whole = used[part].reshape(windows, length).all(axis=1)
+    x, v, a = (signal[part].reshape(windows, length)[whole] for signal in (x, v, a))
+    speed = v[:, :1] + dt * (np.cumsum(a, axis=1) - 0.5 * (a[:, :1] + a))
+    place = x[:, :1] + dt * (np.cumsum(speed, axis=1) - 0.5 * (speed[:, :1] + speed))
+    return np.asarray(np.mean((place - x) ** 2, axis=1))

@@ -1,0 +1,78 @@
+"""Weight of a joint's arm: a sine of the angle. A lift's weight is the offset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from numba import njit
+from pydantic import Field
+
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.knowledge import Picture, Spans
+
+LEAST_TURN = 0.03
+"""Part of a turn below which a sine is no other than a straight line."""
+
+
+class GravityOptions(EffectOptions):
+    """How far the axis moves while the arm turns once."""
+
+    turn_m: float = Field(
+        default=2.0 * math.pi,
+        ge=1e-9,
+        allow_inf_nan=False,
+        description="one turn of the arm in the position's unit: 2 pi where that is rad",
+    )
+
+
+class Gravity(Effect):
+    """G_s sin(2 pi x/turn) + G_c cos(2 pi x/turn), for any direction of the arm at x = 0."""
+
+    name = "gravity"
+    kind = "state"
+    title = "Gravity on an arm"
+    formula = "G_s sin(2 pi x/turn) + G_c cos(2 pi x/turn)"
+    compensated = "feedforward of its negative at the desired angle"
+    identified = "linear in sine and cosine of the angle"
+    visible_in = "slow travel in both directions over as much of a turn as the arm can do"
+    groups = frozenset({"force_of_position"})
+    ordinary = True
+    revealed_by = ("two_speeds",)
+    Options = GravityOptions
+    options: GravityOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sine and cosine: together the arm's weight times its lever, and where it hangs."""
+        return (
+            Parameter("sin", "G_s", "V", -1e3, 1e3, 0.0, 1.0),
+            Parameter("cos", "G_c", "V", -1e3, 1e3, 0.0, 1.0),
+        )
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Wave number [rad/m]."""
+        return (2.0 * math.pi / self.options.turn_m,)
+
+    @property
+    def picture(self) -> Picture:
+        """Force against position."""
+        return Picture(
+            "force_over_position",
+            "Command that works against the weight, over the angle; below, the residual.",
+        )
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Return the arm itself where the position is an angle that tells a sine from a line."""
+        enough = LEAST_TURN * 2.0 * math.pi
+        return (cls(),) if spans.rotary and spans.travel_m > enough else ()
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
+) -> float:
+    """Return sine or cosine of the angle."""
+    return math.sin(c[0] * x) if j == 0 else math.cos(c[0] * x)
