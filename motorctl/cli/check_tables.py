@@ -105,7 +105,8 @@ def _wiring(name: str, axis: Part) -> Table:
         (
             "gains",
             f"k1 {_number(gains['k1_1_s'])} 1/s, ks {_number(gains['ks_v_s_m'])} V*s/m, "
-            f"gamma_d {_number(gains['gamma_d'])} V/m, |d0| <= {_number(gains['d_hat_max_v'])} V",
+            f"gamma_d {_number(gains['gamma_d'])} V/m, |d0| <= {_number(gains['d_hat_max_v'])} V, "
+            f"velocity {gains['velocity']}",
         ),
         ("effects", _effects(axis["effect_options"])),
         ("adaptation", _adaptation(axis["adaptation"])),

@@ -53,7 +53,7 @@ def _close_loop(
     from motorctl.close_loop.document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
     from motorctl.close_loop.rounds import close_loop
-    from motorctl.close_loop.tables import error_row, tracking_table
+    from motorctl.close_loop.tables import error_row, tracking_table, velocity_words
     from motorctl.errors import UsageError
 
     if duration is not None and not 2.0 <= duration < float("inf"):
@@ -85,6 +85,8 @@ def _close_loop(
         for name, why in part.diagnosis.refused.items():
             print(f"  axis {name} was not diagnosed: {why}")
     print(f"then: {loop.ended}")
+    if loop.velocity is not None:
+        print(velocity_words(loop.velocity))
     print()
     for name, judgement in loop.overall.items():
         print_measures(name, tracking_table(judgement))

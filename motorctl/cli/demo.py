@@ -37,7 +37,7 @@ def _demo(
 
 def _print(story: Story) -> None:
     from motorctl.cli.measure_tables import print_measures
-    from motorctl.close_loop.tables import tracking_table
+    from motorctl.close_loop.tables import tracking_table, velocity_words
     from motorctl.demo.tables import (
         first_sentence,
         found_beside_plant,
@@ -61,5 +61,7 @@ def _print(story: Story) -> None:
     for axis, judgement in story.loop.overall.items():
         print_measures(axis, tracking_table(judgement))
     print(gains(story.loop))
+    if story.loop.velocity is not None:
+        print(velocity_words(story.loop.velocity))
     print(f"\nThe whole story with its pictures: {story.page}")
     print(f"The refined configuration: {story.loop.refined}")

@@ -8,6 +8,7 @@ from dataclasses import astuple
 from typing import Any
 
 from motorctl.close_loop.judge import AxisJudgement
+from motorctl.close_loop.matched_velocity import VelocityStep
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.identify.compare.measures import SYMBOLS, Measures
 from motorctl.identify.compare.runs import ratios
@@ -25,6 +26,7 @@ def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:
             name: {"effects": list(effects_added(loop, name)), **_judgement(judgement)}
             for name, judgement in loop.overall.items()
         },
+        "velocity": None if loop.velocity is None else _velocity(loop.velocity),
         "rounds": [_round(part) for part in loop.rounds],
     }
 
@@ -33,6 +35,13 @@ def effects_added(loop: ClosedLoop, axis: str) -> tuple[str, ...]:
     """Name the effects that the axis has gained."""
     before = loop.first.machine.axes[axis].declared.names
     return tuple(n for n in loop.last.machine.axes[axis].declared.names if n not in before)
+
+
+def _velocity(step: VelocityStep) -> dict[str, Any]:
+    return {
+        "kept": sorted(step.kept),
+        "axes": {name: _judgement(judged) for name, judged in step.judgements.items()},
+    }
 
 
 def _round(part: Round) -> dict[str, Any]:

@@ -45,6 +45,11 @@ def write_reports(loop: ClosedLoop) -> Path:
             _axis(name, effects_added(loop, name), judged) for name, judged in loop.overall.items()
         ],
         pictures=pictures,
+        velocity=[
+            _axis(name, (), judged)
+            for name, judged in (loop.velocity.judgements.items() if loop.velocity else ())
+        ],
+        velocity_kept=sorted(loop.velocity.kept) if loop.velocity else [],
         rounds=[_round(part, reports[part.number], loop.folder) for part in loop.rounds],
     )
     return page

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
+from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
@@ -78,11 +79,19 @@ class ClosedLoop:
     ended: str
     """Why there was no further round."""
     motions: Motions
+    velocity: VelocityStep | None = None
+    """What matching the published velocity did after them; None where it was matched."""
 
     @cached_property
     def overall(self) -> Mapping[str, AxisJudgement]:
         """Compare the last configuration with the first, axis by axis."""
         return judge(self.first, self.last, self.first)
+
+    @property
+    def by_effects(self) -> Trial:
+        """What came out of the rounds alone."""
+        accepted = [part.accepted.trial for part in self.rounds if part.accepted is not None]
+        return accepted[-1] if accepted else self.first
 
     @property
     def refined(self) -> Path:
@@ -148,9 +157,13 @@ def close_loop(
             ended = _why_no_further(done[-1])
             break
         current = accepted.trial
+    last = out / "matched_velocity"
+    velocity = match_velocity(current, first, last, names, motions, duration_s, progress)
+    if velocity is not None:
+        current = velocity.trial
     refined = out / "refined.yaml"
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
-    return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions)
+    return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)
 
 
 def _why_no_further(last: Round) -> str:

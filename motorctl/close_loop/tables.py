@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
+from motorctl.close_loop.matched_velocity import VelocityStep
 from motorctl.identify.compare.measures import table_cells
 from motorctl.identify.compare.runs import ratios
 
@@ -25,6 +26,17 @@ def tracking_table(judgement: AxisJudgement) -> list[Rows]:
             ]
         )
     return groups
+
+
+def velocity_words(step: VelocityStep) -> str:
+    """Return in words what matching the velocity did to the error, axis by axis."""
+    parts = []
+    for name, judged in step.judgements.items():
+        motion, (before, after) = next(iter(judged.tracking.items()))
+        kept = "kept" if name in step.kept else "not kept: an error became larger"
+        errors = f"eF {1e6 * before.eF_m:.3g} → {1e6 * after.eF_m:.3g} µm"
+        parts.append(f"{errors} on {name}, {MOTION_WORDS[motion]} ({kept})")
+    return f"then the velocity matched, by itself: {'; '.join(parts)}"
 
 
 def error_row(judgement: AxisJudgement) -> str:

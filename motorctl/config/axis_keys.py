@@ -84,6 +84,11 @@ class Gains(Keys):
     ks_v_s_m: Positive = Field(description="ks = ks1 + ks2, V*s/m")
     gamma_d: NotNegative = Field(description="rate of the fast adaptation of d0, V/m")
     d_hat_max_v: NotNegative = Field(description="bound of d0, V")
+    velocity: Literal["matched", "published"] = Field(
+        default="matched",
+        description="de/dt: matched, the difference of two errors; published, the difference of "
+        "two positions minus the desired velocity, which is half a period ahead of it",
+    )
 
 
 class ParameterKeys(Keys):

@@ -4,7 +4,8 @@ One law serves C1 and C2: they differ in the list that the model's kernels were 
 Source: Z. Chen, B. Yao, Q. Wang, IEEE/ASME Trans. Mechatronics 18(3), 2013, pp. 1122-1129.
 
 Where the list declares a lag or a delay of the command, the model is evaluated when the command
-will act, and led by the lag; the rest of the law is the same. Without, it is as published.
+will act, and led by the lag; the rest of the law is the same. The measured velocity is set against
+the mean desired one over the same period (`matched`), or against the desired one now (published).
 """
 
 from __future__ import annotations
@@ -143,8 +144,7 @@ def law_step(
 
     `state.others` is filled before; where the list declares a lag or a delay, so are
     `state.near` and `state.far`, the desired motion while the command acts. Then va1 is the mean of
-    the model over that time, led by the lag, and de/dt the difference of two errors: the desired
-    velocity at time t is half a period ahead of the measured one.
+    the model over that time, led by the lag.
 
     Parameters
     ----------
@@ -169,13 +169,13 @@ def law_step(
         va1 = 0.5 * (before + after) + lead * (after - before)
         acts_x, acts_t = 0.5 * (near[0] + far[0]), begins + 0.5 * ts
         map_x, map_t = acts_x + lead * (far[0] - near[0]), acts_t + settings.lag_s
-        rate = ((y - state.y1) - (xd - state.xd1)) / ts
     else:
         advance_context(xd, vd, ad, t - state.t1, state.others, state.context)
         va1 = feedforward(xd, vd, ad, vd, t, state.context, theta)
         acts_x, acts_t, map_x, map_t = xd, t, xd, t
-        # Velocity by difference of two positions, against the desired one: as published.
-        rate = (y - state.y1) / ts - vd
+    # As published, the measured velocity is half a period older than the desired one.
+    desired = (xd - state.xd1) / ts if settings.matched else vd
+    rate = (y - state.y1) / ts - desired
     p = rate + settings.k1_1_s * (y - xd)
     v = va1 - state.d0 - settings.ks_v_s_m * p
     context = state.context

@@ -44,6 +44,7 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
             ("n", "i8"),  # entries of theta in use
             ("motion_memory", "i8"),  # entries of the context that follow the motion; they lead
             ("period_s", "f8"),
+            ("matched", "i8"),  # de/dt is the difference of two errors
             ("forgetting", "f8"),  # lambda = exp(-alpha Ts)
             ("filter_pole", "f8"),  # exp(-omega Ts), twice
             ("delay_ticks", "i8"),  # whole part of the delay from the command to what acts

@@ -60,8 +60,8 @@ def fill_settings(
         Bounds and initial covariance of theta, each (n,).
     given
         Everything else by the names of the configuration's keys: all of LAW_GIVEN, and
-        forgetting_1_s, filter_rad_s, covariance_limit, input_delay_s and monotonicity_margin, from
-        which fields are computed. More may be in it.
+        velocity, forgetting_1_s, filter_rad_s, covariance_limit, input_delay_s and
+        monotonicity_margin, from which fields are computed. More may be in it.
     travel_m
         Both ends of the travel [m]; matters to input maps that vary with place.
 
@@ -83,6 +83,7 @@ def fill_settings(
     fill_by_name(record, (name for name, _ in LAW_GIVEN), given)
     record["n"], record["period_s"] = n, period_s
     record["motion_memory"] = model.motion_memory
+    record["matched"] = given["velocity"] == "matched"
     record["forgetting"] = math.exp(-given["forgetting_1_s"] * period_s)
     record["filter_pole"] = math.exp(-given["filter_rad_s"] * period_s)
     ticks = delay_s / period_s

@@ -96,7 +96,7 @@ def write_demo(
                 (axis, motion, *cells.values()) for axis, motion, cells in before_and_after(loop)
             ],
             outcome=[
-                picture(p, f"Axis {name}", "C1, C2, and C2 refined, on the published trajectory.")
+                picture(p, f"Axis {name}", "As published, then step by step; published trajectory.")
                 for p, name in zip(outcome, comparison.axes, strict=True)
             ],
             unused=[

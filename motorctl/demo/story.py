@@ -17,6 +17,7 @@ from motorctl.identify.compare.runs import Comparison, compare
 CONFIG = "published_gantry"
 ROUNDS = 1
 REFINED = "C2 refined"
+MATCHED = "C2 refined, velocity matched"
 
 
 @dataclass(frozen=True)
@@ -58,5 +59,11 @@ def tell(out: Path, progress: Callable[[str, float], None], config: str = CONFIG
 def _outcome(experiment: Experiment, loop: ClosedLoop) -> Comparison:
     """Set the refined model's run beside those of C1 and C2, on the same trajectory."""
     runs = experiment.comparison.runs
-    refined = compare([loop.last.recordings["own"]]).runs[0]
-    return Comparison((*runs, replace(refined, label=REFINED)), experiment.comparison.axes)
+    stages = {REFINED: loop.by_effects}
+    if loop.last is not loop.by_effects:
+        stages[MATCHED] = loop.last
+    later = [
+        replace(compare([trial.recordings["own"]]).runs[0], label=label)
+        for label, trial in stages.items()
+    ]
+    return Comparison((*runs, *later), experiment.comparison.axes)

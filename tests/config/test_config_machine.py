@@ -123,6 +123,7 @@ def test_the_published_gantry_has_the_published_numbers():
         "ks_v_s_m": 95.0,
         "gamma_d": 500.0,
         "d_hat_max_v": 1.0,
+        "velocity": "published",
     }
     assert [e.covariance for e in y.estimates] == [2, 50, 100, 500, 0.05, 0.005]
     assert [e.initial for e in y.estimates] == [0.55, 0.2, 0.1, 0, -0.0186, -0.0003]

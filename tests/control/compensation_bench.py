@@ -104,6 +104,7 @@ def machine(
             model[effect] = {**own, **_estimates(effect, own, values)}
         # What is measured here is compensation alone.
         axis["adaptation"]["enabled"] = False
+        axis["gains"]["velocity"] = "matched"
     data["programs"] = {
         "published_x": _to_and_fro("x", 0.1, 0.6, 10.0),
         "published_y": _to_and_fro("y", 0.05, 0.3, 8.0),

@@ -62,6 +62,7 @@ class Stepper:
             "gamma_d": 500.0,
             "d_hat_max_v": 1.0,
             "max_voltage_v": 10.0,
+            "velocity": "matched",
             "lower": lower,
             "upper": upper,
             "covariance": np.full(n, 1e3),

@@ -88,7 +88,8 @@ def fill_law(record: np.void, model: EffectList, settings: dict[str, Any]) -> No
     """Fill the law's record; what the settings leave out is as the configuration has it."""
     lists = ("period_s", "lower", "upper", "covariance")
     named = {key: settings[key] for key in lists}
-    fill_settings(record, model, **named, given=Adaptation().flat() | settings)
+    given = Adaptation().flat() | {"velocity": "matched"} | settings
+    fill_settings(record, model, **named, given=given)
 
 
 class Law:
@@ -103,6 +104,7 @@ class Law:
             "gamma_d": 500.0,
             "d_hat_max_v": 1.0,
             "max_voltage_v": 10.0,
+            "velocity": "published",
             "lower": X_LOWER[:n],
             "upper": X_UPPER[:n],
             "covariance": X_COVARIANCE[:n],

@@ -155,11 +155,12 @@ def diagnose_axis(
     check_motion(data, signals)
     model, dropped = carried(signals, declared)
     plain = too_plain(signals)
-    check_explains(data, signals, model, bool(plain))
-    band_hz = motion_band_hz(signals, model)
-    wide = signals
-    if band_hz < signals.band_hz:
-        signals = make_signals(data, moving, band_hz, slope)
+    clear_hz = check_explains(data, signals, model, bool(plain))
+    band_hz = motion_band_hz(signals, model, clear_hz)
+    # above it the command answers to the encoder, which would be called the machine
+    widest_hz = max(clear_hz, band_hz)
+    wide = signals if widest_hz >= signals.band_hz else make_signals(data, moving, widest_hz, slope)
+    signals = wide if band_hz >= widest_hz else make_signals(data, moving, band_hz, slope)
     if plain:
         found = nothing_sought(signals, model)
     else:

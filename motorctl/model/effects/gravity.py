@@ -37,7 +37,6 @@ class Gravity(Effect):
     identified = "linear in sine and cosine of the angle"
     visible_in = "slow travel in both directions over as much of a turn as the arm can do"
     groups = frozenset({"force_of_position"})
-    ordinary = True
     revealed_by = ("two_speeds",)
     Options = GravityOptions
     options: GravityOptions

@@ -63,11 +63,11 @@ class HardStop(Effect):
         if spans.travel_m <= 0.0:
             return ()
         low, high = spans.position_m
-        return [
-            cls(HardStopOptions(begin_m=end + inward * part * spans.travel_m, side=side))
-            for end, inward, side in ((high, -1.0, "upper"), (low, 1.0, "lower"))
-            for part in PLACES
+        upper = [HardStopOptions(begin_m=high - part * spans.travel_m) for part in PLACES]
+        lower = [
+            HardStopOptions(begin_m=low + part * spans.travel_m, side="lower") for part in PLACES
         ]
+        return [cls(options) for options in (*upper, *lower)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine where it begins."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal
 from scipy.ndimage import median_filter
 
-from motorctl.identify.columns.signals import Signals, low_pass_response
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.model import EffectList
@@ -33,9 +33,12 @@ Larger misses narrow motion, smaller lets lines of a disturbance through. Chosen
 simulated campaign."""
 
 
-def motion_band_hz(signals: Signals, model: EffectList) -> float:
-    """Return the band for a diagnosis: that of the signals, or of their motion if far less."""
-    plain = signals.with_response(low_pass_response(signals.band_hz))
+def motion_band_hz(signals: Signals, model: EffectList, clear_hz: float) -> float:
+    """Return the band for a diagnosis: that of the signals, or of their motion if far less.
+
+    clear_hz is the widest band in which motion outweighs the noise [Hz].
+    """
+    plain = signals.plain(clear_hz)
     regressors = Regressors(plain, model, make_blocks(plain.rows, plain.row_period_s))
     hypothesis = Hypothesis(regressors)
     rest = residual(hypothesis.problem, hypothesis.solution.b)[: plain.rows]
@@ -49,4 +52,4 @@ def motion_band_hz(signals: Signals, model: EffectList) -> float:
     highest = float(frequency[above].max(initial=0.0))
     if highest > LEAST_PART * signals.band_hz:
         return signals.band_hz
-    return max(MARGIN * highest, NARROWEST_HZ)
+    return max(MARGIN * highest, min(NARROWEST_HZ, clear_hz))

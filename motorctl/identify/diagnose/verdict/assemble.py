@@ -25,6 +25,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression,
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whitening import spectrum
+from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
 from motorctl.identify.diagnose.verdict.errors import (
     REPORT_HZ,
@@ -59,6 +60,7 @@ from motorctl.identify.diagnose.verdict.verdict import (
     Judged,
     depends_on,
     judge,
+    leftover,
 )
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
@@ -92,6 +94,11 @@ def assemble(
     given, declared = declared, found.final.regressors.declared
     found, refuted = without_refuted(found)
     judged = judge(found)
+    if judged.verdict == "unknown_structure" and (twin := clean_twin(found)) is not None:
+        judged = judge(found, leftover(twin))
+        unnamed = judged.verdict == "unknown_structure" and not found.final.added
+        if unnamed and no_further_than_twin(found, twin):
+            judged = replace(judged, verdict="complete", rival=None)
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
     for effect in found.final.added:

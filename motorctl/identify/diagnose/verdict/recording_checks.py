@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.signals import Signals, low_pass_response
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.held_out_blocks import (
     held_out_sse,
     make_blocks,
@@ -53,6 +53,18 @@ MOVED_ENOUGH = 0.2
 explain where the command explains little of the acceleration. Larger refuses loaded joints, smaller
 lets wrong columns pass. Chosen by hand: joints of real arms have 0.28 to 0.99, the command of
 another joint less than 0."""
+CLEARLY_OUTWEIGHS = 30.0
+"""The same, at which no narrower band is looked for: below it, much of the command answers to the
+noise. Larger hides fast effects, smaller lets noise judge. Chosen by hand."""
+OUTWEIGHS = 3.0
+"""Power of the acceleration over that of its noise, at least. Larger refuses gentle motion behind
+coarse encoders, smaller reads noise as motion. Chosen by hand."""
+NARROWEST_HZ = 4.0
+"""Narrowest band in which motion is looked for [Hz]. Larger refuses gentle motion behind coarse
+encoders, smaller leaves no rows. Chosen by hand."""
+BAND_STEP = 0.7
+"""Factor from one band that is tried to the next. Nearer to 1 takes time, smaller narrows more than
+is needed. Chosen by hand: half an octave."""
 EXPLAINS_NOTHING = 0.9
 """Share of the squared acceleration that is left beyond which the command has nothing to do with
 the motion. Larger lets wrong columns pass, smaller refuses machines with large unknown forces.
@@ -130,27 +142,23 @@ def _changes_of_speed(velocities: list[Array]) -> int:
 
 def check_explains(
     data: Measured, signals: Signals, model: EffectList, lenient: bool = False
-) -> None:
+) -> float:
     """Raise DataError where the command does not drive the position, or not in this direction.
 
     Of a motion too plain to tell no more is asked than that nothing speaks of a usual mistake.
+    Returns the widest band [Hz] in which the acceleration stands clear of the encoder's noise.
     """
-    plain = signals.with_response(low_pass_response(signals.band_hz))
+    plain = _above_noise(data, signals)
     blocks = make_blocks(plain.rows, plain.row_period_s)
     hypothesis = Hypothesis(Regressors(plain, model, blocks))
     total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
-    noise = plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
-    if total < 3.0 * noise:
-        raise DataError(
-            f"{data.place}: only noise: the acceleration below {plain.band_hz:g} Hz does not reach "
-            "3 times the power of the position's own noise: record a faster motion"
-        )
+    noise = _noise_sse(plain)
     left = hypothesis.solution.sse - noise
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
-        return
+        return plain.band_hz
     share, backwards = _moved_by(plain)
     if share > MOVED_ENOUGH and not backwards:
-        return
+        return plain.band_hz
     if share > MOVED_ENOUGH:
         raise DataError(
             f"{data.place}: the command has a negative inertia, and its friction would give "
@@ -163,7 +171,7 @@ def check_explains(
             raise
     except NothingExplainedError:
         if lenient:
-            return
+            return plain.band_hz
         raise
     if left > EXPLAINS_NOTHING * (total - noise) and not lenient:
         raise DataError(
@@ -173,6 +181,37 @@ def check_explains(
             "of the same axis, in time with each other? Where other axes load this one, as in an "
             "arm, record them beside it"
         )
+    return plain.band_hz
+
+
+def _above_noise(data: Measured, signals: Signals) -> Signals:
+    """Return the signals in the widest band in which motion outweighs the encoder's noise.
+
+    Where that is not the whole one: the noise of the acceleration grows with the fifth power of the
+    band, and a coarse encoder drowns fast motion alone.
+    """
+    band_hz = signals.band_hz
+    enough: Signals | None = None
+    while band_hz >= min(NARROWEST_HZ, signals.band_hz):
+        plain = signals.plain(band_hz)
+        left = plain.acceleration()
+        ratio = float(left @ left) / _noise_sse(plain)
+        if ratio >= CLEARLY_OUTWEIGHS:
+            return plain
+        if enough is None and ratio >= OUTWEIGHS:
+            enough = plain
+        band_hz *= BAND_STEP
+    if enough is not None:
+        return enough
+    raise DataError(
+        f"{data.place}: only noise: the acceleration below {band_hz / BAND_STEP:.3g} Hz does not "
+        f"reach {OUTWEIGHS:g} times the power of the position's own noise: record a faster motion"
+    )
+
+
+def _noise_sse(plain: Signals) -> float:
+    """Return the squared acceleration that the position's noise alone would have."""
+    return plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
 
 
 def _moved_by(signals: Signals) -> tuple[float, bool]:

@@ -21,6 +21,7 @@ from motorctl.identify.diagnose.search.search import (
 )
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import spectrum
+from motorctl.identify.diagnose.verdict.clean_twin import NONE_LEFT, Leftover
 from motorctl.identify.fit.settings import Side
 
 Array = NDArray[np.float64]
@@ -81,6 +82,12 @@ Chosen by hand on the simulated campaign."""
 USUAL_POWER = 6.0
 """Multiples of the median window's power that white noise does not reach. Larger misses bursts,
 smaller finds them in noise. Chosen by hand on the simulated campaign."""
+TWICE = 2.0
+"""Structure over that of the clean twin, from which it is the machine's. Larger misses weak
+unknowns, smaller calls the measurement's own traces structure. Chosen by hand."""
+MORE_BURSTS = 0.15
+"""Part of the energy in bursts beyond the clean twin's, from which they are the machine's. Larger
+misses impacts, smaller calls the corners that smoothing rounds off one. Chosen by hand."""
 CLEAR_LEAD = 1.15
 """A rival of more variables must gain this many times what one of fewer does. Larger blames too
 simple a variable, smaller takes the richer one for its freedom alone. Chosen by hand."""
@@ -104,8 +111,35 @@ class Judged:
     """Part of the slow residual's energy that comes in bursts."""
 
 
-def judge(found: Found) -> Judged:
-    """Weigh the named effects against smooth functions that assume no physics."""
+def leftover(found: Found) -> Leftover:
+    """Return what the final model leaves."""
+    _, gain = _strongest(found.rival_gains)
+    final = max(found.final.held_out, 1e-300)
+    noise = max(found.final.noise_sse(found.force_noise), 1e-300)
+    return Leftover(
+        final / noise, low_frequency_excess(found), bursts(found), max(gain, 0.0) / final
+    )
+
+
+def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
+    """Weigh the named effects against smooth functions that assume no physics.
+
+    Parameters
+    ----------
+    found
+        The outcome of a search.
+    clean
+        What is left over where nothing is missing, as on the machine's clean twin.
+
+    Returns
+    -------
+    Judged
+        The verdict, and what it rests on.
+    """
+    more = max(clean.ratio, 1.0)
+    most_coloured = COLOURED * max(clean.coloured, 1.0)
+    most_bursts = max(BURSTS, clean.bursts + MORE_BURSTS)
+    least_structure = max(STRUCTURE, TWICE * clean.structure)
     noise = found.final.noise_sse(found.force_noise)
     base, final = found.base.held_out, found.final.held_out
     floor = min(noise, final)
@@ -117,9 +151,9 @@ def judge(found: Found) -> Judged:
     named_share = explained_share(found) if names else 0.0
     rival_share = max(gain, 0.0) / explainable
     side = found.final.regressors.side
-    noisy = final <= NOISE_LIKE * noise
+    noisy = final <= NOISE_LIKE * noise * more
     relevant = final - noise > MATTERS * relevant_part(found.final.regressors)
-    structured = gain > STRUCTURE * final and not noisy and relevant
+    structured = gain > least_structure * final and not noisy and relevant
 
     def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
         share = rival_share
@@ -135,8 +169,8 @@ def judge(found: Found) -> Judged:
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        shaped = coloured > COLOURED or bursting > BURSTS
-        if relevant and (shaped or final > MORE_THAN_NOISE * noise):
+        shaped = coloured > most_coloured or bursting > most_bursts
+        if relevant and (shaped or final > MORE_THAN_NOISE * noise * more):
             return judged("unknown_structure", (), None)
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
@@ -146,12 +180,12 @@ def judge(found: Found) -> Judged:
         if share < NAMED_ENOUGH[side]:
             return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
         return judged("effect", kept, rival)
-    shaped = structured or coloured > COLOURED or bursting > BURSTS
+    shaped = structured or coloured > most_coloured or bursting > most_bursts
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
         return judged("unknown_structure", (), rival if structured else None)
-    if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise:
+    if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise * more:
         return judged("unknown_structure", (), None)
-    if 1.0 - named_share > LEFT_OVER[side] and coloured > COLOURED and not noisy:
+    if 1.0 - named_share > LEFT_OVER[side] and coloured > most_coloured and not noisy:
         return judged("unknown_structure", (), None)
     return judged("effect", names, None)
 
