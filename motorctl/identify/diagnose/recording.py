@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, beside, check_usable, counterpart, measured
 from motorctl.identify.columns.signals import make_signals, without
+from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
@@ -146,6 +147,7 @@ def diagnose_axis(
     began = time.monotonic()
     tell = tell or (lambda _: None)
     check_usable(data)
+    check_columns(data)
     check_magnitude(data)
     tell("reading its motion")
     moving = beside(data, others or {})

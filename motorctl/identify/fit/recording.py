@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured, check_usable, counterpart, measured
 from motorctl.identify.columns.regression_data import RegressionData, prepare
+from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.instruments import by_instruments
 from motorctl.identify.fit.judgement import check_direction, check_exchanged, judge
@@ -131,6 +132,7 @@ def fit_axis(
         columns that seem exchanged or of opposite sign.
     """
     check_usable(data)
+    check_columns(data)
     everything = prepare(data, model, options or FitOptions())
     options = everything.options
     columns = _chosen(data, everything, options.fit_segments)

@@ -1,0 +1,87 @@
+"""Mistakes that recordings come with: a stuck encoder, a reference that runs the other way.
+
+Each would be taken for physics otherwise, and named as an effect.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured
+
+Array = NDArray[np.float64]
+
+STUCK_S = 0.1
+"""Shortest time that a position stands still after moving fast in the sample before, to count as
+that of a stuck encoder [s]. Larger misses short freezes, smaller takes hard stops for one. Chosen
+by hand."""
+STUCK_SAMPLES = 10
+"""Fewest samples of it, at low rates. Smaller takes a slow clock's repeats for a stuck encoder.
+Chosen by hand."""
+SPEED_S = 0.003
+"""Time over which the speed before it is told [s]. Larger takes real braking for a freeze, smaller
+sees few counts. Chosen by hand."""
+BRAKING = 5.0
+"""Acceleration that such a standstill would mean, over the hardest that the axis shows otherwise.
+Larger misses encoders that stick in slow motion, smaller takes hard stops for one. Chosen by
+hand."""
+OPPOSITE = -0.5
+"""Correlation of the reference with the position, from which the two run against each other. Nearer
+to -1 misses reversed references of poor controllers; nearer to 0 suspects columns that have nothing
+to do with each other. Chosen by hand."""
+
+
+def check_columns(data: Measured) -> None:
+    """Raise DataError where a column cannot be what it is said to be, with what to do."""
+    _check_encoder(data)
+    _check_reference(data)
+
+
+def _check_encoder(data: Measured) -> None:
+    """Find a position that freezes in full motion: no brake stops an axis within a sample."""
+    shortest = max(STUCK_SAMPLES, round(STUCK_S * data.sample_rate_hz))
+    for rows in data.stretches(2 * shortest):
+        x = data.position[rows]
+        steps = np.diff(x)
+        if not steps.any():
+            continue
+        still = np.concatenate([[False], steps == 0.0, [False]])
+        starts = np.flatnonzero(~still[:-1] & still[1:])
+        lengths = np.flatnonzero(still[:-1] & ~still[1:]) - starts
+        width = max(2, round(SPEED_S * data.sample_rate_hz))
+        usual = _usual_change(x, width)
+        for start, length in zip(starts, lengths, strict=True):
+            if length < shortest or start < width:
+                continue
+            speed = abs(float(x[start] - x[start - width])) / width
+            if speed * width > BRAKING * usual and speed > 0.0:
+                at_s = data.time_s[rows][start]
+                raise DataError(
+                    f"{data.place}: the position freezes at {at_s:.4g} s: it moved at "
+                    f"{speed * data.sample_rate_hz:.3g} {data.position_unit}/s and stands still "
+                    f"from one sample to the next, for {length / data.sample_rate_hz:.3g} s: the "
+                    "encoder or its line was stuck; cut this part out"
+                )
+
+
+def _usual_change(x: Array, width: int) -> float:
+    """Return the largest usual change of the way that is made in `width` samples."""
+    way = x[width:] - x[:-width]
+    change = np.abs(way[width:] - way[:-width])
+    return float(np.percentile(change, 99.9)) if len(change) else 0.0
+
+
+def _check_reference(data: Measured) -> None:
+    if data.reference is None:
+        return
+    position, reference = data.position[data.usable], data.reference[data.usable]
+    if not np.all(np.isfinite(reference)) or np.ptp(reference) == 0.0 or np.ptp(position) == 0.0:
+        return
+    likeness = float(np.corrcoef(position, reference)[0, 1])
+    if likeness < OPPOSITE:
+        raise DataError(
+            f"{data.place}: the reference runs against the position (correlation {likeness:.2f}): "
+            "the sign of one of the two is reversed; give it scale: -1 in the description"
+        )
