@@ -159,21 +159,16 @@ def diagnose_axis(
     plain = too_plain(signals)
     clear_hz = check_explains(data, signals, model, bool(plain))
     band_hz = motion_band_hz(signals, model, clear_hz)
-    # above it the command answers to the encoder, which would be called the machine
-    widest_hz = max(clear_hz, band_hz)
-    wide = signals if widest_hz >= signals.band_hz else make_signals(data, moving, widest_hz, slope)
-    signals = wide if band_hz >= widest_hz else make_signals(data, moving, band_hz, slope)
+    if band_hz < signals.band_hz:
+        signals = make_signals(data, moving, band_hz, slope)
     if plain:
         found = nothing_sought(signals, model)
     else:
         tried = tested_apart(known_effects() if catalogue is None else catalogue, data, signals)
         tried = {name: cls for name, cls in tried.items() if name not in dropped}
-        rows = signals, wide
-        if "held_out" in parts:
-            rows = without(signals, *parts["held_out"]), without(wide, *parts["held_out"])
-        found = both_ways(rows[0], model, sign_of(declared.effects), tell, tried, rows[1])
-        whole = signals if found.final.regressors.side == "acceleration" else wide
-        found = over_all(found, whole, tried)
+        rows = without(signals, *parts["held_out"]) if "held_out" in parts else signals
+        found = both_ways(rows, model, sign_of(declared.effects), tell, tried)
+        found = over_all(found, signals, tried)
     tell("judging what was found")
     return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
 

@@ -61,6 +61,10 @@ takes time, smaller may miss rare events. Chosen by hand."""
 UNEXPLAINED = 0.01
 """Rms that is left over the command's: what real machines leave unexplained, and clean simulations
 do not. Larger puts the command on the left too seldom, smaller too often. Chosen by hand."""
+MUCH_UNEXPLAINED = 0.1
+"""The same, from which the command is tried on the left even where the rest looks like the noise of
+the acceleration: a joint's weight may hide in it. Larger misses weights, smaller searches twice for
+nothing. Chosen by hand."""
 UNEXPLAINED_NOISE = 4.0
 """Squared residual over that of noise alone, below which the acceleration stays on the left. Larger
 biases real machines, smaller searches twice for nothing. Chosen by hand."""
@@ -302,7 +306,6 @@ def both_ways(
     sign: Sign | None,
     progress: Progress | None = None,
     catalogue: Catalogue | None = None,
-    whole_band: Signals | None = None,
 ) -> Found:
     """Search with the acceleration on the left, and again with the command where that fits better.
 
@@ -322,9 +325,6 @@ def both_ways(
         Called with what is being done.
     catalogue
         The effects that are tried, by name; every known one by default.
-    whole_band
-        The same rows where `signals` was narrowed to the band of the motion, which is of no use
-        where forces, and not the measurement's noise, are what is left.
 
     Returns
     -------
@@ -338,17 +338,15 @@ def both_ways(
     relative = math.sqrt(found.final.solution.sse / float(command @ command))
     relative /= abs(float(found.final.b[0]))
     noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
-    if relative < UNEXPLAINED or noisy:
+    if relative < UNEXPLAINED or (noisy and relative < MUCH_UNEXPLAINED):
         return over_all(found, signals, catalogue)
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
-    wide = whole_band or signals
-    short = shortened(wide, LONGEST_SEARCH_S)
     other = search(short, declared, sign, progress, "command", catalogue)
     if explained_share(other) < explained_share(found) - LOSES:
         # effects of the input cannot be sought there
         return over_all(found, signals, catalogue)
-    return over_all(other, wide, catalogue)
+    return over_all(other, signals, catalogue)
 
 
 def explained_share(found: Found) -> float:

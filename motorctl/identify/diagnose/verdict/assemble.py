@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -70,6 +71,10 @@ Array = NDArray[np.float64]
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least. Larger calls
 helpful names unknown, smaller keeps useless ones. Chosen by hand."""
+DROWNED = 0.35
+"""Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
+shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
+coarse encoders. Chosen by hand."""
 UNNAMED = 0.3
 """Confidence below which the most important name is no answer. Larger refuses more names, smaller
 gives poor ones. Chosen by hand."""
@@ -93,12 +98,7 @@ def assemble(
     """Put the diagnosis of one axis together; `too_plain` is why the motion shows too little."""
     given, declared = declared, found.final.regressors.declared
     found, refuted = without_refuted(found)
-    judged = judge(found)
-    if judged.verdict == "unknown_structure" and (twin := clean_twin(found)) is not None:
-        judged = judge(found, leftover(twin))
-        unnamed = judged.verdict == "unknown_structure" and not found.final.added
-        if unnamed and no_further_than_twin(found, twin):
-            judged = replace(judged, verdict="complete", rival=None)
+    judged = _beside_twin(found, judge(found))
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
     for effect in found.final.added:
@@ -118,6 +118,9 @@ def assemble(
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
+    drowned = _drowned(found, judged)
+    if drowned:
+        missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)
     if too_plain:
         missing = (_missing_motion(ordinary(catalogue), too_plain, data, found),)
     verdict = judged.verdict
@@ -165,6 +168,33 @@ def assemble(
         ),
     )
     return replace(diagnosis, seconds=time.monotonic() - began)
+
+
+def _beside_twin(found: Found, judged: Judged) -> Judged:
+    """Judge structure without a name anew, beside what the machine's clean twin leaves."""
+    if judged.verdict != "unknown_structure":
+        return judged
+    twin = clean_twin(found)
+    if twin is not None:
+        judged = judge(found, leftover(twin))
+    if judged.verdict != "unknown_structure" or judged.kept:
+        return judged
+    alone = replace(found, final=found.base)
+    twin = clean_twin(alone) if found.final.added else twin
+    if twin is not None and no_further_than_twin(alone, twin):
+        return replace(judged, verdict="complete", rival=None, as_twin=True)
+    return judged
+
+
+def _drowned(found: Found, judged: Judged) -> str | None:
+    """Return why a measurement too coarse proves no model complete, or None."""
+    left = math.sqrt(found.base.held_out / max(found.final.regressors.command_energy, 1e-300))
+    if not judged.as_twin or left < DROWNED:
+        return None
+    return (
+        f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
+        "missing would behind this encoder and at this rate"
+    )
 
 
 def _compensation(found: Found, judged: Judged) -> tuple[Effect, BlockedRegression, int] | None:
@@ -355,6 +385,12 @@ def _notes(
     notes = []
     if not split.stated:
         notes.append("every third block of rows was held out of the fit to measure the errors")
+    if judged.as_twin:
+        notes.append(
+            "the residual is more than white noise, but a machine of this model, moved so and "
+            "measured so, leaves the like: the position is predicted from the command as well as "
+            "that machine's"
+        )
     if judged.verdict == "effect" and judged.coloured > 3.0:
         notes.append(
             f"below {LOW_HZ:g} Hz the residual still has {judged.coloured:.1f} times the power "

@@ -23,6 +23,10 @@ deviations."""
 WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
 impossible models pass, smaller refutes by chance. Chosen by hand."""
+BEYOND = 3.0
+"""Force of an effect over the largest command, from which it is extrapolated from a corner of its
+own shape and cannot be. Larger lets such pass, smaller refutes forces that cancel others. Chosen by
+hand."""
 CERTAIN = 1e-9
 """Relative size below which a simulation that is worse means nothing: rounding. Convention."""
 
@@ -49,6 +53,8 @@ def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
         effect = hypothesis.added[-1]
         return effect, f"{effect.name} is refuted: with it the inertia would be negative"
     values = values_of(hypothesis)
+    stretches = hypothesis.regressors.signals.stretches
+    largest = max(float(np.abs(s.command).max()) for s in stretches)
     for own in hypothesis.added:
         effect = next(e for e in values.model.effects if e.name == own.name)
         theta, error = theta_of(values, effect)
@@ -58,6 +64,11 @@ def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                 return own, (
                     f"{effect.name} is refuted: {name} would be {value:.3g} {parameter.unit}, and "
                     "less than 0 makes no physical sense"
+                )
+            if parameter.unit == "V" and abs(value) > BEYOND * largest:
+                return own, (
+                    f"{effect.name} is refuted: its force would be {abs(value):.3g}, and the "
+                    f"largest command of the recording is {largest:.3g}"
                 )
     return None
 

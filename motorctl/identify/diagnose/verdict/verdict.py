@@ -109,6 +109,8 @@ class Judged:
     coloured: float
     bursts: float
     """Part of the slow residual's energy that comes in bursts."""
+    as_twin: bool = False
+    """Whether what is left is no more than what the machine's clean twin leaves."""
 
 
 def leftover(found: Found) -> Leftover:
