@@ -1,1 +1,1 @@
-"""Machines simulated by other hands than motorctl's own, and how its diagnosis fares on them."""
+"""Machines simulated by other hands, and how often the diagnosis is right on them."""
