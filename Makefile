@@ -15,7 +15,7 @@ $(STAMP): pyproject.toml devices/pyproject.toml benchmarks/pyproject.toml
 	@echo "setting up $(VENV): takes a minute or two the first time"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' --editable ./devices --editable ./benchmarks
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' --editable ./devices --editable './benchmarks[machines]'
 	@touch $@
 
 demo: $(STAMP)

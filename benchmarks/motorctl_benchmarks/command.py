@@ -1,4 +1,4 @@
-"""`motorctl bench`: figures of speed and of diagnosis, beside peers in the same run."""
+"""`motorctl bench`: figures of speed, of diagnosis and of buses, beside peers in the same run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
-    from motorctl_benchmarks.measure import Result
+    from motorctl_benchmarks.measure import Options, Result
+    from motorctl_benchmarks.other_machines.findings import MachinesOptions
 
 MISTAKES_SHOWN = 60
 WIDTH_OF_A_FILE = 120
@@ -29,27 +30,38 @@ class SizeChoice(StrEnum):
 
 def bench(
     subject: Annotated[
-        str, typer.Argument(help="What to measure: speed, diagnosis, buses.")
+        str, typer.Argument(help="What to measure: speed, diagnosis, buses, machines.")
     ] = "speed",
     cases: Annotated[
-        int | None, typer.Option(min=1, help="diagnosis: so many cases in each group.")
+        int | None,
+        typer.Option(
+            min=1,
+            help="diagnosis: so many cases in each group. machines: seeds of each kind; default 1.",
+        ),
     ] = None,
     size: Annotated[
         SizeChoice | None,
         typer.Option(help="diagnosis: small (a quarter of an hour on two CPUs; default), or full."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="diagnosis: the first seed; by default held-out ones.")
+        int | None,
+        typer.Option(min=0, help="diagnosis, machines: the first seed; by default held-out ones."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="diagnosis: processes; by default one a CPU.")
+        int | None,
+        typer.Option(min=1, help="diagnosis, machines: processes; by default one a CPU."),
     ] = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(metavar="GROUP:SEED", help="diagnosis: this case alone; may be repeated."),
+        typer.Option(
+            metavar="CASE",
+            help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
+            "machines: GENERATOR:KIND:SEED.",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="diagnosis: every case as a line of JSON.")
+        Path | None,
+        typer.Option(metavar="FILE", help="diagnosis, machines: every case as a line of JSON."),
     ] = None,
     logs: Annotated[
         Path | None, typer.Option(metavar="DIR", help="diagnosis: keep the cases' logs here.")
@@ -62,26 +74,34 @@ def bench(
     blind campaign on simulated machines with known causes, beside PySINDy and SysIdentPy where
     these are installed; what was wrong is listed with the key that runs it again. buses: C2 in
     wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
-    simulation.
+    simulation. machines: the diagnosis judged by machines of three generators that were written
+    apart and share no code with motorctl; one of them needs MuJoCo.
 
     The exit status is 0 whether or not the targets are met: what is not met is told.
 
     Example: motorctl bench --json
 
     Example: motorctl bench diagnosis --only one:50003 --logs logs
+
+    Example: motorctl bench machines --only energy:cogging:50000
     """
     from rich.console import Console
 
     from motorctl.cli.progress import showing_progress
+    from motorctl.errors import UsageError
     from motorctl.latency.host import host_line
     from motorctl_benchmarks.measure import measure
 
+    options: Options | None = None
     asked = (cases, size, seed, workers, only, out, logs)
-    campaign = None
-    if subject == "diagnosis" or any(value is not None for value in asked):
-        campaign = _campaign(cases, size, seed, workers, only, out, logs)
+    if subject == "machines":
+        if size is not None or logs is not None:
+            raise UsageError("bench machines takes no --size and keeps no --logs: see --cases")
+        options = _machines(cases, seed, workers, only, out)
+    elif subject == "diagnosis" or any(value is not None for value in asked):
+        options = _campaign(cases, size, seed, workers, only, out, logs)
     with showing_progress("measuring; the first run compiles the kernels") as progress:
-        result = measure(subject, progress, campaign)
+        result = measure(subject, progress, options)
     if as_json:
         typer.echo(json.dumps(_finite(result.document()), indent=2, allow_nan=False))
         return
@@ -125,6 +145,30 @@ def _campaign(
         out=out,
         logs=logs,
         only=tuple(parse_key(key) for key in only or ()),
+    )
+
+
+def _machines(
+    cases: int | None,
+    seed: int | None,
+    workers: int | None,
+    only: list[str] | None,
+    out: Path | None,
+) -> MachinesOptions:
+    """Put the options together. Raises UsageError where they contradict each other."""
+    from motorctl.errors import UsageError
+    from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED
+    from motorctl_benchmarks.other_machines.findings import MachinesOptions
+    from motorctl_benchmarks.other_machines.generators import parse_machine_key
+
+    if only and (cases is not None or seed is not None):
+        raise UsageError("--only names the cases: --cases and --seed say nothing then")
+    return MachinesOptions(
+        cases=1 if cases is None else cases,
+        first_seed=HELD_OUT_SEED if seed is None else seed,
+        workers=workers,
+        out=out,
+        only=tuple(parse_machine_key(key) for key in only or ()),
     )
 
 

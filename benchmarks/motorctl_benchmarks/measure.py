@@ -17,6 +17,9 @@ from motorctl_benchmarks.virtual_figures import virtual_figures
 
 if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.other_machines.findings import MachinesOptions
+
+    Options = CampaignOptions | MachinesOptions
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
@@ -24,7 +27,7 @@ SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures)
 """Measured one after the other."""
 
 
-def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+def _speed(progress: Progress, _options: Options | None) -> Findings:
     figures: list[Figure] = []
     notes: list[str] = []
     for k, part in enumerate(SPEED):
@@ -34,24 +37,37 @@ def _speed(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
     return Findings(tuple(figures), tuple(notes))
 
 
-def _diagnosis(progress: Progress, campaign: CampaignOptions | None) -> Findings:
+def _diagnosis(progress: Progress, options: Options | None) -> Findings:
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.diagnosis.findings import diagnosis_findings
 
-    return diagnosis_findings(progress, campaign or CampaignOptions())
+    asked = options or CampaignOptions()
+    assert isinstance(asked, CampaignOptions)
+    return diagnosis_findings(progress, asked)
 
 
-def _buses(progress: Progress, _campaign: CampaignOptions | None) -> Findings:
+def _machines(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.other_machines.findings import MachinesOptions, machine_findings
+
+    asked = options or MachinesOptions()
+    assert isinstance(asked, MachinesOptions)
+    return machine_findings(progress, asked)
+
+
+def _buses(progress: Progress, _options: Options | None) -> Findings:
     from motorctl_benchmarks.buses.figures import bus_findings
 
     return bus_findings(progress)
 
 
-SUBJECTS: Mapping[str, Callable[[Progress, CampaignOptions | None], Findings]] = {
+SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
     "buses": _buses,
+    "machines": _machines,
 }
+WITH_CASES = ("diagnosis", "machines")
+"""Subjects that take options."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +101,7 @@ class Result:
         }
 
 
-def measure(subject: str, progress: Progress, campaign: CampaignOptions | None = None) -> Result:
+def measure(subject: str, progress: Progress, options: Options | None = None) -> Result:
     """Measure a subject.
 
     Parameters
@@ -94,8 +110,8 @@ def measure(subject: str, progress: Progress, campaign: CampaignOptions | None =
         A key of SUBJECTS.
     progress
         Called with the share done, 0 to 1.
-    campaign
-        Options of the subject diagnosis.
+    options
+        Of the subject diagnosis, or of the subject machines.
 
     Raises
     ------
@@ -104,8 +120,10 @@ def measure(subject: str, progress: Progress, campaign: CampaignOptions | None =
     """
     if subject not in SUBJECTS:
         raise UsageError(f"there is no bench '{subject}'; there are: {', '.join(SUBJECTS)}")
-    if campaign is not None and subject != "diagnosis":
-        raise UsageError(f"bench {subject} takes no cases; they are for bench diagnosis")
+    if options is not None and subject not in WITH_CASES:
+        raise UsageError(
+            f"bench {subject} takes no cases; they are for bench {' and '.join(WITH_CASES)}"
+        )
     host = host_facts()
-    found = SUBJECTS[subject](progress, campaign)
+    found = SUBJECTS[subject](progress, options)
     return Result(subject, host, found.figures, found.notes, found.mistakes, found.data)

@@ -80,3 +80,8 @@ def answer_of(diagnosis: AxisDiagnosis, seconds: float, processor_s: float) -> A
         seconds=seconds,
         processor_s=processor_s,
     )
+
+
+def in_one_line(error: Exception) -> str:
+    """Return what went wrong as the failure of an answer."""
+    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,25 +1,17 @@
-"""The campaign: its cases in worker processes, each on one thread, results as they come."""
+"""The campaign: which cases it has, and what is done with each beside its diagnosis."""
 
 from __future__ import annotations
 
-import contextlib
-import json
-import multiprocessing
-import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
 
-from motorctl.errors import RunError, UsageError
+from motorctl.errors import UsageError
 from motorctl.latency.progress import Progress
 from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED, CaseKey, Size, keys
 from motorctl_benchmarks.diagnosis.known_effects import KNOWN
 from motorctl_benchmarks.diagnosis.run_case import Outcome, Task, run_task
+from motorctl_benchmarks.worker_pool import run_tasks
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 CLOSED_LOOPS: dict[Size, int] = {"small": 1, "full": 2}
 """How many cases of each effect are refined and driven."""
 PEER_GROUPS = ("one", "clean", "unknown", "several")
@@ -66,63 +58,8 @@ def run_campaign(options: CampaignOptions, progress: Progress) -> list[Outcome]:
 
     Raises UsageError where a file or folder cannot be written, RunError where a worker dies.
     """
-    tasks = tasks_of(options)
-    workers = options.workers or len(os.sched_getaffinity(0))
-    done: dict[Task, Outcome] = {}
-    with contextlib.ExitStack() as stack:
-        out = stack.enter_context(_opened(options.out))
-        _make(options.logs)
-        stack.enter_context(_one_thread_each())
-        # A forked process would share the threads' locks of this one.
-        pool = ProcessPoolExecutor(
-            min(workers, len(tasks)), mp_context=multiprocessing.get_context("spawn")
-        )
-        stack.enter_context(pool)
-        futures = {pool.submit(run_task, task): task for task in tasks}
-        try:
-            for future in as_completed(futures):
-                outcome = future.result()
-                done[futures[future]] = outcome
-                if out is not None:
-                    out.write(json.dumps(outcome.document()) + "\n")
-                    out.flush()
-                progress(len(done) / len(tasks))
-        except BrokenProcessPool as error:
-            raise RunError(
-                f"a worker process died after {len(done)} of {len(tasks)} cases; where memory is "
-                "short, fewer --workers help"
-            ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-    return [done[task] for task in tasks]
-
-
-@contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that are started meanwhile compute on one thread: there is one a CPU."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-@contextlib.contextmanager
-def _opened(path: Path | None) -> Iterator[TextIO | None]:
-    if path is None:
-        yield None
-        return
-    try:
-        file = path.open("w", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
-    with file:
-        yield file
+    _make(options.logs)
+    return run_tasks(run_task, tasks_of(options), progress, options.workers, options.out)
 
 
 def _make(folder: Path | None) -> None:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Protocol
 
+from motorctl_benchmarks.diagnosis.answer import Answer
 from motorctl_benchmarks.diagnosis.figures import (
     AT_MOST_OVER_ORACLE,
     EXCESS_AT_LEAST_HALVED,
     HALVED,
 )
 from motorctl_benchmarks.diagnosis.run_case import Outcome
-from motorctl_benchmarks.diagnosis.score import calibration
+from motorctl_benchmarks.diagnosis.score import Truth, calibration
 
 
 def mistakes(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
@@ -54,7 +55,19 @@ def _of_the_loop(outcome: Outcome) -> str:
     return f"closed loop, um rms: {told}; added {', '.join(loop.added) or 'nothing'}"
 
 
-def calibration_lines(outcomes: Sequence[Outcome]) -> list[str]:
+class Scored(Protocol):
+    """A case of whichever bench, with what was put in and what was answered."""
+
+    @property
+    def truth(self) -> Truth:
+        """What was put in."""
+
+    @property
+    def answer(self) -> Answer:
+        """What was answered."""
+
+
+def calibration_lines(outcomes: Sequence[Scored]) -> list[str]:
     """Say how often names were right, by the confidence that they were given with."""
     bins, _ = calibration([(o.truth, o.answer) for o in outcomes])
     return [
@@ -64,7 +77,7 @@ def calibration_lines(outcomes: Sequence[Outcome]) -> list[str]:
     ]
 
 
-def calibration_document(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def calibration_document(outcomes: Sequence[Scored]) -> list[dict[str, Any]]:
     """Return the calibration as plain data, a mapping for each bin."""
     bins, _ = calibration([(o.truth, o.answer) for o in outcomes])
     return [asdict(b) for b in bins]

@@ -13,7 +13,7 @@ from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording, read_recording
-from motorctl_benchmarks.diagnosis.answer import Answer, answer_of
+from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
 from motorctl_benchmarks.diagnosis.cases import Case, plain
 from motorctl_benchmarks.diagnosis.closed_loop import ClosedLoop, close_loop
 from motorctl_benchmarks.diagnosis.groups import CaseKey, draw
@@ -92,7 +92,7 @@ def _run(task: Task, case: Case, scratch: Path) -> Outcome:
         taken = time.monotonic() - began, time.process_time() - processor
         answer = answer_of(diagnosis.axes[case.axis], *taken)
     except Exception as error:  # whatever it is, it is this case's answer
-        answer = Answer("failed", failure=_words(error))
+        answer = Answer("failed", failure=in_one_line(error))
     peers: Mapping[str, PeerAnswer] = {}
     if task.ask_peers and recording is not None:
         peers = ask_peers(recording, case.axis)
@@ -104,7 +104,7 @@ def _run(task: Task, case: Case, scratch: Path) -> Outcome:
             else:
                 closed = close_loop(case, diagnosis, scratch)
         except Exception as error:  # as above
-            failure = _words(error)
+            failure = in_one_line(error)
     return Outcome(
         key=task.key,
         title=case.title,
@@ -117,7 +117,3 @@ def _run(task: Task, case: Case, scratch: Path) -> Outcome:
         closed_loop=closed,
         closed_loop_failure=failure,
     )
-
-
-def _words(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,0 +1,1 @@
+"""A numba integrator of its own: midpoint steps that solve friction exactly."""

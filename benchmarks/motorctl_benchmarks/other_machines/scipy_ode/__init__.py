@@ -1,0 +1,1 @@
+"""Ordinary differential equations by scipy, sample by sample."""

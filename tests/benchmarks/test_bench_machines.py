@@ -1,0 +1,317 @@
+"""Machines of other hands: their recordings, what may be said of them, and the bench's subject."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from motorctl.errors import DataError, UsageError
+from motorctl_benchmarks.command import bench
+from motorctl_benchmarks.diagnosis.answer import Answer, Named
+from motorctl_benchmarks.measure import measure
+from motorctl_benchmarks.other_machines import generators, run_machine
+from motorctl_benchmarks.other_machines.figures import (
+    judgements,
+    lines_by_generator,
+    machine_figures,
+)
+from motorctl_benchmarks.other_machines.findings import MachinesOptions, machine_mistakes
+from motorctl_benchmarks.other_machines.generators import (
+    LOADERS,
+    Generator,
+    MachineKey,
+    generator,
+    machine_keys,
+    parse_machine_key,
+    usable_generators,
+)
+from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
+from motorctl_benchmarks.other_machines.run_machine import MachineOutcome, measured_of
+from motorctl_benchmarks.other_machines.truth import truth_of
+
+CHEAP = [
+    ("energy", "cogging"),
+    ("energy", "command_delay"),
+    ("scipy_ode", "command_lag"),
+    ("mujoco", "none"),
+    ("mujoco", "gravity_sine"),
+]
+COLUMNS = ("time_s", "position", "command")
+
+
+def need(name):
+    if name not in usable_generators():
+        pytest.skip(f"{name}: what it needs is not installed")
+
+
+@pytest.mark.parametrize(("name", "kind"), CHEAP)
+def test_the_same_kind_and_seed_make_the_same_finite_recording(name, kind):
+    need(name)
+    first, again = (generator(name).machine(kind, 7) for _ in range(2))
+    for column in COLUMNS:
+        values = getattr(first, column)
+        assert values.shape == first.time_s.shape
+        assert np.isfinite(values).all()
+        assert np.array_equal(values, getattr(again, column))
+    assert first.story == again.story
+    assert first.kind == kind
+    assert first.time_s[-1] - first.time_s[0] > 10.0
+
+
+def test_another_seed_makes_another_machine():
+    first, second = (generator("energy").machine("cogging", seed) for seed in (7, 8))
+    assert first.story != second.story
+    assert not np.array_equal(first.position[:5000], second.position[:5000])
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_of_every_kind_something_is_known(name):
+    need(name)
+    kinds = generator(name).kinds
+    groups = {kind: truth_of(kind).group for kind in kinds}
+    assert set(groups.values()) == {"known", "outside", "clean"}
+    assert groups["none"] == groups["gravity_constant"] == "clean"
+    assert groups["cogging"] == "known"
+    assert groups["voltage_clipping"] == groups["backlash_load"] == "outside"
+    assert all(groups[kind] == "outside" for kind in kinds if kind.startswith("unknown_"))
+
+
+def answer(verdict, *names, sure=0.95):
+    """Name effects; a|b is a, indistinguishable from b."""
+    named = []
+    for name in names:
+        first, *twins = name.split("|")
+        named.append(Named(first, sure, tuple(twins)))
+    return Answer(verdict, tuple(named))
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "right", "judged"),
+    [
+        ("cogging", answer("effect", "cogging"), True, "named"),
+        ("cogging", answer("unknown_structure", "cogging"), True, "named"),
+        ("cogging", answer("effect", "position_force"), True, "family"),
+        ("cogging", answer("effect", "cogging", "hard_stop"), True, "family"),
+        ("cogging", answer("effect", "stribeck"), False, "false"),
+        ("cogging", answer("effect", "cogging", "stribeck"), False, "named and false"),
+        ("cogging", answer("effect", "stribeck|cogging"), False, "named and false"),
+        ("cogging", answer("complete"), False, "complete"),
+        ("cogging", answer("unknown_structure"), False, "unknown_structure"),
+        ("cogging", answer("failed"), False, "failed"),
+        ("current_saturation", answer("effect", "em_cubic"), True, "named"),
+        ("current_saturation", answer("effect", "em_cubic", "em_quadratic"), True, "named"),
+        ("current_saturation", answer("effect", "dead_zone"), True, "family"),
+        ("measurement_ripple", answer("effect", "cogging"), False, "false"),
+        ("warming_friction", answer("effect", "gain_drift"), True, "family"),
+        ("warming_friction", answer("effect", "stribeck"), True, "family"),
+        ("payload_step", answer("effect", "stribeck"), False, "false"),
+        ("asymmetric_friction", answer("complete"), True, "complete"),
+        ("asymmetric_friction", answer("insufficient_data"), True, "insufficient_data"),
+        ("asymmetric_friction", answer("unknown_structure"), False, "unknown_structure"),
+        ("asymmetric_friction", answer("complete", "cogging"), False, "false"),
+        ("flexible_load", answer("effect", "flexible_mode"), True, "named"),
+        ("flexible_load", answer("unknown_structure"), True, "unknown_structure"),
+        ("flexible_load", answer("complete"), False, "complete"),
+        ("flexible_motor", answer("unknown_structure"), False, "unknown_structure"),
+        ("voltage_clipping", answer("unknown_structure"), True, "unknown_structure"),
+        ("voltage_clipping", answer("effect", "em_cubic"), True, "family"),
+        ("voltage_clipping", answer("effect", "cogging"), False, "false"),
+        ("eddy_brake", answer("effect", "quadratic_drag"), True, "family"),
+        ("eddy_brake", answer("complete"), False, "complete"),
+        ("backlash_motor", answer("effect", "flexible_mode"), False, "false"),
+        ("unknown_shaker", answer("unknown_structure"), True, "unknown_structure"),
+        ("unknown_shaker", answer("unknown_structure", "cogging"), False, "false"),
+        ("unknown_shaker", answer("insufficient_data"), False, "insufficient_data"),
+        ("none", answer("complete"), True, "complete"),
+        ("none", answer("insufficient_data"), True, "insufficient_data"),
+        ("none", answer("unknown_structure"), False, "unknown_structure"),
+        ("gravity_constant", answer("effect", "gravity"), False, "false"),
+    ],
+)
+def test_an_answer_is_scored_by_what_may_be_said_of_its_kind(kind, given, right, judged):
+    truth = truth_of(kind)
+    assert truth.right(given) is right
+    assert truth.judged(given) == judged
+
+
+def outcome(kind, given, seed=1, result="answered", name="energy"):
+    return MachineOutcome(MachineKey(name, kind, seed), result, given)
+
+
+def figures(outcomes):
+    return {figure.name: figure for figure in machine_figures(outcomes)}
+
+
+def test_every_group_has_its_share_and_its_target():
+    found = figures(
+        [
+            outcome("cogging", answer("effect", "cogging")),
+            outcome("cogging", answer("effect", "position_force", sure=0.8), name="mujoco"),
+            outcome("stribeck", answer("effect", "cogging", sure=0.85)),
+            outcome("stribeck", Answer("failed", failure="DataError: short"), result="refused"),
+            outcome("eddy_brake", answer("unknown_structure")),
+            outcome("unknown_shaker", answer("effect", "cogging", "stribeck")),
+            outcome("none", answer("unknown_structure")),
+            outcome("none", answer("complete")),
+        ]
+    )
+    assert {name: figure.value for name, figure in found.items()} == {
+        "known": 50.0,
+        "known_exact": 25.0,
+        "outside": 50.0,
+        "clean": 100.0,
+        "clean_said": 50.0,
+        "false_names": pytest.approx(200.0 / 3.0),
+        "false_cases": 12.5,
+        "refused": 1.0,
+        "crashed": 0.0,
+        "calibration_error": pytest.approx(100.0 * (2 * 0.825 + 3 * (0.95 - 1 / 3)) / 5),
+    }
+    assert found["known"].met is False
+    assert found["known_exact"].target is None
+    assert found["outside"].met is False
+    assert found["clean"].met is True
+    assert found["false_cases"].met is False
+    assert found["crashed"].met is True
+
+
+def test_a_crash_misses_its_target_and_groups_without_machines_are_left_out():
+    crash = outcome("none", Answer("failed", failure="ValueError: no"), result="crashed")
+    found = figures([crash])
+    assert found["crashed"].met is False
+    assert not found.keys() & {"known", "outside"}
+    assert judgements([crash, crash]) == {"none": {"crashed": 2}}
+
+
+def test_each_generator_is_told_apart_and_mistakes_can_be_run_again():
+    wrong = outcome("cogging", answer("complete"), seed=50_004)
+    right = outcome("cogging", answer("effect", "position_force"), name="scipy_ode")
+    (row,) = machine_mistakes([wrong, right])
+    assert parse_machine_key(row["case"]) == wrong.key
+    assert (row["truth"], row["answer"]) == ("cogging", "complete, named nothing")
+    first, second = lines_by_generator([wrong, right])
+    assert first.startswith("energy: known effects: named or family (of 1): 0 %;")
+    assert second.startswith("scipy_ode: known effects: named or family (of 1): 100 %;")
+
+
+def recording(count=2000, unit="N m"):
+    time_s = 2.0 + np.arange(count) * 1e-3
+    return MachineRecording(
+        generator="hand-made",
+        kind="cogging",
+        story="a story",
+        time_s=time_s,
+        position=np.sin(time_s),
+        command=np.cos(time_s),
+        reference=None,
+        position_unit="rad",
+        command_unit=unit,
+        resolution=1e-6,
+        friction_shape="tanh",
+        noise=0,
+    )
+
+
+def test_the_diagnosis_gets_columns_and_units_and_no_cause():
+    given = recording()
+    data = measured_of(given, "energy:x")
+    assert data.sample_rate_hz == 1000.0
+    assert np.allclose(data.time_s, given.time_s, atol=1e-9)
+    assert (data.position_unit, data.command_unit) == ("rad", "N*m")
+    assert data.reference is None
+    assert data.usable.all()
+    assert measured_of(recording(unit="V"), "x").command_unit == "V"
+    assert not {"cogging", "a story", "tanh"} & {str(value) for value in vars(data).values()}
+
+
+def fails_with(error):
+    def fail(*_arguments, **_settings):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("error", "result"),
+    [
+        (DataError("too short"), "refused"),
+        (UsageError("no such axis"), "refused"),
+        (ValueError("array is\nempty"), "crashed"),
+    ],
+)
+def test_a_diagnosis_that_fails_is_the_outcome_of_its_case(monkeypatch, error, result):
+    monkeypatch.setattr(
+        run_machine, "generator", lambda _: Generator(("cogging",), lambda *_: recording())
+    )
+    monkeypatch.setattr(run_machine, "diagnose_axis", fails_with(error))
+    found = run_machine.run_machine(MachineKey("energy", "cogging", 1))
+    assert found.result == found.judged == result
+    assert not found.right
+    assert str(found) == f"{result}: {type(error).__name__}: {' '.join(str(error).split())}"
+    assert bool(found.traceback) is (result == "crashed")
+    json.dumps(found.document(), allow_nan=False)
+
+
+def test_a_generator_that_fails_is_no_fault_of_the_diagnosis(monkeypatch):
+    broken = Generator(("cogging",), fails_with(RuntimeError("the solver failed")))
+    monkeypatch.setattr(run_machine, "generator", lambda _: broken)
+    found = run_machine.run_machine(MachineKey("energy", "cogging", 1))
+    assert found.result == "not recorded"
+    assert "the solver failed" in str(found)
+
+
+def test_a_generator_whose_library_is_absent_is_left_out(monkeypatch):
+    monkeypatch.setitem(generators.NEEDS, "mujoco", "no_such_engine")
+    assert usable_generators() == ("energy", "scipy_ode")
+    assert {key.generator for key in machine_keys(1, 0)} == {"energy", "scipy_ode"}
+    with pytest.raises(UsageError, match=r"no_such_engine is not installed \(pip install"):
+        parse_machine_key("mujoco:none:1")
+
+
+def test_so_many_seeds_of_every_kind_are_drawn():
+    keys = [key for key in machine_keys(3, 50_000) if key.generator == "energy"]
+    assert len(keys) == len(set(keys)) == 3 * len(generator("energy").kinds)
+    assert {key.seed for key in keys} == {50_000, 50_001, 50_002}
+    assert parse_machine_key(str(keys[-1])) == keys[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--only", "one:50000"], "GENERATOR:KIND:SEED"),
+        (["--only", "energy:cogging"], "GENERATOR:KIND:SEED"),
+        (["--only", "energy:cogging:-1"], "GENERATOR:KIND:SEED"),
+        (["--only", "steam:cogging:1"], "generators are energy, scipy_ode, mujoco"),
+        (["--only", "energy:warp:1"], "energy makes no 'warp'; it makes none, gravity_constant"),
+        (["--only", "energy:none:1", "--cases", "2"], "--only names the cases"),
+        (["--only", "energy:none:1", "--seed", "2"], "--only names the cases"),
+        (["--size", "full"], "takes no --size"),
+        (["--logs", "logs"], "keeps no --logs"),
+    ],
+)
+def test_options_that_say_nothing_of_machines_are_refused(arguments, words):
+    app = typer.Typer()
+    app.command()(bench)
+    app.callback()(lambda: None)
+    result = CliRunner().invoke(app, ["bench", "machines", *arguments])
+    assert isinstance(result.exception, UsageError)
+    assert words in str(result.exception)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_machine_of_each_generator_is_answered(tmp_path):
+    keys = tuple(MachineKey(name, "cogging", 50_000) for name in usable_generators())
+    out, shares = tmp_path / "machines.jsonl", []
+    result = measure("machines", shares.append, MachinesOptions(workers=2, out=out, only=keys))
+    assert shares[-1] == 1.0
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    assert {row["generator"] for row in rows} == set(usable_generators())
+    assert all(row["answer"]["verdict"] != "failed" for row in rows)
+    assert {"known", "false_cases", "crashed"} <= {figure.name for figure in result.figures}
+    assert {row["case"] for row in result.mistakes} <= {str(key) for key in keys}
+    json.dumps(result.document()["judged"])
