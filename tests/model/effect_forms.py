@@ -75,6 +75,25 @@ STATE: list[tuple[Effect, State]] = [
         form("position_force", knots=(-0.2, 0.3, 5)),
         lambda x, v, a, vs, t: splines(x, -0.2, 0.3, 5),
     ),
+    (
+        form("gravity", turn_m=0.8),
+        lambda x, v, a, vs, t: [np.sin(2.5 * np.pi * x), np.cos(2.5 * np.pi * x)],
+    ),
+    (form("hard_stop", begin_m=0.1), lambda x, v, a, vs, t: [np.maximum(x - 0.1, 0.0)]),
+    (
+        form("hard_stop", begin_m=-0.1, side="lower"),
+        lambda x, v, a, vs, t: [np.minimum(x + 0.1, 0.0)],
+    ),
+    (
+        form("load_friction", slope_s_m=300.0),
+        lambda x, v, a, vs, t: [abs(a) * sf(vs, 300.0)],
+    ),
+    (
+        form("warming_friction", time_constant_s=0.3, begin_s=0.2),
+        lambda x, v, a, vs, t: [
+            np.minimum(np.exp(-(t - 0.2) / 0.3), 1.0) * part for part in (sf(vs), v)
+        ],
+    ),
     (form("quadratic_drag"), lambda x, v, a, vs, t: [v * abs(v)]),
     (form("payload_change", time_s=0.5), lambda x, v, a, vs, t: [np.where(t >= 0.5, a, 0.0)]),
     (

@@ -15,7 +15,7 @@ NAMES = {
     "cogging", "force_ripple", "stribeck", "asymmetric_friction", "presliding",
     "position_dependent_friction", "position_force", "quadratic_drag", "input_lag", "input_delay",
     "dead_zone", "gain_drift", "payload_change", "cross_axis", "flexible_mode", "encoder_error",
-    "periodic_disturbance",
+    "periodic_disturbance", "gravity", "hard_stop", "load_friction", "warming_friction",
 }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ GANTRY = Spans(
 )  # fmt: skip
 ROTARY = Spans(
     position_m=(-20.0, 43.0), speed_m_s=30.0, acceleration_m_s2=400.0, command_v=3.0,
-    time_s=(100.0, 160.0), period_s=1e-3, band_hz=100.0, resolution_m=2e-5,
+    time_s=(100.0, 160.0), period_s=1e-3, band_hz=100.0, resolution_m=2e-5, rotary=True,
 )  # fmt: skip
 MOST_FORMS = 8000
 SOUGHT = sorted(set(known_effects()) - {"residual_map"})  # the map is offered, not sought
@@ -67,14 +67,16 @@ def test_the_forms_of_a_machine_differ(name):
     for spans in (GANTRY, ROTARY):
         forms = [effect.options.model_dump_json() for effect in known_effects()[name].trials(spans)]
         assert len(set(forms)) == len(forms)
-        assert forms or (name == "cross_axis" and not spans.other_axes)
+        elsewhere = not spans.other_axes if name == "cross_axis" else not spans.rotary
+        assert forms or (name in ("cross_axis", "gravity") and elsewhere)
 
 
 @pytest.mark.parametrize("name", SOUGHT)
 def test_a_form_can_be_refined_by_its_steps(name):
-    forms = known_effects()[name].trials(GANTRY)
+    spans = ROTARY if name == "gravity" else GANTRY
+    forms = known_effects()[name].trials(spans)
     effect = forms[len(forms) // 2]
-    for option, step in effect.steps(GANTRY).items():
+    for option, step in effect.steps(spans).items():
         value = getattr(effect.options, option)
         for part in (0.5, -0.5, 0.01):
             moved = effect.with_options(**{option: value + part * step})
