@@ -23,7 +23,16 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict
 
 from motorctl.errors import UsageError
-from motorctl.model.knowledge import CarriedOver, Group, Motion, Picture, Signal, Spans
+from motorctl.model.knowledge import (
+    FAMILY_OF_GROUP,
+    CarriedOver,
+    Family,
+    Group,
+    Motion,
+    Picture,
+    Signal,
+    Spans,
+)
 
 Kind = Literal["state", "input", "command", "measurement"]
 End = Literal["either", "upper"]
@@ -45,6 +54,13 @@ class Parameter:
     """Default initial diagonal of Gamma: how far from `initial` the truth may lie, squared."""
 
 
+FAMILY_OF_KIND: Mapping[Kind, Family] = {
+    "state": "inertia",
+    "input": "thrust",
+    "command": "command_timing",
+    "measurement": "measurement",
+}
+"""The family of an effect whose groups tell none."""
 OPTION_UNITS = {
     "_m_s2": "m/s^2",
     "_m_s": "m/s",
@@ -195,6 +211,14 @@ class Effect(ABC):
     def is_spline(self) -> bool:
         """Whether the parameters are heights of a smooth function of no form of its own."""
         return False
+
+    @property
+    def family(self) -> Family:
+        """The kind of physics that it belongs to: what is sure where the member is not."""
+        for group, family in FAMILY_OF_GROUP.items():
+            if group in self.groups:
+                return family
+        return FAMILY_OF_KIND[self.kind]
 
     @property
     def lines(self) -> tuple[float, ...]:

@@ -27,6 +27,27 @@ Group = Literal[
 - command_timing: the command acts later than it was given
 - coupling: the motion of other axes acts on this one
 """
+Family = Literal[
+    "friction",
+    "force_of_position",
+    "resonance",
+    "command_timing",
+    "disturbance_over_time",
+    "coupling",
+    "thrust",
+    "inertia",
+    "measurement",
+]
+"""Kinds of physics: a family may be sure where its member is not."""
+FAMILY_OF_GROUP: Mapping[Group, Family] = {
+    "friction": "friction",
+    "force_of_position": "force_of_position",
+    "resonance": "resonance",
+    "command_timing": "command_timing",
+    "wave_over_time": "disturbance_over_time",
+    "coupling": "coupling",
+}
+"""The first that fits."""
 Signal = Literal["acceleration", "velocity", "direction", "one"]
 """What the one column of a basic effect is; direction is the sign function of the velocity."""
 Motion = Literal[

@@ -55,6 +55,7 @@ def found(made, theta=(), score=1000.0, **changes):
         "std_error": 0.01 * np.abs(np.array(theta, dtype=float)),
         "option_errors": {},
         "confidence": 0.99,
+        "family_confidence": 0.99,
         "explained_fraction": 0.9,
         "score": score,
         "evidence": ("it is seen",),

@@ -40,6 +40,8 @@ class FoundEffect:
     """Standard errors of the nonlinear options that were fitted."""
     confidence: float
     """0 to 1: of the answers given with 0.9, nine in ten are right."""
+    family_confidence: float
+    """The same that the effect is of this family, whichever member it is."""
     explained_fraction: float
     """The part of the explainable held-out error that this effect alone takes away."""
     score: float

@@ -236,6 +236,7 @@ def _found(effect, theta, count):
         std_error=np.full(len(theta), 2e-3),
         option_errors={name: 1e-3 * abs(getattr(effect.options, name)) for name in fitted},
         confidence=0.99,
+        family_confidence=0.99,
         explained_fraction=0.995 / count,
         score=4321.0,
         evidence=(

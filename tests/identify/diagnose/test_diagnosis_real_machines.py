@@ -80,11 +80,11 @@ def arm(number: int) -> Callable[[], Columns]:
     return read
 
 
-GRAVITY = ("position_force",)
+GRAVITY = ("gravity",)
 MACHINES = [
-    Machine("brushless motor", brushless, "A", ("cogging", "position_force")),
+    Machine("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
     Machine("UR10e joint 1", joint(1), "A"),
-    Machine("UR10e joint 2", joint(2), "A", GRAVITY),
+    Machine("UR10e joint 2", joint(2), "A", (*GRAVITY, "position_dependent_friction")),
     Machine("UR10e joint 3", joint(3), "A", GRAVITY),
     Machine("UR10e joint 4", joint(4), "A", (*GRAVITY, "presliding")),
     Machine("UR10e joint 5", joint(5), "A"),

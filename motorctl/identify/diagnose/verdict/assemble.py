@@ -178,7 +178,7 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     if twin is not None:
         judged = judge(found, leftover(twin))
     if judged.verdict != "unknown_structure" or judged.kept:
-        return judged
+        return replace(judged, as_twin=judged.verdict == "complete")
     alone = replace(found, final=found.base)
     twin = clean_twin(alone) if found.final.added else twin
     if twin is not None and no_further_than_twin(alone, twin):
@@ -195,6 +195,17 @@ def _drowned(found: Found, judged: Judged) -> str | None:
         f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
         "missing would behind this encoder and at this rate"
     )
+
+
+def _outside_family(found: Found, effect: Effect, names: Sequence[str]) -> set[str]:
+    """Return which of the named effects belong to another family."""
+    catalogue = found.final.regressors.catalogue
+    outside = set()
+    for name in names:
+        form = catalogue[name].typical(found.spans) if name in catalogue else None
+        if form is None or form.family != effect.family:
+            outside.add(name)
+    return outside
 
 
 def _compensation(found: Found, judged: Judged) -> tuple[Effect, BlockedRegression, int] | None:
@@ -236,6 +247,12 @@ def _effects(
             unexplained=left,
             indistinguishable=len(twins),
         )
+        strangers = _outside_family(found, effect, [*(a.name for a in others), *twins])
+        of_family = replace(
+            evidence,
+            rival_share=max((a.share for a in others if a.name in strangers), default=0.0),
+            indistinguishable=sum(name in strangers for name in twins),
+        )
         without = held_out_rms(found, rest.problem, split)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
         effects.append(
@@ -245,6 +262,7 @@ def _effects(
                 std_error=std_error,
                 option_errors=option_errors(found.final, added, found.spans),
                 confidence=confidence(evidence),
+                family_confidence=confidence(of_family),
                 explained_fraction=shares[added.name] if len(found.final.added) > 1 else own,
                 score=score,
                 evidence=tuple(_evidence(found, added, score, without, error, step is not None)),
