@@ -55,7 +55,7 @@ class Parameter:
 
 
 FAMILY_OF_KIND: Mapping[Kind, Family] = {
-    "state": "inertia",
+    "state": "moving_mass",
     "input": "thrust",
     "command": "command_timing",
     "measurement": "measurement",

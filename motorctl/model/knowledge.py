@@ -35,7 +35,7 @@ Family = Literal[
     "disturbance_over_time",
     "coupling",
     "thrust",
-    "inertia",
+    "moving_mass",
     "measurement",
 ]
 """Kinds of physics: a family may be sure where its member is not."""
