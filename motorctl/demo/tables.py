@@ -99,15 +99,19 @@ def gains(loop: ClosedLoop) -> str:
     judged = loop.overall
     own = [_times(axis, j.tracking["own"], "eF") for axis, j in judged.items()]
     unused = [_times(axis, j.tracking["unused"], "L2[e]") for axis, j in judged.items()]
-    told = (
-        f"With what was found added, C2's final tracking error is {' and '.join(own)} than "
-        f"before; on moves that no fit has used its root mean square is {' and '.join(unused)}."
-    )
     step = loop.velocity
+    matched = "" if step is None or not step.kept else ", and the velocity matched"
+    told = (
+        f"With what was found added{matched}, C2's final tracking error is {' and '.join(own)} "
+        "than before; on moves that no fit has used its root mean square is "
+        f"{' and '.join(unused)}."
+    )
     if step is None or not step.kept:
         return told
-    alone = [_times(axis, step.judgements[axis].tracking["own"], "eF") for axis in step.kept]
-    return f"{told} Of this the matched velocity alone makes it {' and '.join(sorted(alone))}."
+    alone = [
+        _times(axis, step.judgements[axis].tracking["own"], "eF") for axis in sorted(step.kept)
+    ]
+    return f"{told} Of this the matched velocity alone makes it {' and '.join(alone)}."
 
 
 def _times(axis: str, pair: tuple[Measures, Measures], symbol: str) -> str:

@@ -51,7 +51,8 @@ def _turns_something(scale: float) -> float:
 
 
 Scale = Annotated[FiniteFloat, AfterValidator(_turns_something)]
-"""What a column is multiplied by: -1 turns its sign."""
+"""What a column is multiplied by: -1 turns its sign. `late_s` is how much later than it happened a
+column was recorded [s]."""
 
 
 class _Part(BaseModel):
@@ -76,6 +77,7 @@ class PositionColumn(_Part):
     column: str
     unit: Annotated[str, _unit((*POSITION_UNITS, "count"))]
     scale: Scale = 1.0
+    late_s: FiniteFloat = 0.0
     resolution: Positive | None = None
     """One count, in `resolution_unit`."""
     resolution_unit: Annotated[str, _unit(tuple(POSITION_UNITS))] = "m"
@@ -128,6 +130,7 @@ class VelocityColumn(_Part):
     column: str
     unit: Annotated[str, _unit(tuple(VELOCITY_UNITS))]
     scale: Scale = 1.0
+    late_s: FiniteFloat = 0.0
 
     @property
     def factor(self) -> float:
@@ -146,6 +149,7 @@ class CommandColumn(_Part):
     column: str
     unit: Annotated[str, _unit(tuple(COMMAND_UNITS))]
     scale: Scale = 1.0
+    late_s: FiniteFloat = 0.0
 
     @property
     def factor(self) -> float:

@@ -14,7 +14,14 @@ from scipy.integrate import cumulative_trapezoid
 
 from motorctl.errors import DataError
 from motorctl.log.columns import THETA
-from motorctl.log.description import AxisDescription, Description, read_description
+from motorctl.log.description import (
+    AxisDescription,
+    CommandColumn,
+    Description,
+    PositionColumn,
+    VelocityColumn,
+    read_description,
+)
 from motorctl.log.open_table import open_table
 from motorctl.log.recording import AxisRecording, Recording, read_only
 from motorctl.log.table import Array, Table
@@ -177,23 +184,27 @@ def _described_axis(
 ) -> AxisRecording:
     blanks: list[NDArray[np.bool_] | None] = []
 
-    def taken(column: str, factor: float, held: bool = False) -> Array:
-        values, blank = table.without_blanks(column, columns[column])
+    def taken(
+        described: PositionColumn | VelocityColumn | CommandColumn, held: bool = False
+    ) -> Array:
+        values, blank = table.without_blanks(described.column, columns[described.column])
         blanks.append(blank)
-        return grid.floats(values, held) * factor
+        brought = grid.floats(values, held) * described.factor
+        if described.late_s:
+            rows = np.arange(len(brought))
+            brought = np.interp(rows + described.late_s * grid.sample_rate_hz, rows, brought)
+        return brought
 
     motion, reference = axis.motion, axis.reference
-    position = taken(motion.column, motion.factor)
+    position = taken(motion)
     if axis.velocity is not None:
         seconds = np.arange(len(position)) / grid.sample_rate_hz
         position = np.asarray(cumulative_trapezoid(position, seconds, initial=0))
     return AxisRecording(
         name=name,
         position=read_only(position),
-        command=read_only(taken(axis.command.column, axis.command.factor, held=True)),
-        reference=None
-        if reference is None
-        else read_only(taken(reference.column, reference.factor)),
+        command=read_only(taken(axis.command, held=True)),
+        reference=None if reference is None else read_only(taken(reference)),
         position_unit=motion.base_unit,
         command_unit=axis.command.base_unit,
         force_per_command=axis.force_per_command.known if axis.force_per_command else None,

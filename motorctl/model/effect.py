@@ -326,6 +326,17 @@ class Effect(ABC):
         """
         return None
 
+    @classmethod
+    def over_place(cls, knots: tuple[float, float, int]) -> Effect | None:
+        """Return a form that takes any smooth force of position; None where there is none.
+
+        Parameters
+        ----------
+        knots
+            From and to where [m], and how many splines.
+        """
+        return None
+
     def on_own_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
         """Return a resonance as it acts on the machine's own acceleration.
 

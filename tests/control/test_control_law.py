@@ -42,6 +42,19 @@ def test_the_virtual_command_is_the_sum_of_the_published_terms(c2):
     assert np.allclose(run.rows["d0"], np.clip(d0 + TS * GAMMA_D * p, -1.0, 1.0), rtol=0, atol=1e-9)
 
 
+def test_a_matched_velocity_is_the_difference_of_two_errors(c2):
+    reference = multisine(1.0)
+    law = Law(c2, enabled=False, velocity="matched", gamma_d=0.0)
+    run = law.track(reference, resolution_m=0.5e-6)
+    y, (xd, vd, ad) = run.rows["y"], reference.T
+    e = y - xd
+    p = np.diff(e) / TS + K1 * e[1:]
+    t1, t2, t3, t4, _, _ = X_START
+    model = t1 * ad + t2 * vd + t3 * sf(vd) - t4
+    virtual = (model - model[0] - KS * np.concatenate([[0.0], p]))[1:]
+    assert np.allclose(run.rows["virtual"][1:], virtual, rtol=0, atol=1e-8)
+
+
 def test_c1_is_c2_with_its_electromagnetic_parameters_at_zero(c1, c2):
     reference = multisine(1.0)
     theta = (*X_START[:4], 0.0, 0.0)

@@ -144,6 +144,13 @@ def test_a_velocity_stands_for_a_position_that_was_not_recorded(described):
     assert "its position is the integral of column 'u'" in recording.notes[0]
 
 
+def test_a_late_column_is_brought_back_in_time(described):
+    recording, data = described(GOOD.replace("unit: V", "unit: V, late_s: 0.002"))
+    command = recording.axes["x"].command
+    np.testing.assert_allclose(command[:-2], data["u"][2:], atol=1e-12)
+    np.testing.assert_allclose(command[-2:], data["u"][-1])
+
+
 ROWS = np.column_stack([np.arange(N) / 250, np.linspace(0, 1, N), np.cos(np.arange(N))])
 
 

@@ -19,6 +19,7 @@ from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import both_ways, nothing_sought, over_all
 from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.diagnose.verdict.assemble import assemble
+from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.recording_checks import (
     check_explains,
     check_magnitude,
@@ -158,6 +159,7 @@ def diagnose_axis(
     model, dropped = carried(signals, declared)
     plain = too_plain(signals)
     clear_hz = check_explains(data, signals, model, bool(plain))
+    heard = signals.plain(clear_hz)
     band_hz = motion_band_hz(signals, model, clear_hz)
     if band_hz < signals.band_hz:
         signals = make_signals(data, moving, band_hz, slope)
@@ -170,7 +172,10 @@ def diagnose_axis(
         found = both_ways(rows, model, sign_of(declared.effects), tell, tried)
         found = over_all(found, signals, tried)
     tell("judging what was found")
-    return replace(assemble(data, found, model, dropped, parts, test, began, plain), others=moving)
+    axis = assemble(data, found, model, dropped, parts, test, began, plain)
+    hint = late_command(heard, model)
+    notes = axis.notes if hint is None else (*axis.notes, hint)
+    return replace(axis, others=moving, notes=notes)
 
 
 def _test_on(recording: Recording, name: str) -> Test:

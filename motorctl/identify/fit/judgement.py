@@ -15,7 +15,7 @@ from motorctl.identify.fit.regression import Regression, Solution, inertia_index
 from motorctl.identify.fit.result import AxisFit, FitError
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.identify.fit.standard_errors import sandwich
-from motorctl.model import EffectList, basic_effects
+from motorctl.model import EffectList, basic_effects, known_effects
 
 SIGNIFICANT = 3.0
 """Standard errors from which inertia has a sign. Convention: three standard deviations."""
@@ -33,6 +33,9 @@ wrong data pass, smaller warns of rough machines. Chosen by hand."""
 GOOD_ERROR = 0.3
 """Relative error below which another reading of the columns explains the recording. Larger suspects
 mistakes too often, smaller misses them. Chosen by hand."""
+PLACES = 12
+"""Splines over the travel that stand for any smooth force of position. More takes time and freedom,
+fewer misses a weight that changes within a tenth of the travel. Chosen by hand."""
 TAKES_PART = 0.2
 """Weight in a weak direction from which a parameter is named. Larger leaves some out, smaller names
 all. Chosen by hand."""
@@ -46,8 +49,16 @@ class ReversedSignError(DataError):
     """The command seems to drive the position backwards."""
 
 
+class ForceOfPlaceError(DataError):
+    """A force of the place that the model lacks outweighs inertia."""
+
+
 def check_direction(
-    data: Measured, problem: Regression, solution: Solution, bandwidth_rows: int
+    data: Measured,
+    model: EffectList,
+    problem: Regression,
+    solution: Solution,
+    bandwidth_rows: int,
 ) -> None:
     """Raise DataError where the command does not drive the acceleration, or drives it backwards."""
     if problem.inertia is None:
@@ -59,6 +70,12 @@ def check_direction(
     if b > SIGNIFICANT * error:
         return
     check_exchanged(data, None, FitOptions())
+    if _drives_beside_place(data, model):
+        raise ForceOfPlaceError(
+            f"{data.place}: a force of the place that the model does not declare, such as gravity, "
+            "outweighs inertia: with any smooth force of position beside it the inertia is "
+            "positive; motorctl diagnose names it, and the model can declare it then"
+        )
     if b < -SIGNIFICANT * error:
         raise ReversedSignError(
             f"{data.place}: a positive command accelerates towards negative positions: the sign "
@@ -68,6 +85,32 @@ def check_direction(
         f"{data.place}: the command explains none of the acceleration; are these the position "
         "and the command of the same axis, in time with each other?"
     )
+
+
+def _drives_beside_place(data: Measured, model: EffectList) -> bool:
+    """Return whether inertia is positive once any smooth force of position is in the model."""
+    x = data.position[data.usable]
+    knots = (float(x.min()), float(x.max()), PLACES)
+    present = {effect.name for effect in model.effects}
+    beside = [
+        effect
+        for name, cls in known_effects().items()
+        if name not in present and (effect := cls.over_place(knots)) is not None
+    ]
+    if not beside:
+        return False
+    try:
+        columns = prepare(data, EffectList([*model.effects, *beside]), FitOptions())
+    except DataError:
+        return False
+    psi, command = columns.at(0.0)
+    found = regression(psi, command, columns.model, "acceleration")
+    if found.inertia is None:
+        return False
+    solution = solve(found)
+    scores = found.X * solution.residual[:, None]
+    variance = sandwich(solution.bread, scores, len(scores) // 50)[found.inertia, found.inertia]
+    return bool(solution.b[found.inertia] > SIGNIFICANT * math.sqrt(max(variance, 0.0)))
 
 
 def check_exchanged(data: Measured, error: FitError | None, options: FitOptions) -> None:

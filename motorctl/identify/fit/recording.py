@@ -138,7 +138,7 @@ def fit_axis(
     columns = _chosen(data, everything, options.fit_segments)
     bandwidth = _correlated_rows(columns)
     found = by_least_squares(data, columns, bandwidth)
-    check_direction(data, found.problem, found.solution, bandwidth)
+    check_direction(data, everything.model, found.problem, found.solution, bandwidth)
     instruments = by_instruments(data, columns, found.estimate, bandwidth)
     estimator = _preferred(data, columns, found.estimate, instruments)
     estimate = found.estimate

@@ -88,6 +88,11 @@ class PositionForce(Effect):
         return cls(PositionForceOptions(knots=(*spans.position_m, SMOOTH_FUNCTIONS)))
 
     @classmethod
+    def over_place(cls, knots: tuple[float, float, int]) -> Effect | None:
+        """Return splines over a range."""
+        return cls(PositionForceOptions(knots=knots))
+
+    @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return a spring around the middle of the travel, and any cubic polynomial."""
         if spans.travel_m < SHORTEST_M:

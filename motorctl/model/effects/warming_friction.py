@@ -61,8 +61,12 @@ class WarmingFriction(Effect):
 
     @property
     def picture(self) -> Picture:
-        """What it adds, over time."""
-        return Picture("over_time", "What a cold machine's friction adds to the command.")
+        """Friction against velocity: a band, from the cold machine's to the warm one's."""
+        return Picture(
+            "friction_over_velocity",
+            "Friction against velocity; while it warms up the data move from one edge of the band "
+            "to the other.",
+        )
 
     def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
         """Carry over the friction at the recording's end, not the time of warming up."""

@@ -24,7 +24,7 @@ from motorctl.identify.diagnose.result import (
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
-from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
@@ -71,6 +71,11 @@ Array = NDArray[np.float64]
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least. Larger calls
 helpful names unknown, smaller keeps useless ones. Chosen by hand."""
+NOISY = 0.015
+"""Noise of the measurement over the command, both rms, from which a clean twin is asked: with less
+noise the twin's own smoothing is what it leaves. Larger calls the feedback of an encoder's counts
+structure, smaller takes weak structure for it. Chosen by hand: coarse encoders have 0.03 to 0.09,
+fine ones 0.003."""
 DROWNED = 0.35
 """Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
 shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
@@ -171,17 +176,19 @@ def assemble(
 
 
 def _beside_twin(found: Found, judged: Judged) -> Judged:
-    """Judge structure without a name anew, beside what the machine's clean twin leaves."""
-    if judged.verdict != "unknown_structure":
-        return judged
-    twin = clean_twin(found)
-    if twin is not None:
-        judged = judge(found, leftover(twin))
+    """Take structure without a name back where the machine's clean twin leaves the like."""
     if judged.verdict != "unknown_structure" or judged.kept:
-        return replace(judged, as_twin=judged.verdict == "complete")
-    alone = replace(found, final=found.base)
-    twin = clean_twin(alone) if found.final.added else twin
-    if twin is not None and no_further_than_twin(alone, twin):
+        return judged
+    alone = found
+    if found.final.added:
+        alone = replace(found, final=found.base, rival_gains=rival_gains(found.base))
+    energy = max(alone.final.regressors.command_energy, 1e-300)
+    noisy = math.sqrt(alone.final.noise_sse(alone.force_noise) / energy) > NOISY
+    twin = clean_twin(alone) if noisy else None
+    if twin is None:
+        return judged
+    again = judge(alone, leftover(twin))
+    if again.verdict == "complete" or no_further_than_twin(alone, twin):
         return replace(judged, verdict="complete", rival=None, as_twin=True)
     return judged
 

@@ -16,7 +16,11 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
-from motorctl.identify.fit.judgement import NothingExplainedError, ReversedSignError
+from motorctl.identify.fit.judgement import (
+    ForceOfPlaceError,
+    NothingExplainedError,
+    ReversedSignError,
+)
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.model import EffectList, basic_effects
 
@@ -166,8 +170,10 @@ def check_explains(
         )
     try:
         fit_axis(data, model)  # knows the usual mistakes: a reversed sign, exchanged columns
+    except ForceOfPlaceError:
+        pass  # that is what diagnosis is asked for
     except ReversedSignError:
-        if backwards:  # and not a force of the place, such as gravity, that outweighs inertia
+        if backwards:
             raise
     except NothingExplainedError:
         if lenient:

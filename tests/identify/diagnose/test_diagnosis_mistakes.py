@@ -1,0 +1,64 @@
+"""Mistakes that users' recordings come with are told, and sound recordings are left in peace."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from other_plant import SHAPES, OtherPlant
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.usual_mistakes import check_columns
+from motorctl.identify.diagnose.verdict.late_command import late_command
+from motorctl.identify.fit.recording import fit_axis
+
+
+@pytest.fixture(scope="module", params=SHAPES)
+def run(request):
+    """A sound recording by another author's plant."""
+    return OtherPlant(shape=request.param, width_m_s=2e-3).run(seed=3, duration_s=12.0)
+
+
+def test_a_sound_recording_has_no_mistake(run):
+    check_columns(run)
+    assert late_command(make_signals(run, slope_s_m=900.0), C1) is None
+
+
+@pytest.mark.parametrize("share", [0.3, 0.55, 0.8])
+def test_an_encoder_that_freezes_in_motion_is_told_with_its_time(run, share):
+    speed = np.abs(np.diff(run.position))
+    first = int(share * len(speed))
+    moving = speed > 0.3 * speed.max()
+    at = first + int(np.argmax(moving[first:]))
+    position = run.position.copy()
+    position[at:] = position[at]
+    with pytest.raises(DataError, match=r"the position freezes at") as refusal:
+        check_columns(replace(run, position=position))
+    told = float(str(refusal.value).partition("freezes at ")[2].partition(" s")[0])
+    assert told == pytest.approx(run.time_s[at], abs=2e-3)
+
+
+def test_a_reference_of_the_other_sign_is_told(run):
+    with pytest.raises(DataError, match=r"runs against the position .* scale: -1"):
+        check_columns(replace(run, reference=-run.reference))
+
+
+@pytest.mark.parametrize("late_ms", [3.0, 6.0, 10.0])
+def test_a_late_command_is_told_with_its_time(run, late_ms):
+    samples = round(late_ms * 1e-3 * run.sample_rate_hz)
+    command = np.concatenate([np.full(samples, run.command[0]), run.command[:-samples]])
+    hint = late_command(make_signals(replace(run, command=command), slope_s_m=900.0), C1)
+    assert hint is not None
+    told_ms = float(hint.partition("command ")[2].partition(" ms")[0])
+    assert told_ms == pytest.approx(late_ms, abs=0.6)
+
+
+def test_a_joint_under_gravity_is_no_reversed_sign_for_fit_either():
+    joint = OtherPlant(inertia=0.05, gravity=6.0, travel=2.5, peak_velocity=1.5, resolution=1e-5)
+    data = replace(joint.run(seed=1, duration_s=12.0), position_unit="rad", command_unit="A")
+    with pytest.raises(DataError, match=r"a force of the place .* such as gravity") as refusal:
+        fit_axis(data, C1)
+    assert "sign" not in str(refusal.value)
