@@ -179,7 +179,15 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
 @pytest.mark.slow
 def test_what_the_gantry_lacks_is_found_and_its_error_falls(tmp_path):
     loop = close_loop("published_gantry", tmp_path / "out", rounds=1, progress=quiet)
-    overall = closed_loop_document(loop)["axes"]
+    document = closed_loop_document(loop)
+    overall = document["axes"]
+    # What the matched velocity is worth is told apart, and is in no effect's share.
+    step = document["velocity"]["axes"]["x"]["tracking"]["own"]
+    rounds = document["rounds"][0]["attempts"][-1]["axes"]["x"]["tracking"]["own"]
+    assert document["velocity"]["kept"] == ["x", "y"]
+    assert step["before"] == rounds["after"]
+    assert step["after"] == overall["x"]["tracking"]["own"]["after"]
+    assert step["ratio"]["eF"] > 1.5
     assert {"cogging", "input_lag"} <= set(overall["x"]["effects"])
     assert "cogging" in overall["y"]["effects"]
     for axis, least in (("x", 2.0), ("y", 3.0)):
