@@ -72,8 +72,8 @@ def check_direction(
     check_exchanged(data, None, FitOptions())
     if _drives_beside_place(data, model):
         raise ForceOfPlaceError(
-            f"{data.place}: a force of the place that the model does not declare, such as a weight, "
-            "outweighs inertia: with any smooth force of position beside it the inertia is "
+            f"{data.place}: a force of the place, such as a weight, that the model does not "
+            "declare outweighs inertia: with any smooth force of position beside it the inertia is "
             "positive; motorctl diagnose names it, and the model can declare it then"
         )
     if b < -SIGNIFICANT * error:
