@@ -333,7 +333,7 @@ def test_the_true_error_is_without_what_the_encoder_adds(tmp_path):
     config = json.loads(json.dumps(case.config))
     channel = {"x": "0", "y": "1"}[case.axis]
     plant = config["drivers"]["gantry"]["plants"][channel]
-    amplitude, long_m = 5e-6, 0.02  # so long that the loop follows it at any speed
+    amplitude, long_m = 5e-6, 0.05  # so long that the loop follows it at any speed
     plant["encoder_error"] |= {"amplitude_m": amplitude, "period_m": long_m}
 
     def seen_error_m(machine):
