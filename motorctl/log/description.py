@@ -71,13 +71,16 @@ class TimeColumn(_Part):
         return TIME_UNITS[self.unit]
 
 
-class PositionColumn(_Part):
-    """A column of positions; counts need a resolution."""
-
+class _Signal(_Part):
     column: str
-    unit: Annotated[str, _unit((*POSITION_UNITS, "count"))]
     scale: Scale = 1.0
     late_s: FiniteFloat = 0.0
+
+
+class PositionColumn(_Signal):
+    """A column of positions; counts need a resolution."""
+
+    unit: Annotated[str, _unit((*POSITION_UNITS, "count"))]
     resolution: Positive | None = None
     """One count, in `resolution_unit`."""
     resolution_unit: Annotated[str, _unit(tuple(POSITION_UNITS))] = "m"
@@ -124,13 +127,10 @@ class PositionColumn(_Part):
         return abs(self.scale) * self.resolution * POSITION_UNITS[self.resolution_unit][0]
 
 
-class VelocityColumn(_Part):
+class VelocityColumn(_Signal):
     """A column of velocities, for an axis whose position was not recorded."""
 
-    column: str
     unit: Annotated[str, _unit(tuple(VELOCITY_UNITS))]
-    scale: Scale = 1.0
-    late_s: FiniteFloat = 0.0
 
     @property
     def factor(self) -> float:
@@ -143,13 +143,10 @@ class VelocityColumn(_Part):
         return VELOCITY_UNITS[self.unit][1]
 
 
-class CommandColumn(_Part):
+class CommandColumn(_Signal):
     """A column of commands."""
 
-    column: str
     unit: Annotated[str, _unit(tuple(COMMAND_UNITS))]
-    scale: Scale = 1.0
-    late_s: FiniteFloat = 0.0
 
     @property
     def factor(self) -> float:

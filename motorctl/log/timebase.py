@@ -195,23 +195,31 @@ def _filled(table: Table, time_s: Array, ticks: Ticks, rate: float) -> Grid:
         )
     if filled:
         notes.append(f"{filled} skipped ticks of {int(taken[-1]) + 1} are filled in linearly")
-    uniform = time_s[rows.start] + np.arange(int(taken[-1]) + 1) / rate
-    recorded = np.zeros(len(uniform), dtype=np.bool_)
-    recorded[taken] = True
-    return Grid(rate, uniform, tuple(notes), filled, rows, taken, recorded)
+    return _with_holes(rate, float(time_s[rows.start]), notes, rows, taken)
+
+
+def _with_holes(
+    rate: float, begin_s: float, notes: Sequence[str], rows: slice, ticks: Ticks
+) -> Grid:
+    """Make the grid of rows that lie at whole periods, some of which are missing."""
+    count = int(ticks[-1]) + 1
+    recorded = np.zeros(count, dtype=np.bool_)
+    recorded[ticks] = True
+    uniform = begin_s + np.arange(count) / rate
+    return Grid(rate, uniform, tuple(notes), count - len(ticks), rows, ticks, recorded)
 
 
 def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Array]) -> Grid:
     """Make the grid of times that are not uniform: holes, late clocks or uneven samples."""
     usual = usual_step(time_s)
     steps = np.diff(time_s) / usual
-    ticks = counted_ticks(time_s)
+    ticks = counted_ticks(time_s, usual)
     rate = _rate(table, time_s, ticks, None)
     missing = int(ticks[-1]) + 1 - len(ticks)
     if missing > len(ticks):
         _refuse_uneven(table, name, time_s)
     exact = _is_uniform(time_s, ticks, rate)
-    if exact or is_even_by_index(ticks, time_s, motion):
+    if exact or is_even_by_index(ticks, time_s, usual, motion):
         notes = []
         if not exact:
             notes.append(
@@ -224,10 +232,7 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
                 f"{missing} samples of {int(ticks[-1]) + 1} were not recorded: filled in for the "
                 "time base, and left out of every judgement"
             )
-        uniform = time_s[0] + np.arange(int(ticks[-1]) + 1) / rate
-        recorded = np.zeros(len(uniform), dtype=np.bool_)
-        recorded[ticks] = True
-        return Grid(rate, uniform, tuple(notes), missing, slice(None), ticks, recorded)
+        return _with_holes(rate, float(time_s[0]), notes, slice(None), ticks)
     return _resampled(time_s, steps, usual)
 
 
@@ -298,8 +303,12 @@ def _rate(table: Table, time_s: Array, ticks: Ticks, nominal_rate_hz: float | No
 
 
 def _is_uniform(time_s: Array, ticks: Ticks, rate: float) -> bool:
-    off = (time_s - time_s[0]) * rate - ticks
-    return bool(np.max(np.abs(off)) <= TOLERANCE_PERIODS)
+    return bool(np.max(np.abs(_off(time_s, ticks, rate))) <= TOLERANCE_PERIODS)
+
+
+def _off(time_s: Array, ticks: Ticks, rate: float) -> Array:
+    """Return how far times lie off the uniform grid, in periods."""
+    return np.asarray((time_s - time_s[0]) * rate - ticks)
 
 
 def _refuse_uneven(table: Table, name: str, time_s: Array) -> NoReturn:
@@ -316,7 +325,7 @@ def _refuse_uneven(table: Table, name: str, time_s: Array) -> NoReturn:
 def _require_uniform(table: Table, name: str, time_s: Array, ticks: Ticks, rate: float) -> None:
     if _is_uniform(time_s, ticks, rate):
         return
-    off = (time_s - time_s[0]) * rate - ticks
+    off = _off(time_s, ticks, rate)
     worst = int(np.argmax(np.abs(off)))
     steps = np.diff(time_s) / np.diff(ticks)
     usual = float(np.median(steps))

@@ -41,18 +41,18 @@ def usual_step(time_s: Array) -> float:
     return float(np.mean(steps[steps <= longest_step(time_s)]))
 
 
-def counted_ticks(time_s: Array) -> Ticks:
-    """Return which period each sample belongs to, from 0: no two share one.
+def counted_ticks(time_s: Array, period_s: float) -> Ticks:
+    """Return which usual period each sample belongs to, from 0: no two share one.
 
     A clock that is read late is late for a sample or two; behind a hole all are.
     """
     count = np.arange(len(time_s))
-    beyond = median_filter((time_s - time_s[0]) / usual_step(time_s) - count, LATE_SAMPLES)
+    beyond = median_filter((time_s - time_s[0]) / period_s - count, LATE_SAMPLES)
     holes = np.rint(beyond - beyond[0]).astype(np.int64)
     return np.asarray(np.maximum.accumulate(holes) + count)
 
 
-def is_even_by_index(ticks: Ticks, time_s: Array, motion: Sequence[Array]) -> bool:
+def is_even_by_index(ticks: Ticks, time_s: Array, period_s: float, motion: Sequence[Array]) -> bool:
     """Return whether motion is clearly smoother over the count of its samples than over its times.
 
     Parameters
@@ -61,6 +61,8 @@ def is_even_by_index(ticks: Ticks, time_s: Array, motion: Sequence[Array]) -> bo
         The count of periods, with what is missing, (N,).
     time_s
         The recorded times [s], (N,).
+    period_s
+        The usual time between neighbouring samples [s].
     motion
         Smooth columns, (N,) each, such as positions.
 
@@ -71,14 +73,14 @@ def is_even_by_index(ticks: Ticks, time_s: Array, motion: Sequence[Array]) -> bo
     """
     count = ticks.astype(np.float64)
     drift = np.polynomial.Polynomial.fit(count, time_s, 1)
-    period = float(drift.deriv()(0.0))
-    if period <= 0.0 or float(np.max(np.abs(time_s - drift(count)))) > FURTHEST_PERIODS * period:
+    slope = float(drift.deriv()(0.0))
+    if slope <= 0.0 or float(np.max(np.abs(time_s - drift(count)))) > FURTHEST_PERIODS * slope:
         return False
     even = sum(_roughness(count, values) for values in motion)
     uneven = sum(_roughness(time_s, values) for values in motion)
     if even < SMOOTHER * uneven or uneven < SMOOTHER * even:
         return even < uneven
-    steps = np.diff(time_s) / usual_step(time_s)
+    steps = np.diff(time_s) / period_s
     return float(np.mean(np.abs(steps - np.rint(steps)) < ONE_PERIOD)) > MOSTLY
 
 

@@ -212,13 +212,13 @@ class Effect(ABC):
         """Whether the parameters are heights of a smooth function of no form of its own."""
         return False
 
-    @property
-    def family(self) -> Family:
-        """The kind of physics that it belongs to: what is sure where the member is not."""
+    @classmethod
+    def family(cls) -> Family:
+        """Return the kind of physics that it belongs to: what is sure where the member is not."""
         for group, family in FAMILY_OF_GROUP.items():
-            if group in self.groups:
+            if group in cls.groups:
                 return family
-        return FAMILY_OF_KIND[self.kind]
+        return FAMILY_OF_KIND[cls.kind]
 
     @property
     def lines(self) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.position_noise import position_noise_density
+from motorctl.identify.columns.position_noise import position_noise_density, velocity_noise_rms
 from motorctl.identify.columns.repetition import period_of
 from motorctl.identify.columns.stretches import (
     REST_RANGE,
@@ -97,6 +97,11 @@ class Signals:
     def rows(self) -> int:
         """How many rows there are."""
         return int(sum(kept.sum() for kept in self.kept))
+
+    @property
+    def position_noise_rms(self) -> float:
+        """Noise of one measured position, rms, where it is white up to half the sample rate."""
+        return math.sqrt(0.5 * self.position_noise / self.period_s)
 
     @property
     def row_period_s(self) -> float:
@@ -307,7 +312,7 @@ def make_signals(
     trim = math.ceil(TRIM_PERIODS / band * rate / decimation)
     shortest = max(int(SHORTEST_S * rate), (2 * trim + 20) * decimation)
     density = position_noise_density(data)
-    noise = math.sqrt(density * (2.0 * math.pi) ** 2 * band**3 / 3.0)
+    noise = velocity_noise_rms(density, band)
     rms = math.sqrt(0.5 * density * rate)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
     stretches, kept, enough = [], [], 0
@@ -384,6 +389,8 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
             inner[:trim] = False
             inner[len(inner) - trim :] = False
             kept.append(inner[: -(-len(stretches[-1].x) // d)])
+    if not stretches:  # few rows over a long time
+        return signals
     return replace(signals, stretches=tuple(stretches), kept=tuple(kept), _gains={})
 
 

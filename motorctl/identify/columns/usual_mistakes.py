@@ -51,16 +51,18 @@ def _check_encoder(data: Measured) -> None:
         starts = np.flatnonzero(~still[:-1] & still[1:])
         lengths = np.flatnonzero(still[:-1] & ~still[1:]) - starts
         width = max(2, round(SPEED_S * data.sample_rate_hz))
+        frozen = (lengths >= shortest) & (starts >= width)
+        if not frozen.any():
+            continue
         usual = _usual_change(x, width)
-        for start, length in zip(starts, lengths, strict=True):
-            if length < shortest or start < width:
-                continue
-            speed = abs(float(x[start] - x[start - width])) / width
-            if speed * width > BRAKING * usual and speed > 0.0:
+        for start, length in zip(starts[frozen], lengths[frozen], strict=True):
+            way = abs(float(x[start] - x[start - width]))
+            if way > BRAKING * usual:
                 at_s = data.time_s[rows][start]
+                speed = way / width * data.sample_rate_hz
                 raise DataError(
                     f"{data.place}: the position freezes at {at_s:.4g} s: it moved at "
-                    f"{speed * data.sample_rate_hz:.3g} {data.position_unit}/s and stands still "
+                    f"{speed:.3g} {data.position_unit}/s and stands still "
                     f"from one sample to the next, for {length / data.sample_rate_hz:.3g} s: the "
                     "encoder or its line was stuck; cut this part out"
                 )

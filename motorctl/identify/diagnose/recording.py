@@ -158,9 +158,9 @@ def diagnose_axis(
     check_motion(data, signals)
     model, dropped = carried(signals, declared)
     plain = too_plain(signals)
-    clear_hz = check_explains(data, signals, model, bool(plain))
-    heard = signals.plain(clear_hz)
-    band_hz = motion_band_hz(signals, model, clear_hz)
+    heard = check_explains(data, signals, model, bool(plain))
+    hint = late_command(heard)
+    band_hz = motion_band_hz(heard, signals.band_hz)
     if band_hz < signals.band_hz:
         signals = make_signals(data, moving, band_hz, slope)
     if plain:
@@ -173,7 +173,6 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    hint = late_command(heard, model)
     notes = axis.notes if hint is None else (*axis.notes, hint)
     return replace(axis, others=moving, notes=notes)
 

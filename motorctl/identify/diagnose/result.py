@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Measured
 from motorctl.model import Effect, EffectList
+from motorctl.model.knowledge import Family
 
 Array = NDArray[np.float64]
 Verdict = Literal["complete", "effect", "unknown_structure", "insufficient_data"]
@@ -65,6 +66,8 @@ class UnknownStructure:
     sentence: str
     compensation: Effect | None
     """A spline in these variables, where there is one that a controller can use."""
+    family: Family | None
+    """The kind of physics that it is, where the spline explains most; None where it is not told."""
     theta: Array
     """(p,) of the compensation."""
     std_error: Array

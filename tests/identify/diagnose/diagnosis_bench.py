@@ -261,6 +261,7 @@ def unknown_axis(depends_on=("position", "velocity"), **changes):
         depends_on=depends_on,
         sentence="A spline in position takes 40 % of it away.",
         compensation=spline,
+        family=spline.family(),
         theta=0.1 * theta,
         std_error=np.full(len(theta), 1e-3),
         explained_fraction=0.4,

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fit_plant import C1, simulate
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from motorctl.cli import main
@@ -202,6 +202,8 @@ def answered(recording):
     st.sampled_from([1e-12, 1e-6, 1e-3, 1.0, 1e6, 1e200]),
     st.integers(0, 1000),
 )
+@example("ramp", "ramp", 1378, 0.7, 1e-3, 0)  # few rows over a long time
+@example("ramp", "ramp", 1377, 33.3, 1e-3, 0)  # nothing left but rounding
 def test_any_columns_get_an_answer_or_a_reason(position, command, n, rate_hz, scale, seed):
     random = np.random.default_rng(seed)
     x = signal(position, n, scale, random)

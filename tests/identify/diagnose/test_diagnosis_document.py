@@ -159,6 +159,7 @@ def test_unknown_structure_tells_what_it_depends_on_and_what_would_compensate_it
     found = strict(axis_document(bench.unknown_axis()))
     assert found["effects"] == []
     assert found["unknown"]["depends_on"] == ["position", "velocity"]
+    assert found["unknown"]["family"] == "force_of_position"
     compensation = found["unknown"]["compensation"]
     assert compensation["name"] == "position_force"
     assert compensation["parameters"]["knot_1"]["value"] == pytest.approx(0.02)

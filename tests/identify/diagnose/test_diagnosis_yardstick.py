@@ -16,7 +16,10 @@ from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
-from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
+from motorctl.identify.diagnose.verdict.simulated_position import (
+    judge_by_simulation,
+    simulated_position,
+)
 from motorctl.model import effect_class, make_effect
 
 SIDES = ("acceleration", "command")
@@ -72,7 +75,8 @@ def outcome(signals, *added):
 
 def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signals):
     found = outcome(signals, late("input_lag", 0.2))
-    simulated = judge_by_simulation(found.base, found.final)
+    missed = map(simulated_position, (found.base, found.final))
+    simulated = judge_by_simulation(found.final.regressors.signals, *missed)
     assert simulated.after_rms > simulated.before_rms
     kept, why = without_refuted(found)
     assert not kept.final.added

@@ -243,7 +243,9 @@ def test_nothing_is_injected_where_nothing_that_helps_was_found(log, tmp_path, v
 def test_a_spline_compensates_what_has_no_name(log, tmp_path):
     spline = effect("position_force", knots=(0.012345678912, 0.4, 8))
     theta = np.linspace(-0.1, 0.1, len(spline.parameters))
-    unknown = UnknownStructure(("position",), "a force of the position", spline, theta, theta, 0.9)
+    unknown = UnknownStructure(
+        ("position",), "a force of the position", spline, spline.family(), theta, theta, 0.9
+    )
     x = gantry_diagnosis(log, lambda _: (), axes=("x",), verdict="unknown_structure").axes["x"]
     x = dataclasses.replace(
         x,

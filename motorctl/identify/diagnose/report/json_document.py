@@ -72,7 +72,7 @@ def _effect_document(data: Measured, found: FoundEffect) -> dict[str, Any]:
         "name": found.name,
         "title": found.effect.title,
         "formula": found.effect.formula,
-        "family": found.effect.family,
+        "family": found.effect.family(),
         "confidence": found.confidence,
         "family_confidence": found.family_confidence,
         "explained_fraction": found.explained_fraction,
@@ -89,6 +89,7 @@ def _unknown_document(data: Measured, unknown: UnknownStructure) -> dict[str, An
     compensation = unknown.compensation
     return {
         "depends_on": list(unknown.depends_on),
+        "family": unknown.family,
         "sentence": unknown.sentence,
         "explained_fraction": unknown.explained_fraction,
         "compensation": None

@@ -71,7 +71,7 @@ Chosen by hand."""
 def gain(before: Hypothesis, held_out: float) -> float:
     """Return the gain in log-likelihood of held-out rows, the noise's variance being unknown."""
     rows = before.regressors.signals.rows
-    return float(0.5 * rows * np.log(before.held_out / max(held_out, 1e-300)))
+    return float(0.5 * rows * np.log(max(before.held_out, 1e-300) / max(held_out, 1e-300)))
 
 
 def acceptable(

@@ -15,6 +15,9 @@ neighbours and overrate a model, longer ones hold out whole places. Chosen by ha
 FEWEST_BLOCKS = 6
 """Fewest blocks of a short recording: two a fold. Fewer leaves a fold one block, more makes them
 correlated. Chosen by hand."""
+LEAST_ROWS = 30
+"""Fewest rows of a block, where rows come slowly. Fewer leaves blocks that say nothing alone,
+more holds out whole places. Chosen by hand."""
 FOLDS = 3
 """Groups of blocks that are held out in turn. More takes time, fewer fits each with less. Chosen by
 hand."""
@@ -47,7 +50,7 @@ class Blocks:
 
 def make_blocks(rows: int, row_period_s: float, block_s: float = BLOCK_S) -> Blocks:
     """Choose blocks of about two seconds, but not fewer than six."""
-    count = max(FEWEST_BLOCKS, round(rows * row_period_s / block_s))
+    count = max(FEWEST_BLOCKS, min(round(rows * row_period_s / block_s), rows // LEAST_ROWS))
     length = -(-rows // count)
     return Blocks(-(-rows // length), length)
 
@@ -68,6 +71,10 @@ class BlockedRegression:
     def size(self) -> int:
         """Number of columns on the right side."""
         return int(self.gram.shape[1]) - 1
+
+    def joined(self, rows: int) -> Array:
+        """Return the columns without their blocks, (p + 1, m), the left side last."""
+        return np.asarray(self.columns.swapaxes(0, 1).reshape(self.size + 1, -1)[:, :rows])
 
 
 def make_problem(
@@ -139,7 +146,7 @@ def held_out_sse(problem: BlockedRegression) -> Array:
     own = gram[:, :-1, :-1]
     fitted = (b.swapaxes(1, 2) @ own @ b)[:, 0, 0]
     cross = (b.swapaxes(1, 2) @ gram[:, :-1, -1:])[:, 0, 0]
-    return np.asarray(gram[:, -1, -1] - 2.0 * cross + fitted)
+    return np.maximum(gram[:, -1, -1] - 2.0 * cross + fitted, 0.0)  # rounding
 
 
 def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:

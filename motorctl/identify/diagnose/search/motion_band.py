@@ -10,10 +10,8 @@ import numpy as np
 from scipy import signal
 from scipy.ndimage import median_filter
 
-from motorctl.identify.columns.signals import Signals
-from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, residual
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.model import EffectList
+from motorctl.identify.diagnose.search.held_out_blocks import residual
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 
 ABOVE_NOISE = 10.0
 """Density of the motion over that of the measurement's noise, where motion is seen. Larger narrows
@@ -33,23 +31,26 @@ Larger misses narrow motion, smaller lets lines of a disturbance through. Chosen
 simulated campaign."""
 
 
-def motion_band_hz(signals: Signals, model: EffectList, clear_hz: float) -> float:
+def motion_band_hz(heard: Hypothesis, widest_hz: float) -> float:
     """Return the band for a diagnosis: that of the signals, or of their motion if far less.
 
-    clear_hz is the widest band in which motion outweighs the noise [Hz].
+    Parameters
+    ----------
+    heard
+        The declared model over the widest band in which motion outweighs the noise.
+    widest_hz
+        Band of the signals [Hz].
     """
-    plain = signals.plain(clear_hz)
-    regressors = Regressors(plain, model, make_blocks(plain.rows, plain.row_period_s))
-    hypothesis = Hypothesis(regressors)
-    rest = residual(hypothesis.problem, hypothesis.solution.b)[: plain.rows]
+    plain = heard.regressors.signals
+    rest = residual(heard.problem, heard.solution.b)[: plain.rows]
     window = min(plain.rows, max(64, int(1.0 / plain.row_period_s)))
     frequency, density = signal.welch(
-        regressors.left - rest, 1.0 / plain.row_period_s, nperseg=window, detrend=False
+        heard.regressors.left - rest, 1.0 / plain.row_period_s, nperseg=window, detrend=False
     )
     noise = (2.0 * np.pi * frequency) ** 4 * plain.position_noise * plain.response(frequency) ** 2
     above = median_filter(density, LINE_BINS) > ABOVE_NOISE * noise
     above &= (frequency > 0.0) & (frequency <= plain.band_hz)
     highest = float(frequency[above].max(initial=0.0))
-    if highest > LEAST_PART * signals.band_hz:
-        return signals.band_hz
-    return max(MARGIN * highest, min(NARROWEST_HZ, clear_hz))
+    if highest > LEAST_PART * widest_hz:
+        return widest_hz
+    return max(MARGIN * highest, min(NARROWEST_HZ, plain.band_hz))

@@ -24,6 +24,9 @@ smaller blurs friction near rest. Chosen by hand."""
 TIME_KNOT_S = 2.0
 """Time between knots [s]. Larger misses slow changes, smaller takes up forces of single moves.
 Chosen by hand."""
+MOST_TIME_KNOTS = 100
+"""And the most of them. More takes memory (their number is squared for each block), fewer misses
+changes within long recordings. Chosen by hand."""
 COMMAND_KNOTS = 10
 """Knots on each side of zero command. More takes up noise, fewer misses the drive's curve. Chosen
 by hand."""
@@ -90,7 +93,7 @@ class SmoothFunctions:
             return hats(v, self._speeds)
         if name == "time":
             first, last = self.signals.stretches[0].time_s[0], self.signals.stretches[-1].time_s[-1]
-            count = max(4, round((last - first) / TIME_KNOT_S))
+            count = min(max(4, round((last - first) / TIME_KNOT_S)), MOST_TIME_KNOTS)
             return hats(t, np.linspace(first, last, count))
         if name == "command":
             return hats(u, np.linspace(-self._top_command, self._top_command, 2 * COMMAND_KNOTS))

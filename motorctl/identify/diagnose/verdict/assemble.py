@@ -22,7 +22,7 @@ from motorctl.identify.diagnose.result import (
     UnknownStructure,
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
-from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
+from motorctl.identify.diagnose.search.held_out_blocks import residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.search.whitening import spectrum
@@ -52,14 +52,14 @@ from motorctl.identify.diagnose.verdict.parameters import (
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
+from motorctl.identify.diagnose.verdict.unknown import (
+    Compensation,
+    compensation,
+    unknown_structure,
+)
 from motorctl.identify.diagnose.verdict.verdict import (
-    BURST_HZ,
-    BURSTS,
-    COLOURED,
     LOW_HZ,
-    USUAL_POWER,
     Judged,
-    depends_on,
     judge,
     leftover,
 )
@@ -87,7 +87,6 @@ ABOVE_NOISE = 1.3
 """Rms of what is left over that of noise alone, from which the sentence says so. Larger keeps
 silent about structure, smaller speaks of chance. Chosen by hand: NOISE_LIKE = 1.7 in squares is 1.3
 in rms."""
-NAMED_WORD = "{} explains {:.0f} % of what the declared model leaves unexplained"
 
 
 def assemble(
@@ -110,7 +109,7 @@ def assemble(
         if effect.name not in judged.kept:
             found = replace(found, final=found.final.without(effect.name))
     found = replace(found, final=found.final.refreshed())
-    extra = _compensation(found, judged)
+    extra = compensation(found, judged)
     values = values_of(found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
     split = split_rows(found.final, segments)
@@ -143,7 +142,7 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    unknown = _unknown(found, judged, extra, values) if verdict == "unknown_structure" else None
+    unknown = unknown_structure(judged, extra, values) if verdict == "unknown_structure" else None
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -207,27 +206,7 @@ def _drowned(found: Found, judged: Judged) -> str | None:
 def _outside_family(found: Found, effect: Effect, names: Sequence[str]) -> set[str]:
     """Return which of the named effects belong to another family."""
     catalogue = found.final.regressors.catalogue
-    outside = set()
-    for name in names:
-        form = catalogue[name].typical(found.spans) if name in catalogue else None
-        if form is None or form.family != effect.family:
-            outside.add(name)
-    return outside
-
-
-def _compensation(found: Found, judged: Judged) -> tuple[Effect, BlockedRegression, int] | None:
-    """Offer a spline in the variables that unknown structure depends on, where one can be used."""
-    if judged.verdict != "unknown_structure" or judged.rival is None:
-        return None
-    variables = depends_on(judged.rival)
-    every = found.final.regressors.catalogue.values()
-    forms = (cls.smooth_function(variables, found.spans) for cls in every)
-    effect = next((form for form in forms if form is not None), None)
-    present = {e.name for e in (*found.final.regressors.declared.effects, *found.final.added)}
-    if effect is None or effect.name in present:
-        return None
-    problem = found.final.extended(effect)
-    return effect, problem, len(effect.parameters)
+    return {n for n in names if n not in catalogue or catalogue[n].family() != effect.family()}
 
 
 def _effects(
@@ -329,41 +308,6 @@ def _missing_motion(
     )
 
 
-def _unknown(
-    found: Found,
-    judged: Judged,
-    extra: tuple[Effect, BlockedRegression, int] | None,
-    values: FittedModel,
-) -> UnknownStructure:
-    variables = depends_on(judged.rival)
-    share = min(judged.rival_share, 1.0)
-    if variables:
-        sentence = (
-            f"the residual depends on {' and '.join(variables)}: a smooth function of "
-            f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
-            "explainable error, and no known effect has this form"
-        )
-    elif judged.bursts > BURSTS:
-        sentence = (
-            f"the residual comes in bursts: {100 * judged.bursts:.0f} % of its energy below "
-            f"{BURST_HZ:g} Hz exceeds {USUAL_POWER:g} times the usual power (limit "
-            f"{100 * BURSTS:.0f} %), and no function of position, velocity or command "
-            "explains them"
-        )
-    elif judged.coloured < COLOURED:
-        sentence = "the residual is more than noise, and no smooth function explains it"
-    else:
-        sentence = (
-            f"the residual has {judged.coloured:.0f} times the power of the noise below "
-            f"{LOW_HZ:g} Hz (limit {COLOURED:g}), and no function of position, velocity or command "
-            "explains it"
-        )
-    if extra is None:
-        return UnknownStructure(variables, sentence, None, np.zeros(0), np.zeros(0), share)
-    theta, std_error = theta_of(values, extra[0])
-    return UnknownStructure(variables, sentence, extra[0], theta, std_error, share)
-
-
 def _sentence(
     verdict: str,
     effects: tuple[FoundEffect, ...],
@@ -434,7 +378,7 @@ def _notes(
 def _traces(
     found: Found,
     values: FittedModel,
-    extra: tuple[Effect, BlockedRegression, int] | None,
+    extra: Compensation | None,
     split: Split,
     error: ModelError,
 ) -> Traces:
@@ -450,8 +394,8 @@ def _traces(
     r_before = residual(in_plain_band(found.base), found.base.solution.b)[:rows] / unit_left
     r_after = residual(in_plain_band(found.final, added), coefficients)[:rows] / unit_left
     problem = in_plain_band(found.final, added, "acceleration")
-    columns = problem.columns[:, :-1].swapaxes(0, 1).reshape(problem.size, -1)[:, :rows]
-    left = problem.columns[:, -1].ravel()[:rows]
+    every = problem.joined(rows)
+    columns, left = every[:-1], every[-1]
     contributions: dict[str, Array] = {}
     # u = (a - sum b_i psi_i) / b_u: what an effect adds to the command
     names = list(found.final.names) + ([extra[0].name] * extra[2] if extra else [])

@@ -9,10 +9,11 @@ goes beyond that is structure of the machine.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gmean
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.filters import second_difference
@@ -22,8 +23,8 @@ from motorctl.identify.columns.stretches import Stretch, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
-from motorctl.identify.diagnose.verdict.parameters import FittedModel, values_of
-from motorctl.identify.diagnose.verdict.simulated_position import simulated_position
+from motorctl.identify.diagnose.verdict.parameters import FittedModel, theta_of, values_of
+from motorctl.identify.diagnose.verdict.simulated_position import ratios_of, simulated_position
 from motorctl.model import Effect
 from motorctl.model.columns import input_columns, state_columns
 from motorctl.model.sign_function import slope_of
@@ -102,13 +103,8 @@ def no_further_than_twin(found: Found, twin: Found) -> bool:
     that as structure, a simulation along the recorded command does not.
     """
     real, clean = simulated_position(found.final), simulated_position(twin.final)
-    ratios = [
-        a / max(b, 1e-300) for a, b in zip(real.values(), clean.values(), strict=False)
-    ]  # shortest windows first
-    if not ratios:
-        return False
-    mean = math.exp(float(np.mean(np.log(ratios))))
-    return ratios[0] < NEXT_TO_TWIN and mean < NEAR_TWIN
+    ratios = list(ratios_of(clean, real).values())
+    return bool(ratios) and ratios[0] < NEXT_TO_TWIN and float(gmean(ratios)) < NEAR_TWIN
 
 
 def _is_of_force(effect: Effect) -> bool:
@@ -121,10 +117,8 @@ def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Arra
     v, a = np.gradient(x, period_s), second_difference(x, period_s)
     force = np.zeros_like(x)
     inputs: list[tuple[Effect, Array]] = []
-    start = 0
     for effect in values.model.effects:
-        theta = values.theta[start : start + len(effect.parameters)]
-        start += len(effect.parameters)
+        theta, _ = theta_of(values, effect)
         if effect.kind == "state":
             force += theta @ state_columns(effect, x, v, a, v, s.time_s, s.beside(effect))
         elif effect.kind == "input":
@@ -139,8 +133,7 @@ def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Arra
 def _as_measured(x: Array, real: Signals, draw: np.random.Generator) -> Array:
     """Return a motion as the machine's encoder would show it."""
     count = real.data.resolution or _count_of(real.data.position)
-    rate = 1.0 / real.period_s
-    white = 0.5 * real.position_noise * rate - count**2 / 12.0
+    white = real.position_noise_rms**2 - count**2 / 12.0
     noisy = x + math.sqrt(max(white, 0.0)) * draw.standard_normal(len(x))
     return np.asarray(np.round(noisy / count) * count) if count > 0.0 else noisy
 
@@ -161,21 +154,3 @@ def _with_others(signals: Signals, real: Signals) -> Signals:
         replace(s, others=by_time.get(float(s.time_s[0]), {})) for s in signals.stretches
     )
     return replace(signals, stretches=stretches, _gains={})
-
-
-@dataclass(frozen=True)
-class Leftover:
-    """What a model leaves, beside what noise would."""
-
-    ratio: float
-    """Squared residual over that of noise alone."""
-    coloured: float
-    """Power at low frequencies over what the noise model expects."""
-    bursts: float
-    """Part of the slow residual's energy that comes in bursts."""
-    structure: float
-    """Part of the squared residual that the best smooth function takes away."""
-
-
-NONE_LEFT = Leftover(1.0, 1.0, 0.0, 0.0)
-"""What is left where noise alone is."""

@@ -20,7 +20,10 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
+from motorctl.identify.diagnose.verdict.simulated_position import (
+    judge_by_simulation,
+    simulated_position,
+)
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect
 
@@ -131,7 +134,8 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
     floor = min(floor_of(found), after, before)
     regressors = found.final.regressors
     command = final.columns[:, regressors.command_column].ravel()[: regressors.signals.rows][held]
-    simulated = judge_by_simulation(found.base, found.final, held)
+    missed = (simulated_position(each, held) for each in (found.base, found.final))
+    simulated = judge_by_simulation(regressors.signals, *missed)
     return ModelError(
         unit=unit,
         held_out_before_rms=before,

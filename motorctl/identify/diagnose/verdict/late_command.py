@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.signals import Signals
-from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.model import EffectList
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
 
@@ -29,21 +26,16 @@ which it is told. Nearer to 1 suspects sound recordings, smaller misses late col
 hand: of 48 sound machines of other hands one is below, of the same with a command 4 ms late 27."""
 
 
-def late_command(signals: Signals, model: EffectList) -> str | None:
+def late_command(heard: Hypothesis) -> str | None:
     """Return a hint that the command column is late against the position, or None.
 
     Parameters
     ----------
-    signals
-        The axis' motion and command, in the band in which motion outweighs noise.
-    model
-        What its model declares.
+    heard
+        The declared model over the band in which motion outweighs noise.
     """
-    hypothesis = Hypothesis(
-        Regressors(signals, model, make_blocks(signals.rows, signals.row_period_s))
-    )
-    problem = hypothesis.problem
-    rows = problem.columns.swapaxes(0, 1).reshape(problem.size + 1, -1)[:, : signals.rows]
+    signals = heard.regressors.signals
+    rows = heard.problem.joined(signals.rows)
     step = max(1, round(STEP_S / signals.period_s))
     leads = np.arange(0, round(LONGEST_S / signals.period_s) + 1, step)
     earlier = signals.filtered(

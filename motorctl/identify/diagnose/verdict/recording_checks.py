@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.position_noise import acceleration_noise_rms
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.held_out_blocks import (
     held_out_sse,
@@ -146,11 +147,12 @@ def _changes_of_speed(velocities: list[Array]) -> int:
 
 def check_explains(
     data: Measured, signals: Signals, model: EffectList, lenient: bool = False
-) -> float:
+) -> Hypothesis:
     """Raise DataError where the command does not drive the position, or not in this direction.
 
     Of a motion too plain to tell no more is asked than that nothing speaks of a usual mistake.
-    Returns the widest band [Hz] in which the acceleration stands clear of the encoder's noise.
+    Returns the declared model over the widest band in which the acceleration stands clear of the
+    encoder's noise.
     """
     plain = _above_noise(data, signals)
     blocks = make_blocks(plain.rows, plain.row_period_s)
@@ -159,10 +161,10 @@ def check_explains(
     noise = _noise_sse(plain)
     left = hypothesis.solution.sse - noise
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
-        return plain.band_hz
+        return hypothesis
     share, backwards = _moved_by(plain)
     if share > MOVED_ENOUGH and not backwards:
-        return plain.band_hz
+        return hypothesis
     if share > MOVED_ENOUGH:
         raise DataError(
             f"{data.place}: the command has a negative inertia, and its friction would give "
@@ -177,7 +179,7 @@ def check_explains(
             raise
     except NothingExplainedError:
         if lenient:
-            return plain.band_hz
+            return hypothesis
         raise
     if left > EXPLAINS_NOTHING * (total - noise) and not lenient:
         raise DataError(
@@ -187,7 +189,7 @@ def check_explains(
             "of the same axis, in time with each other? Where other axes load this one, as in an "
             "arm, record them beside it"
         )
-    return plain.band_hz
+    return hypothesis
 
 
 def _above_noise(data: Measured, signals: Signals) -> Signals:
@@ -216,8 +218,8 @@ def _above_noise(data: Measured, signals: Signals) -> Signals:
 
 
 def _noise_sse(plain: Signals) -> float:
-    """Return the squared acceleration that the position's noise alone would have."""
-    return plain.position_noise * (2.0 * np.pi) ** 4 * plain.band_hz**5 / 5.0 * plain.rows
+    """Return the squared acceleration that the position's noise alone would have in the rows."""
+    return acceleration_noise_rms(plain.position_noise, plain.band_hz) ** 2 * plain.rows
 
 
 def _moved_by(signals: Signals) -> tuple[float, bool]:
@@ -236,7 +238,7 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     share = 1.0 - left / max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
     b = solve(beside).b
     velocity = signals.picked(lambda s: s.v)
-    rows = beside.columns.swapaxes(0, 1).reshape(beside.size + 1, -1)[:, : signals.rows]
+    rows = beside.joined(signals.rows)
     friction = [
         k for k, name in enumerate(motion.names)
         if name in (basic["velocity"].name, basic["direction"].name)

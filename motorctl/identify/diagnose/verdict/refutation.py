@@ -14,7 +14,11 @@ import numpy as np
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.verdict.parameters import theta_of, values_of
-from motorctl.identify.diagnose.verdict.simulated_position import judge_by_simulation
+from motorctl.identify.diagnose.verdict.simulated_position import (
+    Missed,
+    judge_by_simulation,
+    simulated_position,
+)
 from motorctl.model import Effect
 
 SURELY = 3.0
@@ -35,8 +39,9 @@ def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
     """Return a search's outcome without effects that are refuted, and for each of them why."""
     notes: list[str] = []
     final = found.final
+    missed = simulated_position(found.base) if final.added else {}
     while final.added:
-        refuted = _beyond_physics(final) or _worse_when_simulated(found.base, final)
+        refuted = _beyond_physics(final) or _worse_when_simulated(missed, final)
         if refuted is None:
             break
         effect, why = refuted
@@ -73,19 +78,24 @@ def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
     return None
 
 
-def _worse_when_simulated(base: Hypothesis, final: Hypothesis) -> tuple[Effect, str] | None:
+def _worse_when_simulated(before: Missed, final: Hypothesis) -> tuple[Effect, str] | None:
     """Find the effect without which the model's own motion is nearest to the recorded one.
 
-    Errors of the measurement change no motion and are not asked.
+    `before` is what the declared model misses. Errors of the measurement change no motion and are
+    not asked.
     """
+    signals = final.regressors.signals
     suspects = [effect for effect in final.added if effect.kind != "measurement"]
-    simulated = judge_by_simulation(base, final) if suspects else None
-    rounding = CERTAIN * float(np.ptp(final.regressors.signals.stretches[0].x))
+    if not suspects:
+        return None
+    simulated = judge_by_simulation(signals, before, simulated_position(final))
+    rounding = CERTAIN * float(np.ptp(signals.stretches[0].x))
     if simulated is None or simulated.worse <= WORSE or simulated.after_rms < rounding:
         return None
 
     def left(effect: Effect) -> float:
-        rest = judge_by_simulation(base, final.without(effect.name).refreshed())
+        missed = simulated_position(final.without(effect.name).refreshed())
+        rest = judge_by_simulation(signals, before, missed)
         return np.inf if rest is None else rest.worse
 
     effect = min(suspects, key=left)

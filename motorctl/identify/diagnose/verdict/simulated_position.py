@@ -9,16 +9,20 @@ one is told at which the declared model's error first stands clear of the noise.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import gmean
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
+Missed = Mapping[float, float]
+"""What a model misses of the position, rms, by the length of the windows [s], shortest first."""
 
 WINDOWS_S = (0.01, 0.03, 0.1)
 """Lengths of the windows [s], a half decade apart. Shorter ones show the noise of the measured
@@ -46,36 +50,36 @@ class Simulated:
         return max(self.ratio, self.after_rms / max(self.before_rms, 1e-300))
 
 
-def judge_by_simulation(
-    base: Hypothesis, final: Hypothesis, held: Rows | None = None
-) -> Simulated | None:
+def judge_by_simulation(signals: Signals, before: Missed, after: Missed) -> Simulated | None:
     """Compare two models by the position that they predict.
 
     Parameters
     ----------
-    base, final
-        The models, over the same rows.
-    held
-        Which rows are asked, (m,); all by default.
+    signals
+        The rows of both.
+    before, after
+        What each misses (see `simulated_position`).
 
     Returns
     -------
     Simulated or None
         None where no window is whole.
     """
-    before, after = simulated_position(base, held), simulated_position(final, held)
-    common = [window for window in before if window in after]
-    if not common:
+    ratios = ratios_of(before, after)
+    if not ratios:
         return None
-    signals = base.regressors.signals
-    noise = math.sqrt(0.5 * signals.position_noise / signals.period_s)
-    told = next((w for w in common if before[w] > CLEAR_OF_NOISE * noise), common[-1])
-    ratios = [max(after[w], 1e-300) / max(before[w], 1e-300) for w in common]
-    ratio = math.exp(float(np.mean(np.log(ratios))))
-    return Simulated(told, before[told], after[told], ratio)
+    noise = CLEAR_OF_NOISE * signals.position_noise_rms
+    told = next((w for w in ratios if before[w] > noise), list(ratios)[-1])
+    return Simulated(told, before[told], after[told], float(gmean(list(ratios.values()))))
 
 
-def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> dict[float, float]:
+def ratios_of(before: Missed, after: Missed) -> dict[float, float]:
+    """Return what one model misses over what another does, by the windows that both have [s]."""
+    common = [window for window in before if window in after]
+    return {w: max(after[w], 1e-300) / max(before[w], 1e-300) for w in common}
+
+
+def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Missed:
     """Return what a model misses of the position [m, rms], by the length of the windows [s].
 
     Parameters

@@ -21,7 +21,6 @@ from motorctl.identify.diagnose.search.search import (
 )
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import spectrum
-from motorctl.identify.diagnose.verdict.clean_twin import NONE_LEFT, Leftover
 from motorctl.identify.fit.settings import Side
 
 Array = NDArray[np.float64]
@@ -111,6 +110,24 @@ class Judged:
     """Part of the slow residual's energy that comes in bursts."""
     as_twin: bool = False
     """Whether what is left is no more than what the machine's clean twin leaves."""
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What a model leaves, beside what noise would."""
+
+    ratio: float
+    """Squared residual over that of noise alone."""
+    coloured: float
+    """Power at low frequencies over what the noise model expects."""
+    bursts: float
+    """Part of the slow residual's energy that comes in bursts."""
+    structure: float
+    """Part of the squared residual that the best smooth function takes away."""
+
+
+NONE_LEFT = Leftover(1.0, 1.0, 0.0, 0.0)
+"""What is left where noise alone is."""
 
 
 def leftover(found: Found) -> Leftover:

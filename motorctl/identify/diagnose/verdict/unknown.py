@@ -1,0 +1,82 @@
+"""Structure without a name: what it depends on, its kind, and a spline that compensates it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from motorctl.identify.diagnose.result import UnknownStructure
+from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression
+from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.parameters import FittedModel, theta_of
+from motorctl.identify.diagnose.verdict.verdict import (
+    BURST_HZ,
+    BURSTS,
+    COLOURED,
+    LOW_HZ,
+    USUAL_POWER,
+    Judged,
+    depends_on,
+)
+from motorctl.model import Effect
+
+Compensation = tuple[Effect, BlockedRegression, int]
+"""A spline, the regression with it, and the number of its parameters."""
+
+FAMILY_SHARE = 0.5
+"""Part of the explainable error that a smooth function must take for the kind of physics to be
+told. Larger tells it less often, smaller tells wrong ones. Chosen by hand: more than all else."""
+
+
+def compensation(found: Found, judged: Judged) -> Compensation | None:
+    """Offer a spline in the variables that unknown structure depends on, where one can be used."""
+    if judged.verdict != "unknown_structure" or judged.rival is None:
+        return None
+    variables = depends_on(judged.rival)
+    every = found.final.regressors.catalogue.values()
+    forms = (cls.smooth_function(variables, found.spans) for cls in every)
+    effect = next((form for form in forms if form is not None), None)
+    present = {e.name for e in (*found.final.regressors.declared.effects, *found.final.added)}
+    if effect is None or effect.name in present:
+        return None
+    problem = found.final.extended(effect)
+    return effect, problem, len(effect.parameters)
+
+
+def unknown_structure(
+    judged: Judged,
+    extra: Compensation | None,
+    values: FittedModel,
+) -> UnknownStructure:
+    """Say what unknown structure depends on, and of which kind it is."""
+    variables = depends_on(judged.rival)
+    share = min(judged.rival_share, 1.0)
+    family = None
+    if extra is not None and share > FAMILY_SHARE:
+        family = extra[0].family()
+    if variables:
+        kind = "no known effect" if family is None else f"no known {family.replace('_', ' ')}"
+        sentence = (
+            f"the residual depends on {' and '.join(variables)}: a smooth function of "
+            f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
+            f"explainable error, and {kind} has this form"
+        )
+    elif judged.bursts > BURSTS:
+        sentence = (
+            f"the residual comes in bursts: {100 * judged.bursts:.0f} % of its energy below "
+            f"{BURST_HZ:g} Hz exceeds {USUAL_POWER:g} times the usual power (limit "
+            f"{100 * BURSTS:.0f} %), and no function of position, velocity or command "
+            "explains them"
+        )
+    elif judged.coloured < COLOURED:
+        sentence = "the residual is more than noise, and no smooth function explains it"
+    else:
+        sentence = (
+            f"the residual has {judged.coloured:.0f} times the power of the noise below "
+            f"{LOW_HZ:g} Hz (limit {COLOURED:g}), and no function of position, velocity or command "
+            "explains it"
+        )
+    if extra is None:
+        nothing = np.zeros(0)
+        return UnknownStructure(variables, sentence, None, None, nothing, nothing, share)
+    theta, std_error = theta_of(values, extra[0])
+    return UnknownStructure(variables, sentence, extra[0], family, theta, std_error, share)
