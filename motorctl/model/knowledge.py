@@ -15,12 +15,14 @@ Group = Literal[
     "resonance",
     "command_timing",
     "coupling",
+    "wave_of_measurement",
 ]
 """What code that must treat kinds of effects apart may ask for; effects of one group look alike.
 
 - friction: opposes the motion; pictures and sums of friction contain it
 - force_of_position: position alone decides it, and it is a force on the carriage
 - wave_over_position: repeats over the travel; its options are `PitchOptions`
+- wave_of_measurement: repeats over the travel, but in the measured position alone
 - wave_over_time: repeats over time; sought at the lines of a spectrum
 - line_over_time: shows as a line in a spectrum over time, at `Effect.lines`
 - resonance: rings at `Effect.lines`; its columns are formed on the rigid machine's acceleration
@@ -129,6 +131,8 @@ class Spans:
     """Axes whose motion was recorded too."""
     rotary: bool = False
     """Whether the position is an angle [rad]."""
+    reversal_m_s2: float = 0.0
+    """Acceleration with which the slower reversals are left; 0 where none is known."""
 
     @property
     def travel_m(self) -> float:

@@ -23,6 +23,7 @@ from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import position_noise_density, velocity_noise_rms
 from motorctl.identify.columns.repetition import period_of
+from motorctl.identify.columns.reversals import slow_reversal
 from motorctl.identify.columns.stretches import (
     REST_RANGE,
     REST_S,
@@ -402,6 +403,9 @@ def spans_of(signals: Signals) -> Spans:
     a = np.gradient(v, signals.period_s)
     others = signals.stretches[0].others
     resolution = signals.data.resolution
+    turns = [
+        slow_reversal(s.x, signals.position_noise_rms, signals.period_s) for s in signals.stretches
+    ]
     return Spans(
         position_m=(float(x.min()), float(x.max())),
         speed_m_s=float(np.percentile(np.abs(v), 99.5)),
@@ -413,6 +417,7 @@ def spans_of(signals: Signals) -> Spans:
         resolution_m=resolution or 0.0,
         other_axes=tuple(others),
         rotary=signals.data.position_unit == "rad",
+        reversal_m_s2=min(filter(None, turns), default=0.0),
     )
 
 

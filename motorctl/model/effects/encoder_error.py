@@ -1,4 +1,4 @@
-"""Interpolation error of the encoder: periodic in position, and in the measurement alone."""
+"""Periodic error of the measured position: of an encoder's interpolation, of a screw or a gear."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ COUNTS = (4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 
 """Counts in a period that encoders interpolate to."""
 PERIODS_M = (20e-6, 40e-6)
 """Grating periods of the common linear scales."""
+FEWEST_PERIODS = 3.5
+"""Periods over the travel, at least: what repeats less often may be any curve."""
 STEEPEST = 0.5
 """Largest slope of the error for which the position can be told from its measurement."""
 
@@ -29,10 +31,16 @@ class EncoderErrorOptions(EffectOptions):
     )
     sin_m: float = Field(default=0.0, allow_inf_nan=False, description="amplitude of the sine")
     cos_m: float = Field(default=0.0, allow_inf_nan=False, description="amplitude of the cosine")
+    sin2_m: float = Field(
+        default=0.0, allow_inf_nan=False, description="amplitude of the sine of twice the angle"
+    )
+    cos2_m: float = Field(
+        default=0.0, allow_inf_nan=False, description="amplitude of the cosine of twice the angle"
+    )
 
     @model_validator(mode="after")
     def _can_be_inverted(self) -> Self:
-        amplitude = math.hypot(self.sin_m, self.cos_m)
+        amplitude = math.hypot(self.sin_m, self.cos_m) + 2.0 * math.hypot(self.sin2_m, self.cos2_m)
         most = STEEPEST * self.period_m / (2.0 * math.pi)
         if amplitude > most:
             raise ValueError(f"an amplitude of {amplitude:g} m; at most {most:g} m can be undone")
@@ -40,19 +48,23 @@ class EncoderErrorOptions(EffectOptions):
 
 
 class EncoderError(Effect):
-    """The encoder shows y = x + S sin(2 pi x/p) + C cos(2 pi x/p)."""
+    """The encoder shows y = x + S sin(q) + C cos(q) + S2 sin(2q) + C2 cos(2q), q = 2 pi x/p.
+
+    Two orders are what encoders (gain and offset of their signals), screws and gears mostly show.
+    """
 
     name = "encoder_error"
     kind = "measurement"
-    title = "Interpolation error of the encoder"
-    formula = "y = x + S sin(2 pi x/p) + C cos(2 pi x/p)"
+    title = "Periodic error of the measured position"
+    formula = "y = x + S sin(q) + C cos(q) + S2 sin(2q) + C2 cos(2q),  q = 2 pi x/p"
     compensated = "correction of the measured position"
-    identified = "linear in sine and cosine of the raw position; the period p by a scan"
+    identified = "linear in sines and cosines of the raw position; the period p by a scan"
     visible_in = (
         "slow constant speeds, at which a signal period takes many samples, at two different "
         "speeds: its apparent force grows with the square of the speed, a real one does not"
     )
-    amplitudes = ("sin_m", "cos_m")
+    amplitudes = ("sin_m", "cos_m", "sin2_m", "cos2_m")
+    groups = frozenset({"wave_of_measurement"})
     revealed_by = ("two_speeds",)
     Options = EncoderErrorOptions
     options: EncoderErrorOptions
@@ -64,8 +76,14 @@ class EncoderError(Effect):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Wave number [rad/m] and both amplitudes [m]."""
-        return 2.0 * math.pi / self.options.period_m, self.options.sin_m, self.options.cos_m
+        """Wave number [rad/m] and the amplitudes [m]."""
+        o = self.options
+        return 2.0 * math.pi / o.period_m, o.sin_m, o.cos_m, o.sin2_m, o.cos2_m
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Wave numbers [1/m] of both orders, and of what a large error makes of them."""
+        return tuple(k / self.options.period_m for k in range(1, 5))
 
     @property
     def picture(self) -> Picture:
@@ -79,14 +97,23 @@ class EncoderError(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return the periods that encoders of this resolution have; no error yet."""
+        """Return the periods that encoders of this resolution have; no error yet.
+
+        And the longest: those of screws and gears come from the lines of a spectrum.
+        """
         count = spans.resolution_m
         periods = {*(n * count for n in COUNTS), *PERIODS_M}
-        return [
-            cls(EncoderErrorOptions(period_m=period))
-            for period in sorted(periods)
-            if max(1e-12, 3.9 * count) <= period <= spans.travel_m / 10.0
-        ]
+        shortest = max(1e-12, 3.9 * count)
+        tried = [p for p in sorted(periods) if shortest <= p <= spans.travel_m / 10.0]
+        longest = spans.travel_m / FEWEST_PERIODS
+        if shortest < longest < math.inf:
+            tried.append(longest)
+        return [cls(EncoderErrorOptions(period_m=period)) for period in tried]
+
+    @classmethod
+    def at_line(cls, line: float) -> Effect:
+        """Return an error of this wave number [1/m], whose size is not known yet."""
+        return cls(EncoderErrorOptions(period_m=1.0 / line))
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine the period by what the travel can tell."""
@@ -101,8 +128,9 @@ def correct(y: float, c: tuple[float, ...]) -> float:
     x = y
     for _ in range(3):
         sine, cosine = math.sin(c[0] * x), math.cos(c[0] * x)
-        error = c[1] * sine + c[2] * cosine
-        steepness = c[0] * (c[1] * cosine - c[2] * sine)
+        sine2, cosine2 = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+        error = c[1] * sine + c[2] * cosine + c[3] * sine2 + c[4] * cosine2
+        steepness = c[0] * (c[1] * cosine - c[2] * sine + 2.0 * (c[3] * cosine2 - c[4] * sine2))
         x -= (x + error - y) / (1.0 + steepness)
     return x
 
@@ -110,4 +138,5 @@ def correct(y: float, c: tuple[float, ...]) -> float:
 @njit(inline="always")
 def column(j: int, x: float, c: tuple[float, ...]) -> float:
     """Return what the encoder shows too much at x for an amplitude of one."""
-    return math.sin(c[0] * x) if j == 0 else math.cos(c[0] * x)
+    angle = c[0] * x if j < 2 else 2.0 * c[0] * x
+    return math.sin(angle) if j % 2 == 0 else math.cos(angle)

@@ -12,6 +12,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, Spans
+from motorctl.model.knowledge import Group
 
 LEAST_GAIN = 60.0
 """Gain in log-likelihood of held-out rows that a name needs. Larger misses weak effects, smaller
@@ -66,6 +67,10 @@ LEAST_EXCESS: dict[Side, float] = {"acceleration": 0.15, "command": 0.03}
 """Part of what is left above the noise that an effect must take, by the left side; less where a
 machine is not down to its noise anyway. Larger misses weak effects, smaller names remainders.
 Chosen by hand."""
+
+
+OVER_PLACE: frozenset[Group] = frozenset({"wave_over_position", "wave_of_measurement"})
+"""Groups of effects that repeat over the travel: a large wave of one leaves some of the other."""
 
 
 def gain(before: Hypothesis, held_out: float) -> float:
@@ -126,6 +131,8 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
         if other.name == effect.name:
             continue
         common = other.groups & effect.groups
+        if other.groups & OVER_PLACE and effect.groups & OVER_PLACE:
+            common |= OVER_PLACE
         apart = np.abs(np.subtract.outer(other.lines, effect.lines))
         if "wave_over_position" in common and apart.min() < 1.0 / spans.travel_m:
             return True

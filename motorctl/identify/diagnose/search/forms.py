@@ -108,6 +108,8 @@ def best_form(
         forms: Iterable[Effect] = _lines(hypothesis, cls, spans)
     else:
         forms = cls.trials(spans)
+    if "wave_of_measurement" in cls.groups:
+        forms = [*forms, *_lines(hypothesis, cls, spans)]
     best: Form | None = None
     for form in forms:
         found = measure(hypothesis, with_sign(form, sign), coarse=cls.kind == "state")
@@ -300,6 +302,12 @@ def _spectrum(hypothesis: Hypothesis, cls: type[Effect]) -> tuple[Array, Array]:
     weight = None
     if cls.kind == "input":
         weight = signals.picked(lambda s: s.command)
+    elif cls.kind == "measurement":  # its apparent acceleration grows with the speed's square
+        weight = signals.picked(lambda s: s.v**2)
+        kappa, gain = position_spectrum(signals, _left_over(hypothesis), weight)
+        # fast motion shows it, so a wave that passes the band in slow motion alone is none
+        fast = float(np.sqrt(np.mean(weight)))
+        return kappa, np.where(kappa * fast < signals.band_hz, gain, 0.0)
     return position_spectrum(signals, _left_over(hypothesis), weight)
 
 

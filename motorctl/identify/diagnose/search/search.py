@@ -108,6 +108,9 @@ MUCH_MORE = 0.7
 """Part of the squared residual of another shape of friction alone that the shape with an effect of
 friction leaves at most to be taken instead. Larger names effects for what a shape cannot mimic
 exactly, smaller hides them in the shape. Chosen by hand."""
+FRICTIONS = 4
+"""Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
+misses the right one where the wrong shape hides it. Chosen by hand."""
 AS_WELL = 1.05
 """Squared residual of one effect over that of two up to which the one is no worse. Larger drops
 true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
@@ -222,7 +225,7 @@ def search(
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
-        mended = _mended(hypothesis, forms, spans, max(least, MENDED_FIRST * best))
+        mended = _mended(hypothesis, forms, noise, spans, least)
         if mended is not None:
             mended = _unneeded_now(settled(mended, spans), spans)
             added, declared = mended.added, mended.regressors.declared
@@ -254,29 +257,37 @@ def search(
 
 
 def _mended(
-    hypothesis: Hypothesis, forms: Sequence[Form], spans: Spans, enough: float
+    hypothesis: Hypothesis, forms: Sequence[Form], noise: float, spans: Spans, least: float
 ) -> Hypothesis | None:
-    """Return the hypothesis with friction of its best shape, where that gains `enough`.
+    """Return the hypothesis with friction of its best shape, where that gains enough.
 
-    It is asked where an effect of friction would gain as much: a shape that was declared wrong
-    looks like one of them, and they like another shape. So the best of them is tried beside the
-    shape as well, and taken where the shape alone leaves much more.
+    It is asked where an effect of friction leads: a shape that was declared wrong looks like one of
+    them, and they like another shape. So each that comes near is tried beside the shape as well,
+    and the best is taken where the shape alone, or the effect beside the declared shape, leaves
+    much more.
     """
+    best = gain(hypothesis, forms[0].held_out) if forms else 0.0
     frictions = [
-        form.effect
+        form
         for form in forms
-        if "friction" in form.effect.groups and gain(hypothesis, form.held_out) > enough
-    ]
-    if not frictions:
+        if "friction" in form.effect.groups
+        and gain(hypothesis, form.held_out) > max(least, best / NEAR)
+    ][:FRICTIONS]
+    if not frictions or gain(hypothesis, frictions[0].held_out) < MENDED_FIRST * best:
         return None
     alone = reshaped(hypothesis, spans)
-    if alone is None or gain(hypothesis, alone.held_out) < enough:
+    if alone is None:
         return None
-    both = reshaped(hypothesis.plus(frictions[0]), spans)
-    if both is None:
-        return alone
-    both = settled(both, spans)
-    return both if both.held_out < MUCH_MORE * alone.held_out else alone
+    trials = [reshaped(hypothesis.plus(form.effect), spans) for form in frictions]
+    both = min(filter(None, trials), key=lambda h: h.held_out, default=None)
+    if both is not None:
+        both = settled(both, spans)
+        much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)
+        beside = Form(both.added[-1], both.solution.sse, both.held_out)
+        if both.held_out < much and acceptable(alone, beside, noise, spans, least):
+            return both
+    enough = max(least, MENDED_FIRST * best)
+    return alone if gain(hypothesis, alone.held_out) >= enough else None
 
 
 def _unneeded_now(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:

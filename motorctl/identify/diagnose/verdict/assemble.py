@@ -354,6 +354,12 @@ def _notes(
     notes = []
     if not split.stated:
         notes.append("every third block of rows was held out of the fit to measure the errors")
+    if judged.faint:
+        left = math.sqrt(found.final.held_out / max(found.final.regressors.command_energy, 1e-300))
+        notes.append(
+            f"what is left is {100.0 * left:.1f} % of the command, more than the measurement's "
+            "noise; it depends on nothing that was measured, and counts as the machine's own noise"
+        )
     if judged.as_twin:
         notes.append(
             "the residual is more than white noise, but a machine of this model, moved so and "

@@ -65,6 +65,10 @@ MORE_THAN_NOISE = 3.0
 """Squared residual over that of noise alone, beyond which a model without any structure that can be
 told is not complete all the same. Larger calls real machines complete, smaller doubts models whose
 noise was estimated too small. Chosen by hand."""
+FAINT = 0.02
+"""Rms of what is left over the command's, up to which it counts as the machine's own noise where it
+depends on nothing, comes in no bursts and is merely coloured. Larger calls weak unknowns noise,
+smaller calls noise an unknown. Chosen by hand: drives and bearings make a hundredth or two."""
 LOW_HZ = 20.0
 """Frequencies that count as low there [Hz]. Larger mixes the measurement's noise in, smaller
 averages fewer bins. Chosen by hand."""
@@ -108,6 +112,8 @@ class Judged:
     coloured: float
     bursts: float
     """Part of the slow residual's energy that comes in bursts."""
+    faint: bool = False
+    """Whether what is left is coloured, but small and without any structure."""
     as_twin: bool = False
     """Whether what is left is no more than what the machine's clean twin leaves."""
 
@@ -188,9 +194,13 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
     if not names:
         if structured:
             return judged("unknown_structure", (), rival)
-        shaped = coloured > most_coloured or bursting > most_bursts
+        lumpy = bursting > most_bursts
+        shaped = lumpy or coloured > most_coloured
         if relevant and (shaped or final > MORE_THAN_NOISE * noise * more):
-            return judged("unknown_structure", (), None)
+            faint = final < FAINT**2 * found.final.regressors.command_energy
+            if lumpy or not faint or gain > STRUCTURE * final:
+                return judged("unknown_structure", (), None)
+            return replace(judged("complete", (), None), faint=True)
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
     if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
