@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from motorctl.identify.diagnose.result import AxisDiagnosis
@@ -16,6 +17,8 @@ class Named:
     name: str
     confidence: float
     indistinguishable_from: tuple[str, ...] = ()
+    grounds: Mapping[str, float] = field(default_factory=dict)
+    """The figures that its confidence rests on."""
 
     @property
     def may_be(self) -> frozenset[str]:
@@ -31,10 +34,14 @@ class Answer:
     """One of the diagnosis' verdicts; "failed" where there is none."""
     named: tuple[Named, ...] = ()
     """Most important first."""
+    doubted: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """What was fitted and not named, with the same figures."""
     untestable: tuple[str, ...] = ()
     """Effects of which the answer says that this motion cannot show or tell them apart."""
     depends_on: tuple[str, ...] = ()
     """What unknown structure depends on."""
+    family: str | None = None
+    """The kind of physics that unknown structure is said to be."""
     explained_fraction: float = math.nan
     """Of the explainable error, on held-out rows."""
     seconds: float = math.nan
@@ -71,11 +78,18 @@ def answer_of(diagnosis: AxisDiagnosis, seconds: float, processor_s: float) -> A
     return Answer(
         verdict=diagnosis.verdict,
         named=tuple(
-            Named(effect.name, effect.confidence, tuple(effect.indistinguishable_from))
+            Named(
+                effect.name,
+                effect.confidence,
+                tuple(effect.indistinguishable_from),
+                dict(effect.grounds),
+            )
             for effect in diagnosis.effects
         ),
+        doubted={name: dict(grounds) for name, grounds in diagnosis.doubted.items()},
         untestable=tuple(name for missing in diagnosis.missing for name in missing.effects),
         depends_on=() if diagnosis.unknown is None else diagnosis.unknown.depends_on,
+        family=None if diagnosis.unknown is None else diagnosis.unknown.family,
         explained_fraction=diagnosis.error.explained_fraction,
         seconds=seconds,
         processor_s=processor_s,

@@ -102,10 +102,18 @@ class KindTruth:
         return answer.names - self.names - self.family
 
     def right(self, answer: Answer) -> bool:
-        """Tell whether nothing false is named, and something is or the silence is right."""
+        """Tell whether nothing false is named, and something is or the silence is right.
+
+        A family alone is an answer too, if it is the right one.
+        """
         if answer.names:
             return not self.false_names(answer)
-        return answer.verdict in self.silence
+        return answer.verdict in self.silence or self._family_alone(answer)
+
+    def _family_alone(self, answer: Answer) -> bool:
+        effects = built_in_effects()
+        families = {effects[name].family() for name in self.names & effects.keys()}
+        return answer.family in families
 
     def exactly_named(self, answer: Answer) -> bool:
         """Tell whether the right name stands there and no other, of its family neither."""
@@ -114,7 +122,7 @@ class KindTruth:
     def judged(self, answer: Answer) -> str:
         """Say in a word or two what an answer is; a verdict where nothing is named."""
         if not answer.names:
-            return answer.verdict
+            return "family" if self._family_alone(answer) else answer.verdict
         if self.exactly_named(answer):
             return "named"
         if self.right(answer):

@@ -50,6 +50,8 @@ class FoundEffect:
     evidence: tuple[str, ...]
     indistinguishable_from: tuple[str, ...]
     alternatives: tuple[Alternative, ...]
+    grounds: Mapping[str, float] = field(default_factory=dict)
+    """The figures that its confidence rests on (see `Evidence`)."""
 
     @property
     def name(self) -> str:
@@ -174,6 +176,8 @@ class AxisDiagnosis:
     """None where nothing could be fitted."""
     mended: tuple[MendedTerm, ...] = ()
     """Declared effects that have other options in `declared` than the model that was given."""
+    doubted: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Effects that lower the error and are not named, each with the figures that speak against."""
     others: Mapping[str, Measured] = field(default_factory=dict)
     """The recording's other axes that moved."""
     notes: tuple[str, ...] = ()

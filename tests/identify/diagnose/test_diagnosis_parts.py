@@ -23,10 +23,10 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     solve,
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.parameters import values_of
 from motorctl.identify.diagnose.search.search import LEAST_GAIN, whitened
 from motorctl.identify.diagnose.search.spectral_lines import position_spectrum, strongest
 from motorctl.identify.diagnose.search.whitening import spectrum
-from motorctl.identify.diagnose.verdict.parameters import values_of
 from motorctl.model.sign_function import Sign
 
 FINE = 400

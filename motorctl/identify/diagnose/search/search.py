@@ -39,6 +39,7 @@ from motorctl.identify.diagnose.search.hypothesis import (
     Regressors,
     uses_acceleration,
 )
+from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
@@ -235,7 +236,15 @@ def search(
             added = hypothesis.added
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
-        taken = next((f for f in near if acceptable(hypothesis, f, noise, spans, least)), None)
+        taken = next(
+            (
+                f
+                for f in near
+                if acceptable(hypothesis, f, noise, spans, least)
+                and beyond_physics(hypothesis.plus(f.effect)) is None
+            ),
+            None,
+        )
         steps.append(Step(tuple(forms), hypothesis, taken))
         if taken is None:
             break
@@ -284,7 +293,8 @@ def _mended(
         both = settled(both, spans)
         much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)
         beside = Form(both.added[-1], both.solution.sse, both.held_out)
-        if both.held_out < much and acceptable(alone, beside, noise, spans, least):
+        fits = both.held_out < much and acceptable(alone, beside, noise, spans, least)
+        if fits and beyond_physics(both) is None:
             return both
     enough = max(least, MENDED_FIRST * best)
     return alone if gain(hypothesis, alone.held_out) >= enough else None

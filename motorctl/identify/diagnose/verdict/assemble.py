@@ -24,10 +24,17 @@ from motorctl.identify.diagnose.result import (
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
+from motorctl.identify.diagnose.search.parameters import (
+    FittedModel,
+    column_index,
+    option_errors,
+    theta_of,
+    values_of,
+)
 from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
-from motorctl.identify.diagnose.verdict.confidence import Evidence, confidence
+from motorctl.identify.diagnose.verdict.confidence import TOLD, confidence, without_doubtful
 from motorctl.identify.diagnose.verdict.errors import (
     REPORT_HZ,
     Split,
@@ -41,14 +48,8 @@ from motorctl.identify.diagnose.verdict.errors import (
     per_command,
     split_rows,
 )
+from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, outside_family
 from motorctl.identify.diagnose.verdict.mended import mended_terms
-from motorctl.identify.diagnose.verdict.parameters import (
-    FittedModel,
-    column_index,
-    option_errors,
-    theta_of,
-    values_of,
-)
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
@@ -102,6 +103,7 @@ def assemble(
     """Put the diagnosis of one axis together; `too_plain` is why the motion shows too little."""
     given, declared = declared, found.final.regressors.declared
     found, refuted = without_refuted(found)
+    found, doubted = without_doubtful(found)
     judged = _beside_twin(found, judge(found))
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
@@ -162,11 +164,13 @@ def assemble(
         theta=values.theta,
         std_error=values.std_error,
         error=error,
+        doubted={name: grounds.document() for name, grounds in doubted.items()},
         traces=_traces(found, values, extra, split, error),
         mended=mended,
         notes=(
             *(term.sentence for term in mended),
             *refuted,
+            *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,
             *_notes(found, judged, split, effects),
         ),
@@ -203,12 +207,6 @@ def _drowned(found: Found, judged: Judged) -> str | None:
     )
 
 
-def _outside_family(found: Found, effect: Effect, names: Sequence[str]) -> set[str]:
-    """Return which of the named effects belong to another family."""
-    catalogue = found.final.regressors.catalogue
-    return {n for n in names if n not in catalogue or catalogue[n].family() != effect.family()}
-
-
 def _effects(
     found: Found, values: FittedModel, split: Split, error: ModelError
 ) -> tuple[FoundEffect, ...]:
@@ -225,20 +223,8 @@ def _effects(
         score = gain(rest, found.final.held_out)
         others = alternatives(found, added.name)
         twins = tuple(ambiguous_with(found, added))
-        left = 1.0 - error.explained_fraction
-        evidence = Evidence(
-            gain=score,
-            needed=LEAST_GAIN,
-            rival_share=max((a.share for a in others), default=0.0),
-            unexplained=left,
-            indistinguishable=len(twins),
-        )
-        strangers = _outside_family(found, effect, [*(a.name for a in others), *twins])
-        of_family = replace(
-            evidence,
-            rival_share=max((a.share for a in others if a.name in strangers), default=0.0),
-            indistinguishable=sum(name in strangers for name in twins),
-        )
+        grounds = evidence_of(found, added)
+        strangers = outside_family(found, effect, list(twins))
         without = held_out_rms(found, rest.problem, split)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
         effects.append(
@@ -247,8 +233,9 @@ def _effects(
                 theta=theta,
                 std_error=std_error,
                 option_errors=option_errors(found.final, added, found.spans),
-                confidence=confidence(evidence),
-                family_confidence=confidence(of_family),
+                confidence=confidence(grounds, len(twins)),
+                family_confidence=confidence(grounds, len(strangers), of_family=True),
+                grounds=grounds.document(),
                 explained_fraction=shares[added.name] if len(found.final.added) > 1 else own,
                 score=score,
                 evidence=tuple(_evidence(found, added, score, without, error, step is not None)),
@@ -345,6 +332,14 @@ def _sentence(
     return (
         "The residual is only noise, but this motion could not have shown "
         f"{', '.join(missing[0].effects)}."
+    )
+
+
+def _doubt(name: str, grounds: Evidence) -> str:
+    """Say that an effect was fitted and is not named."""
+    sure = confidence(grounds)
+    return (
+        f"{name} lowers the error, but is not named: its confidence is {sure:.2f}, below {TOLD:g}"
     )
 
 

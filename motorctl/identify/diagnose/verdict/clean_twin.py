@@ -22,8 +22,8 @@ from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.columns.stretches import Stretch, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of, values_of
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
-from motorctl.identify.diagnose.verdict.parameters import FittedModel, theta_of, values_of
 from motorctl.identify.diagnose.verdict.simulated_position import ratios_of, simulated_position
 from motorctl.model import Effect
 from motorctl.model.columns import input_columns, state_columns

@@ -1,59 +1,73 @@
 """How sure one can be of a name: of those given with 0.9, nine in ten should be right.
 
-`motorctl bench diagnosis` prints how many were.
+A logistic score of the `Evidence`, whose weights were learned on machines of several authors:
+`tools/learn_confidence.py` rebuilds the table, and tells how well it holds on machines of an author
+whom it has not seen. `motorctl bench machines` prints how many names were right.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+
+from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
 
 HIGHEST = 0.99
 """Highest confidence that is given. Larger claims more than simulated machines can show, smaller
 hides sure names. Chosen by hand."""
 LOWEST = 0.05
 """Lowest confidence that is given. Only the report's figures depend on it. Chosen by hand."""
-# A logistic score of the `Evidence`; its weights were chosen by hand on simulated machines.
-INTERCEPT = 1.0
-"""Logistic score of a name without a lead, of the least gain, that leaves nothing: 1 is a
-confidence of 0.73. Larger trusts all names more. Chosen by hand on simulated machines."""
-PER_LEAD = 1.2
-"""Score per natural logarithm of its gain over the best rival's. Larger trusts names with a lead
-more. Chosen by hand on simulated machines."""
-PER_GAIN = 0.45
-"""Score per natural logarithm of its gain over the gain needed. Larger trusts strong effects more.
-Chosen by hand on simulated machines."""
-PER_UNEXPLAINED = -3.0
-"""Score for the part of the explainable error that the whole model leaves, 0 to 1. Further from
-zero doubts all names beside unknown structure. Chosen by hand on simulated machines."""
+TOLD = 0.5
+"""Confidence from which an effect is named at all: rather right than wrong. Convention."""
 SHARED = 0.5
 """Factor on the confidence for each effect, up to three, that it cannot be told from: with one
 other, each has half. Larger trusts such names more. Arithmetic for one."""
+WEIGHTS = "confidence_weights.json"
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What a name rests on."""
-
-    gain: float
-    """In held-out log-likelihood."""
-    needed: float
-    """The gain below which nothing is named."""
-    rival_share: float
-    """The best other effect's gain over this one's."""
-    unexplained: float
-    """Part of the explainable error that the whole model leaves, 0 to 1."""
-    indistinguishable: int
-    """How many other effects would do as well."""
+@cache
+def weights() -> dict[str, dict[str, float]]:
+    """Return the learned weights by "name" and "family", of each feature and the intercept."""
+    text = files("motorctl.identify.diagnose.verdict").joinpath(WEIGHTS).read_text()
+    table: dict[str, dict[str, float]] = json.loads(text)["weights"]
+    return table
 
 
-def confidence(evidence: Evidence) -> float:
-    """Return the probability that the name is right, 0 to 1."""
-    lead = math.log(1.0 / max(evidence.rival_share, 1e-3))
-    strength = math.log(max(evidence.gain / evidence.needed, 1.0))
-    score = INTERCEPT + PER_LEAD * lead + PER_GAIN * strength
-    score += PER_UNEXPLAINED * max(evidence.unexplained, 0.0)
-    sure = 1.0 / (1.0 + math.exp(-score))
-    if evidence.indistinguishable:
-        sure *= SHARED ** min(evidence.indistinguishable, 3)
-    return float(min(max(sure, LOWEST), HIGHEST))
+def confidence(evidence: Evidence, alike: int = 0, of_family: bool = False) -> float:
+    """Return the probability that a name is right, 0 to 1.
+
+    Parameters
+    ----------
+    evidence
+        What it rests on.
+    alike
+        How many other effects would do as well.
+    of_family
+        Whether the name's family is asked, not the name.
+    """
+    learned = weights()["family" if of_family else "name"]
+    score = learned["intercept"]
+    for name, value in features(evidence.document(), of_family).items():
+        score += learned[name] * value
+    sure = 1.0 / (1.0 + math.exp(-min(max(score, -30.0), 30.0)))
+    return float(min(max(sure * SHARED ** min(alike, 3), LOWEST), HIGHEST))
+
+
+def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:
+    """Return a search's outcome without names that are rather wrong than right, and these."""
+    doubted: dict[str, Evidence] = {}
+    final = found.final
+    while final.added:
+        each = {e.name: evidence_of(replace(found, final=final), e) for e in final.added}
+        least = min(each, key=lambda name: confidence(each[name]))
+        if confidence(each[least]) >= TOLD:
+            break
+        doubted[least] = each[least]
+        final = final.without(least).refreshed()
+    if not doubted:
+        return found, {}
+    return replace(found, final=final, rival_gains=rival_gains(final)), doubted

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.search import Found, rival_gains
-from motorctl.identify.diagnose.verdict.parameters import theta_of, values_of
 from motorctl.identify.diagnose.verdict.simulated_position import (
     Missed,
     judge_by_simulation,
@@ -21,16 +21,9 @@ from motorctl.identify.diagnose.verdict.simulated_position import (
 )
 from motorctl.model import Effect
 
-SURELY = 3.0
-"""Standard errors by which a parameter that cannot be negative is so. Convention: three standard
-deviations."""
 WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
 impossible models pass, smaller refutes by chance. Chosen by hand."""
-BEYOND = 3.0
-"""Force of an effect over the largest command, from which it is extrapolated from a corner of its
-own shape and cannot be. Larger lets such pass, smaller refutes forces that cancel others. Chosen by
-hand."""
 CERTAIN = 1e-9
 """Relative size below which a simulation that is worse means nothing: rounding. Convention."""
 
@@ -41,7 +34,7 @@ def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
     final = found.final
     missed = simulated_position(found.base) if final.added else {}
     while final.added:
-        refuted = _beyond_physics(final) or _worse_when_simulated(missed, final)
+        refuted = beyond_physics(final) or _worse_when_simulated(missed, final)
         if refuted is None:
             break
         effect, why = refuted
@@ -50,32 +43,6 @@ def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
     if not notes:
         return found, ()
     return replace(found, final=final, rival_gains=rival_gains(final)), tuple(notes)
-
-
-def _beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
-    """Find an added effect with a parameter of a sign that makes no physical sense."""
-    if float(hypothesis.b[0]) <= 0.0:
-        effect = hypothesis.added[-1]
-        return effect, f"{effect.name} is refuted: with it the inertia would be negative"
-    values = values_of(hypothesis)
-    stretches = hypothesis.regressors.signals.stretches
-    largest = max(float(np.abs(s.command).max()) for s in stretches)
-    for own in hypothesis.added:
-        effect = next(e for e in values.model.effects if e.name == own.name)
-        theta, error = theta_of(values, effect)
-        for parameter, value, sigma in zip(effect.parameters, theta, error, strict=True):
-            if parameter.lower >= 0.0 and value < -SURELY * sigma:
-                name = effect.full_name(parameter)
-                return own, (
-                    f"{effect.name} is refuted: {name} would be {value:.3g} {parameter.unit}, and "
-                    "less than 0 makes no physical sense"
-                )
-            if parameter.unit == "V" and abs(value) > BEYOND * largest:
-                return own, (
-                    f"{effect.name} is refuted: its force would be {abs(value):.3g}, and the "
-                    f"largest command of the recording is {largest:.3g}"
-                )
-    return None
 
 
 def _worse_when_simulated(before: Missed, final: Hypothesis) -> tuple[Effect, str] | None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from motorctl.identify.diagnose.result import UnknownStructure
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression
+from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.parameters import FittedModel, theta_of
 from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,

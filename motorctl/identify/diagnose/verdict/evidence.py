@@ -1,0 +1,83 @@
+"""What a name rests on, in figures: from them its confidence is learned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
+from motorctl.identify.diagnose.search.search import Found, explained_share
+from motorctl.identify.diagnose.verdict.errors import alternatives, own_shares
+from motorctl.model import Effect
+
+FAINTEST = 1e-3
+"""Shares and parts below it count as it: their logarithms would run away. Convention."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a name rests on."""
+
+    gain: float
+    """Gain in held-out log-likelihood, over the least that a name needs."""
+    rival_share: float
+    """The best other effect's gain over this one's."""
+    stranger_share: float
+    """The same of effects of other families."""
+    unexplained: float
+    """Part of the explainable error that the whole model leaves, 0 to 1."""
+    own_share: float
+    """Part of what all names explain that is lost without this one."""
+    over_noise: float
+    """Rms of what the whole model leaves over that of noise alone, at least 1."""
+    part_of_command: float
+    """Rms of what this effect takes away over the command's."""
+    companions: int
+    """How many other effects are named."""
+
+    def document(self) -> dict[str, float]:
+        """Return it as plain data."""
+        return {name: float(value) for name, value in asdict(self).items()}
+
+
+def evidence_of(found: Found, effect: Effect) -> Evidence:
+    """Return what the name of an effect of the final model rests on."""
+    final = found.final
+    rest = final.without(effect.name)
+    shares = own_shares(found, [each.name for each in final.added])
+    others = alternatives(found, effect.name)
+    strangers = outside_family(found, effect, [each.name for each in others])
+    energy = max(final.regressors.command_energy, 1e-300)
+    noise = max(final.noise_sse(found.force_noise), 1e-300)
+    taken = max(rest.held_out - final.held_out, 0.0)
+    return Evidence(
+        gain=gain(rest, final.held_out) / LEAST_GAIN,
+        rival_share=max((each.share for each in others), default=0.0),
+        stranger_share=max((e.share for e in others if e.name in strangers), default=0.0),
+        unexplained=min(max(1.0 - explained_share(found), 0.0), 1.0),
+        own_share=shares[effect.name],
+        over_noise=math.sqrt(max(final.held_out / noise, 1.0)),
+        part_of_command=math.sqrt(taken / energy),
+        companions=len(final.added) - 1,
+    )
+
+
+def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:
+    """Return which of the named effects belong to another family."""
+    catalogue = found.final.regressors.catalogue
+    return {n for n in names if n not in catalogue or catalogue[n].family() != effect.family()}
+
+
+def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str, float]:
+    """Return what the logistic score is linear in, from the figures of an `Evidence`."""
+    rival = figures["stranger_share" if of_family else "rival_share"]
+    return {
+        "lead": -math.log(min(max(rival, FAINTEST), 10.0)),
+        "strength": math.log(max(figures["gain"], 1.0)),
+        "unexplained": figures["unexplained"],
+        "own_share": math.log(min(max(figures["own_share"], FAINTEST), 1.0)),
+        "over_noise": math.log(figures["over_noise"]),
+        "part_of_command": math.log(min(max(figures["part_of_command"], FAINTEST), 1.0)),
+        "companions": min(figures["companions"], 3.0),
+    }
