@@ -120,7 +120,18 @@ class Bin:
 def calibration(answers: Sequence[tuple[Truth, Answer]]) -> tuple[tuple[Bin, ...], float]:
     """Compare confidence with truth over every name that was given, in whatever group.
 
-    A name is right where the effect was put in.
+    A name is right where the effect was put in. What is returned is that of `reliability`.
+    """
+    given = [
+        (named.confidence, named.name in frozenset(truth) | also_right(truth))
+        for truth, answer in answers
+        for named in answer.named
+    ]
+    return reliability([sure for sure, _ in given], [hit for _, hit in given])
+
+
+def reliability(stated: Sequence[float], right: Sequence[bool]) -> tuple[tuple[Bin, ...], float]:
+    """Compare the confidence of names, stated from 0 to 1, with which of them were right.
 
     Returns
     -------
@@ -130,15 +141,9 @@ def calibration(answers: Sequence[tuple[Truth, Answer]]) -> tuple[tuple[Bin, ...
         Expected calibration error: the mean distance between confidence and share, weighted by
         names; NaN where nothing was named.
     """
-    given = [
-        (named.confidence, named.name in frozenset(truth) | also_right(truth))
-        for truth, answer in answers
-        for named in answer.named
-    ]
-    if not given:
+    if not stated:
         return (), float("nan")
-    confidence = np.array([sure for sure, _ in given])
-    right = np.array([hit for _, hit in given], dtype=np.float64)
+    confidence, hits = np.asarray(stated), np.asarray(right, dtype=np.float64)
     place = np.clip(np.searchsorted(BIN_EDGES, confidence, side="right") - 1, 0, len(BIN_EDGES) - 2)
     bins = tuple(
         Bin(
@@ -146,9 +151,9 @@ def calibration(answers: Sequence[tuple[Truth, Answer]]) -> tuple[tuple[Bin, ...
             BIN_EDGES[k + 1],
             int(np.sum(place == k)),
             float(np.mean(confidence[place == k])),
-            float(np.mean(right[place == k])),
+            float(np.mean(hits[place == k])),
         )
         for k in np.unique(place)
     )
-    error = sum(b.count * abs(b.mean_confidence - b.share_right) for b in bins) / len(given)
+    error = sum(b.count * abs(b.mean_confidence - b.share_right) for b in bins) / len(confidence)
     return bins, float(error)

@@ -59,6 +59,9 @@ what neighbouring rows say and takes time. Arithmetic, with room chosen by hand.
 MOTION_PER_BAND = 6.0
 """Least rate at which columns of the motion are formed, in multiples of the band. Smaller lets
 harmonics of friction's steps alias into the band, larger takes time. Chosen by hand."""
+EVEN_FROM = 8
+"""Decimation from which it is made even. Smaller adds rows, larger forms columns of the motion more
+finely than is needed. Chosen by hand."""
 PIECE_S = 3.0
 """Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
 more rows to trimming. Chosen by hand."""
@@ -310,6 +313,8 @@ def make_signals(
     rate = data.sample_rate_hz
     band = band_hz or min(WIDEST_BAND_HZ, BAND_PER_RATE * rate)
     decimation = max(1, int(rate / (ROWS_PER_BAND * band)))
+    if decimation >= EVEN_FROM:  # columns of the motion are formed at each half row
+        decimation -= decimation % 2
     trim = math.ceil(TRIM_PERIODS / band * rate / decimation)
     shortest = max(int(SHORTEST_S * rate), (2 * trim + 20) * decimation)
     density = position_noise_density(data)

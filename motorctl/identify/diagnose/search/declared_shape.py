@@ -22,6 +22,8 @@ by hand."""
 NARROWEST, WIDEST = 2e-4, 0.3
 """Widths that are tried, as parts of the top speed. A narrower one is a step to any motion, a wider
 one is viscous. Chosen by hand."""
+EXTREMES: tuple[Shape, ...] = ("arctan", "clip")
+"""The shapes that differ most: one comes near to its end slowly, one is there at once."""
 TOLERANCE = 0.01
 """Of the logarithm of the slope. Smaller takes time. Chosen by hand."""
 
@@ -34,11 +36,15 @@ def turning_over(hypothesis: Hypothesis, sign: Sign) -> Hypothesis:
     return Hypothesis(old.with_declared(declared), added, hypothesis.acceleration)
 
 
-def reshaped(hypothesis: Hypothesis, spans: Spans) -> Hypothesis | None:
-    """Return the hypothesis with the best shape of friction, None where none would brake."""
+def reshaped(hypothesis: Hypothesis, spans: Spans, quick: bool = False) -> Hypothesis | None:
+    """Return the hypothesis with the best shape of friction, None where none would brake.
+
+    quick tries the two shapes that differ most, and their slopes roughly.
+    """
     if sign_of(hypothesis.regressors.declared.effects) is None:
         return None
-    shapes = [_best_slope(hypothesis, shape, spans) for shape in SHAPES]
+    tried = EXTREMES if quick else SHAPES
+    shapes = [_best_slope(hypothesis, shape, spans, quick) for shape in tried]
     return min(filter(_takes_energy, shapes), key=lambda h: h.solution.sse, default=None)
 
 
@@ -49,7 +55,7 @@ def _takes_energy(hypothesis: Hypothesis) -> bool:
     return all(b[i] < 0.0 for i, name in enumerate(hypothesis.names) if name == direction)
 
 
-def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans) -> Hypothesis:
+def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans, quick: bool) -> Hypothesis:
     def at(log_slope: float) -> Hypothesis:
         return turning_over(hypothesis, Sign(math.exp(log_slope), shape))
 
@@ -58,6 +64,8 @@ def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans) -> Hypothesi
     trials = np.sort(-np.log(widths))
     values = [at(float(trial)).solution.sse for trial in trials]
     best = int(np.argmin(values))
+    if quick:
+        return at(float(trials[best]))
     around = float(trials[max(best - 1, 0)]), float(trials[min(best + 1, len(trials) - 1)])
     fine = minimize_scalar(
         lambda place: at(float(place)).solution.sse,

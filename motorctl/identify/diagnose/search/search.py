@@ -287,8 +287,9 @@ def _mended(
     alone = reshaped(hypothesis, spans)
     if alone is None:
         return None
-    trials = [reshaped(hypothesis.plus(form.effect), spans) for form in frictions]
+    trials = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
     both = min(filter(None, trials), key=lambda h: h.held_out, default=None)
+    both = None if both is None else reshaped(both, spans)
     if both is not None:
         both = settled(both, spans)
         much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)

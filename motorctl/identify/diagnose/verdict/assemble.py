@@ -77,7 +77,7 @@ NOISY = 0.015
 noise the twin's own smoothing is what it leaves. Larger calls the feedback of an encoder's counts
 structure, smaller takes weak structure for it. Chosen by hand: coarse encoders have 0.03 to 0.09,
 fine ones 0.003."""
-DROWNED = 0.35
+DROWNED = 0.1
 """Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
 shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
 coarse encoders. Chosen by hand."""

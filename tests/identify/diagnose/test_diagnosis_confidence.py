@@ -1,0 +1,104 @@
+"""A name is given with the share of such names that are right, or not at all."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from hypothesis import given
+from hypothesis import strategies as st
+from other_plant import OtherPlant
+
+from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.diagnose.recording import diagnose_axis
+from motorctl.identify.diagnose.report.json_document import axis_document
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
+from motorctl.identify.diagnose.verdict import confidence as judging
+from motorctl.identify.diagnose.verdict.confidence import confidence, weights, without_doubtful
+from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
+from motorctl.model import effect_class, make_effect
+
+shares = st.floats(0.0, 1.0)
+evidences = st.builds(
+    Evidence,
+    gain=st.floats(0.0, 1e4),
+    rival_share=shares,
+    stranger_share=shares,
+    unexplained=shares,
+    own_share=shares,
+    over_noise=st.floats(1.0, 1e3),
+    part_of_command=st.floats(0.0, 2.0),
+    companions=st.integers(0, 8),
+)
+
+
+def test_the_table_has_a_weight_for_every_figure_that_is_asked():
+    figures = features(Evidence(1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.1, 0).document())
+    for table in weights().values():
+        assert set(table) == {"intercept", *figures}
+        assert np.all(np.isfinite(list(table.values())))
+
+
+@given(evidences, st.integers(0, 6), st.booleans())
+def test_confidence_is_a_probability_and_shared_with_what_is_alike(evidence, alike, of_family):
+    sure = confidence(evidence, alike, of_family)
+    assert judging.LOWEST <= sure <= judging.HIGHEST
+    assert confidence(evidence, alike + 1, of_family) <= sure
+
+
+@given(evidences)
+def test_a_rival_as_good_makes_a_name_no_surer(evidence):
+    alone, beside = (replace(evidence, rival_share=share) for share in (1e-3, 0.95))
+    assert confidence(beside) <= confidence(alone)
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    """A machine of another author's physics that lacks nothing."""
+    return OtherPlant(shape="tanh", width_m_s=5e-3).run(seed=4, duration_s=10.0)
+
+
+@pytest.fixture(scope="module")
+def with_chance(smooth):
+    """A search's outcome with an effect that is not there."""
+    signals = make_signals(smooth, slope_s_m=900.0)
+    added = (make_effect(effect_class("cogging"), {"pitch_m": 0.0123}),)
+    regressors, noise = whitened(signals, C1, added)
+    final, base = Hypothesis(regressors, added).refreshed(), Hypothesis(regressors).refreshed()
+    return Found(base, final, (), spans_of(signals), noise, rival_gains(final))
+
+
+def test_a_name_that_is_rather_wrong_than_right_is_not_given(with_chance, monkeypatch):
+    monkeypatch.setattr(judging, "confidence", lambda *_: 0.49)
+    kept, doubted = without_doubtful(with_chance)
+    assert kept.final.added == ()
+    assert list(doubted) == ["cogging"]
+    monkeypatch.setattr(judging, "confidence", lambda *_: 0.51)
+    assert without_doubtful(with_chance) == (with_chance, {})
+
+
+def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
+    pulled = replace(
+        smooth, command=smooth.command + 0.8 * np.sin(2 * np.pi * smooth.position / 0.02)
+    )
+    sure = diagnose_axis(pulled, C1)
+    assert [found.name for found in sure.effects] == ["cogging"]
+    assert sure.effects[0].grounds["own_share"] == pytest.approx(1.0, abs=0.05)
+    table = {what: dict.fromkeys(row, 0.0) | {"intercept": -2.0} for what, row in weights().items()}
+    monkeypatch.setattr(judging, "weights", lambda: table)
+    unsure = diagnose_axis(pulled, C1)
+    assert unsure.effects == ()
+    assert unsure.verdict != "complete"
+    document = json.loads(json.dumps(axis_document(unsure), allow_nan=False))
+    assert set(document["doubted"]["cogging"]) == set(sure.effects[0].grounds)
+    assert any(
+        note.startswith("cogging lowers the error, but is not named") for note in unsure.notes
+    )
+
+
+def test_an_effect_takes_its_own_share(with_chance):
+    evidence = evidence_of(with_chance, with_chance.final.added[0])
+    assert evidence.companions == 0
+    assert evidence.part_of_command < 1e-2
