@@ -62,6 +62,9 @@ harmonics of friction's steps alias into the band, larger takes time. Chosen by 
 EVEN_FROM = 8
 """Decimation from which it is made even. Smaller adds rows, larger forms columns of the motion more
 finely than is needed. Chosen by hand."""
+STUCK_PERIODS = 0.5
+"""Rows dropped on each side of where an axis sticks, in periods of the band's end. Larger loses the
+reversal itself, smaller keeps what the filter smears out of it. Chosen by hand."""
 PIECE_S = 3.0
 """Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
 more rows to trimming. Chosen by hand."""
@@ -328,7 +331,8 @@ def make_signals(
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True
         enough += int(used.sum())
-        used &= ~at_rest(stretch, decimation * data.period_s, decimation, noise, rms)
+        row_s = decimation * data.period_s
+        used &= ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band)
         kept.append(used)
     if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
         raise DataError(

@@ -31,6 +31,13 @@ rests, larger keeps rests that say nothing. Chosen by hand."""
 REST_EDGE_S = 0.03
 """What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
 that say nothing, smaller hides the breakaway. Chosen by hand."""
+STICK_S = 0.02
+"""Shortest time that an axis stays within what its encoder shows, to stick [s]. Larger keeps rows
+in which friction is whatever the command is, smaller takes slow motion for sticking. Chosen by
+hand: machines of other hands stick for 40 to 80 ms at a reversal."""
+MOST_STUCK_SAMPLES = 4
+"""The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
+hand."""
 REST_SPEED = 3.0
 """Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
 throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
@@ -139,9 +146,14 @@ def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
 
 
 def at_rest(
-    stretch: Stretch, row_period_s: float, decimation: int, velocity_noise: float, noise: float
+    stretch: Stretch,
+    row_period_s: float,
+    decimation: int,
+    velocity_noise: float,
+    noise: float,
+    margin_s: float,
 ) -> NDArray[np.bool_]:
-    """Find the rows inside long rests, where friction is no function of velocity.
+    """Find the rows of rests, where friction is no function of velocity.
 
     Parameters
     ----------
@@ -151,6 +163,8 @@ def at_rest(
         Time between rows [s], and the samples of one.
     velocity_noise, noise
         Rms of the noise of velocity and of position, in the position's unit (per second).
+    margin_s
+        As far as the rows' filter reaches [s].
 
     Returns
     -------
@@ -160,13 +174,40 @@ def at_rest(
     x, v = stretch.x[::decimation], stretch.v[::decimation]
     top = float(np.percentile(np.abs(stretch.v), 99.0))
     within = min(REST_RANGE * noise, REST_PART * top * REST_S)
-    still = (np.abs(v) < REST_SPEED * velocity_noise) | _stays(x, within, row_period_s)
-    return _inside_of_rests(still, row_period_s)
+    still = np.abs(v) < REST_SPEED * velocity_noise
+    still |= _stays(x, within, max(3, round(REST_S / row_period_s)))
+    return _inside_of_rests(still, row_period_s) | sticks(
+        stretch, row_period_s, decimation, noise, margin_s
+    )
 
 
-def _stays(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
-    """Return where the position stays within a range, hunting included, for about a rest."""
-    size = max(3, round(REST_S / period_s))
+def sticks(
+    stretch: Stretch, row_period_s: float, decimation: int, noise: float, margin_s: float
+) -> NDArray[np.bool_]:
+    """Find the rows in which the axis sticks: there friction is whatever the command asks of it.
+
+    Parameters
+    ----------
+    stretch, row_period_s, decimation, noise
+        As of `at_rest`.
+    margin_s
+        What is dropped on each side of it [s]: as far as the rows' filter reaches.
+
+    Returns
+    -------
+    ndarray
+        Which rows are dropped, (m,).
+    """
+    period_s = row_period_s / decimation
+    size = max(MOST_STUCK_SAMPLES, round(STICK_S / period_s))
+    within = min(REST_RANGE * noise, REST_PART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S)
+    stuck = _stays(stretch.x, within, size)
+    reach = size + 2 * round(margin_s / period_s)
+    return np.asarray(maximum_filter1d(stuck.astype(np.int8), reach)[::decimation] > 0)
+
+
+def _stays(x: Array, within: float, size: int) -> NDArray[np.bool_]:
+    """Return where the position stays within a range, hunting included, for so many samples."""
     highest: Array = maximum_filter1d(x, size)
     lowest: Array = minimum_filter1d(x, size)
     return np.asarray(highest - lowest < within)

@@ -67,8 +67,11 @@ told is not complete all the same. Larger calls real machines complete, smaller 
 noise was estimated too small. Chosen by hand."""
 FAINT = 0.02
 """Rms of what is left over the command's, up to which it counts as the machine's own noise where it
-depends on nothing, comes in no bursts and is merely coloured. Larger calls weak unknowns noise,
+depends on nothing and is merely coloured. Larger calls weak unknowns noise,
 smaller calls noise an unknown. Chosen by hand: drives and bearings make a hundredth or two."""
+FAINT_BURSTS = 0.003
+"""The same where it comes in bursts: what friction's corners leave. Larger calls weak impacts
+noise, smaller calls corners impacts. Chosen by hand."""
 LOW_HZ = 20.0
 """Frequencies that count as low there [Hz]. Larger mixes the measurement's noise in, smaller
 averages fewer bins. Chosen by hand."""
@@ -197,8 +200,9 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         lumpy = bursting > most_bursts
         shaped = lumpy or coloured > most_coloured
         if relevant and (shaped or final > MORE_THAN_NOISE * noise * more):
-            faint = final < FAINT**2 * found.final.regressors.command_energy
-            if lumpy or not faint or gain > STRUCTURE * final:
+            most = FAINT_BURSTS if lumpy else FAINT
+            faint = final < most**2 * found.final.regressors.command_energy
+            if not faint or gain > STRUCTURE * final:
                 return judged("unknown_structure", (), None)
             return replace(judged("complete", (), None), faint=True)
         return judged("complete", (), None)
