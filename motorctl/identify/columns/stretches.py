@@ -38,6 +38,10 @@ hand: machines of other hands stick for 40 to 80 ms at a reversal."""
 MOST_STUCK_SAMPLES = 4
 """The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
 hand."""
+TOLD_APART = 8e-3
+"""Part of the top speed: an encoder that cannot tell slower motion from a rest within that time
+shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
+by hand."""
 REST_SPEED = 3.0
 """Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
 throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
@@ -200,7 +204,9 @@ def sticks(
     """
     period_s = row_period_s / decimation
     size = max(MOST_STUCK_SAMPLES, round(STICK_S / period_s))
-    within = min(REST_RANGE * noise, REST_PART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S)
+    within = REST_RANGE * noise
+    if within > TOLD_APART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S:
+        return np.zeros(len(stretch.x[::decimation]), dtype=np.bool_)  # too coarse to tell
     stuck = _stays(stretch.x, within, size)
     reach = size + 2 * round(margin_s / period_s)
     return np.asarray(maximum_filter1d(stuck.astype(np.int8), reach)[::decimation] > 0)

@@ -80,9 +80,7 @@ def test_a_name_that_is_rather_wrong_than_right_is_not_given(with_chance, monkey
 
 
 def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
-    pulled = replace(
-        smooth, command=smooth.command + 0.8 * np.sin(2 * np.pi * smooth.position / 0.02)
-    )
+    pulled = OtherPlant(shape="tanh", width_m_s=5e-3, cogging=0.3).run(seed=4, duration_s=10.0)
     sure = diagnose_axis(pulled, C1)
     assert [found.name for found in sure.effects] == ["cogging"]
     assert sure.effects[0].grounds["own_share"] == pytest.approx(1.0, abs=0.05)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
 from motorctl.identify.diagnose.search.search import Found, explained_share
 from motorctl.identify.diagnose.verdict.errors import alternatives, own_shares
@@ -48,7 +50,9 @@ def evidence_of(found: Found, effect: Effect) -> Evidence:
     shares = own_shares(found, [each.name for each in final.added])
     others = alternatives(found, effect.name)
     strangers = outside_family(found, effect, [each.name for each in others])
-    energy = max(final.regressors.command_energy, 1e-300)
+    command = final.problem.columns[:, final.regressors.command_column]
+    unit = 1.0 if final.regressors.side == "command" else abs(float(final.b[0]))
+    energy = max(float(np.sum(command**2)) * unit**2, 1e-300)
     noise = max(final.noise_sse(found.force_noise), 1e-300)
     taken = max(rest.held_out - final.held_out, 0.0)
     return Evidence(

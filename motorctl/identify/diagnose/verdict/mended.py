@@ -9,6 +9,11 @@ from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
 from motorctl.model import EffectList
 from motorctl.model.sign_function import sign_of
 
+ALONE = 0.95
+"""Held-out error with the mended form over that with the declared one, up to which the form alone
+is said to matter. Larger credits forms with nothing, smaller hides what they are worth. Chosen by
+hand."""
+
 
 def mended_terms(
     found: Found, declared: EffectList, split: Split, unit: str
@@ -23,6 +28,12 @@ def mended_terms(
     declared_form = turning_over(found.base, sign)
     before = held_out_rms(found, declared_form.problem, split)
     after = held_out_rms(found, found.base.problem, split)
+    meaning = (
+        f"this alone takes the held-out error from {before:.3g} to {after:.3g} {unit} rms, and no "
+        "effect is missing for it"
+        if after < ALONE * before
+        else "this shows only beside the effects that are missing"
+    )
     terms = []
     for effect in changed:
         old, new = effect.options.model_dump(), used[effect.name].options.model_dump()
@@ -35,8 +46,7 @@ def mended_terms(
                 effect.name,
                 {key: new[key] for key in different},
                 {key: old[key] for key in different},
-                f"the declared {effect.name} has {told}: this alone takes the held-out error from "
-                f"{before:.3g} to {after:.3g} {unit} rms, and no effect is missing for it",
+                f"the declared {effect.name} has {told}: {meaning}",
             )
         )
     return tuple(terms)
