@@ -16,6 +16,8 @@ REPOSITORIES = (
     "shamilmamedov/dynamic_calibration",
     "heitor-andrade/laas_anti_cogging",
     "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators",
+    "nicolazande/camber-control",
+    "marcocognetti/FrankaEmikaPandaDynModel",
 )
 
 

@@ -16,12 +16,13 @@ import pytest
 from fetch_recordings import REPOSITORIES, folder_of
 from fit_plant import C1
 
+from motorctl.errors import DataError
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.log import read_recording
 
 RECORDINGS = Path(os.environ.get("MOTORCTL_RECORDINGS", "nowhere"))
 MISSING = [name for name in REPOSITORIES if not folder_of(RECORDINGS, name).is_dir()]
-UR10E, BLDC, OPENARM = REPOSITORIES
+UR10E, BLDC, OPENARM, CAMBER, PANDA = REPOSITORIES
 
 pytestmark = [
     pytest.mark.slow,
@@ -39,10 +40,13 @@ class Machine:
 
     name: str
     read: Callable[[], Columns]
-    """Gives time_s, position (rad), command and, where there is one, reference (rad)."""
+    """Gives time_s, position, command and, where there is one, reference."""
     unit: str
     may_name: tuple[str, ...] = ()
     """Effects that the machine has; none other may be named."""
+    position_unit: str = "rad"
+    scale: int = 1
+    """Of the command; -1 where its sign is known to be the other one."""
 
 
 def joint(number: int) -> Callable[[], Columns]:
@@ -80,6 +84,35 @@ def arm(number: int) -> Callable[[], Columns]:
     return read
 
 
+def actuator(name: str) -> Callable[[], Columns]:
+    """An actuator of a car's suspension: screws (mm) or a gear (deg), under its own controller."""
+
+    def read() -> Columns:
+        rows = np.loadtxt(folder_of(RECORDINGS, CAMBER) / "actuators" / name)
+        return {"time_s": rows[:, 0] / 1e3, "position": rows[:, 3], "command": rows[:, 5]}
+
+    return read
+
+
+def panda(number: int) -> Callable[[], Columns]:
+    """One joint of an arm whose joints all move at once."""
+
+    def read() -> Columns:
+        folder = folder_of(RECORDINGS, PANDA) / "matlab" / "data" / "Exciting_Traj"
+        folder = folder / "Trajectory_1" / "rbt_log"
+        columns = {}
+        for column, name in (("time_s", "time"), ("position", "positions"), ("command", "torques")):
+            values = np.loadtxt(folder / f"exciting_traj_{name}.txt")
+            columns[column] = values if column == "time_s" else values.reshape(-1, 7)[:, number - 1]
+        return columns
+
+    return read
+
+
+LIN_A = actuator("LinA/data/pp-sine-sweep-10mm-0.5Hz.txt")
+LIN_B = actuator("LinB/data/no-load-square-wave-half-travel-3Hz.txt")
+LIN_D = actuator("LinD/data/no-pp-sine-sweep-10mm-0.5Hz.txt")
+ECC_A = actuator("EccA/data/load-square-wave-full-travel-1Hz.txt")
 GRAVITY = ("gravity",)
 MACHINES = [
     Machine("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
@@ -93,6 +126,11 @@ MACHINES = [
     Machine("OpenArm joint 3", arm(3), "N*m"),
     Machine("OpenArm joint 6", arm(6), "N*m"),
     Machine("OpenArm joint 7", arm(7), "N*m"),
+    Machine("screw actuator A", LIN_A, "mA", position_unit="mm"),
+    Machine("screw actuator B", LIN_B, "A", position_unit="mm", scale=-1),
+    Machine("screw actuator D", LIN_D, "mA", position_unit="mm"),
+    Machine("eccentric actuator A", ECC_A, "A", position_unit="deg", scale=-1),
+    *(Machine(f"Panda joint {k}", panda(k), "N*m") for k in (1, 2, 5, 7)),
 ]
 
 
@@ -102,8 +140,8 @@ def described(machine: Machine, folder: Path) -> Path:
     rows = np.column_stack(list(columns.values()))
     np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
     text = "file: r.csv\ntime: {column: time_s}\naxes:\n  x:\n"
-    text += "    position: {column: position, unit: rad}\n"
-    text += f"    command: {{column: command, unit: {machine.unit}}}\n"
+    text += f"    position: {{column: position, unit: {machine.position_unit}}}\n"
+    text += f"    command: {{column: command, unit: {machine.unit}, scale: {machine.scale}}}\n"
     if "reference" in columns:
         text += "    reference: {column: reference, unit: rad}\n"
     path = folder / "r.yaml"
@@ -127,3 +165,15 @@ def test_a_real_machine_gets_a_right_answer_or_none(machine: Machine, tmp_path: 
     if machine.read is brushless:
         cogging = next(e for e in axis.effects if e.name == "cogging")
         assert cogging.effect.options.pitch_m == pytest.approx(2.0 * np.pi / 6.0, rel=1e-3)
+
+
+def test_a_current_of_the_other_sign_is_told_as_that(tmp_path: Path) -> None:
+    as_recorded = Machine("screw actuator B", LIN_B, "A", position_unit="mm")
+    with pytest.raises(DataError, match="reversed"):
+        diagnose_recording(read_recording(described(as_recorded, tmp_path)), {"x": C1})
+
+
+def test_a_joint_that_other_joints_load_is_refused_with_what_to_record(tmp_path: Path) -> None:
+    loaded = Machine("Panda joint 3", panda(3), "N*m")
+    with pytest.raises(DataError, match="record them beside it"):
+        diagnose_recording(read_recording(described(loaded, tmp_path)), {"x": C1})

@@ -228,8 +228,10 @@ def search(
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
         mended = _mended(hypothesis, forms, noise, spans, least)
         if mended is not None:
-            mended = _unneeded_now(settled(mended, spans), spans)
-            added, declared = mended.added, mended.regressors.declared
+            whole, step = mended
+            steps += [] if step is None else [step]
+            whole = _unneeded_now(settled(whole, spans), spans)
+            added, declared = whole.added, whole.regressors.declared
             sign = sign_of(declared.effects)
             regressors, noise = whitened(signals, declared, added, side, catalogue)
             hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
@@ -267,13 +269,13 @@ def search(
 
 def _mended(
     hypothesis: Hypothesis, forms: Sequence[Form], noise: float, spans: Spans, least: float
-) -> Hypothesis | None:
+) -> tuple[Hypothesis, Step | None] | None:
     """Return the hypothesis with friction of its best shape, where that gains enough.
 
     It is asked where an effect of friction leads: a shape that was declared wrong looks like one of
     them, and they like another shape. So each that comes near is tried beside the shape as well,
     and the best is taken where the shape alone, or the effect beside the declared shape, leaves
-    much more.
+    much more. The step tells what was tried beside the shape, None where the shape is enough.
     """
     best = gain(hypothesis, forms[0].held_out) if forms else 0.0
     frictions = [
@@ -287,8 +289,9 @@ def _mended(
     alone = reshaped(hypothesis, spans)
     if alone is None:
         return None
-    trials = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
-    both = min(filter(None, trials), key=lambda h: h.held_out, default=None)
+    tried = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
+    trials = [trial for trial in tried if trial is not None]
+    both = min(trials, key=lambda h: h.held_out, default=None)
     both = None if both is None else reshaped(both, spans)
     if both is not None:
         both = settled(both, spans)
@@ -296,9 +299,10 @@ def _mended(
         beside = Form(both.added[-1], both.solution.sse, both.held_out)
         fits = both.held_out < much and acceptable(alone, beside, noise, spans, least)
         if fits and beyond_physics(both) is None:
-            return both
+            others = [Form(t.added[-1], t.solution.sse, t.held_out) for t in trials]
+            return both, Step(tuple(sorted(others, key=lambda f: f.held_out)), alone, beside)
     enough = max(least, MENDED_FIRST * best)
-    return alone if gain(hypothesis, alone.held_out) >= enough else None
+    return (alone, None) if gain(hypothesis, alone.held_out) >= enough else None
 
 
 def _unneeded_now(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:

@@ -22,7 +22,7 @@ from motorctl.identify.diagnose.result import (
     UnknownStructure,
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
-from motorctl.identify.diagnose.search.held_out_blocks import residual, solve
+from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.parameters import (
     FittedModel,
@@ -104,6 +104,8 @@ def assemble(
     given, declared = declared, found.final.regressors.declared
     found, refuted = without_refuted(found)
     found, doubted = without_doubtful(found)
+    split = split_rows(found.final, segments)
+    found, useless = _without_useless(found, split)
     judged = _beside_twin(found, judge(found))
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
@@ -112,9 +114,10 @@ def assemble(
             found = replace(found, final=found.final.without(effect.name))
     found = replace(found, final=found.final.refreshed())
     extra = compensation(found, judged)
+    if extra is not None and not _lowers(found, extra[1], found.final.problem, split):
+        extra = None
     values = values_of(found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
-    split = split_rows(found.final, segments)
     error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
     if test is not None:
@@ -170,12 +173,28 @@ def assemble(
         notes=(
             *(term.sentence for term in mended),
             *refuted,
+            *useless,
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,
             *_notes(found, judged, split, effects),
         ),
     )
     return replace(diagnosis, seconds=time.monotonic() - began)
+
+
+def _lowers(found: Found, new: BlockedRegression, old: BlockedRegression, split: Split) -> bool:
+    """Return whether columns lower the error of rows that they were not fitted to."""
+    return held_out_rms(found, new, split) < held_out_rms(found, old, split)
+
+
+def _without_useless(found: Found, split: Split) -> tuple[Found, tuple[str, ...]]:
+    """Take every name back where all together do not lower the held-out error."""
+    final = found.final
+    if not final.added or _lowers(found, final.problem, found.base.problem, split):
+        return found, ()
+    names = " and ".join(effect.name for effect in final.added)
+    why = f"{names}: the error on held-out rows is no smaller with it than without"
+    return replace(found, final=found.base, rival_gains=rival_gains(found.base)), (why,)
 
 
 def _beside_twin(found: Found, judged: Judged) -> Judged:

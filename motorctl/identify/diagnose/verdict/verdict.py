@@ -181,7 +181,8 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
     side = found.final.regressors.side
     noisy = final <= NOISE_LIKE * noise * more
     relevant = final - noise > MATTERS * relevant_part(found.final.regressors)
-    structured = gain > least_structure * final and not noisy and relevant
+    least = max(least_structure * final, MATTERS * relevant_part(found.final.regressors))
+    structured = gain > least and not noisy and relevant
 
     def judged(verdict: Verdict, kept: tuple[str, ...], by: str | None) -> Judged:
         share = rival_share
