@@ -36,6 +36,9 @@ TABLE = Path(shipped.__file__).with_name(shipped.WEIGHTS)
 RIDGE = 0.3
 """Weight of the squared weights, of features scaled to unit spread: some names' worth of doubt."""
 CAMPAIGN = "simulated gantry"
+FOR, AGAINST = (0.0, None), (None, 0.0)
+MAY_BE = {"lead": FOR, "strength": FOR, "unexplained": AGAINST, "over_noise": AGAINST}
+"""Signs that a weight may have: what speaks for a name never makes it less sure."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,8 @@ def learned(names: Sequence[Name], of_family: bool) -> dict[str, float]:
         held = np.append(0.0, w[1:])
         return loss + RIDGE * float(held @ held), Z.T @ (expit(score) - right) + 2.0 * RIDGE * held
 
-    w = minimize(cost, np.zeros(Z.shape[1]), jac=True, method="L-BFGS-B").x
+    bounds = [(None, None), *(MAY_BE[key] for key in keys)]
+    w = minimize(cost, np.zeros(Z.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = w[1:] / spread
     return {"intercept": float(w[0] - weights @ middle)} | dict(
         zip(keys, map(float, weights), strict=True)

@@ -27,15 +27,12 @@ evidences = st.builds(
     rival_share=shares,
     stranger_share=shares,
     unexplained=shares,
-    own_share=shares,
     over_noise=st.floats(1.0, 1e3),
-    part_of_command=st.floats(0.0, 2.0),
-    companions=st.integers(0, 8),
 )
 
 
 def test_the_table_has_a_weight_for_every_figure_that_is_asked():
-    figures = features(Evidence(1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.1, 0).document())
+    figures = features(Evidence(1.0, 0.0, 0.0, 0.0, 1.0).document())
     for table in weights().values():
         assert set(table) == {"intercept", *figures}
         assert np.all(np.isfinite(list(table.values())))
@@ -83,7 +80,7 @@ def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
     pulled = OtherPlant(shape="tanh", width_m_s=5e-3, cogging=0.3).run(seed=4, duration_s=10.0)
     sure = diagnose_axis(pulled, C1)
     assert [found.name for found in sure.effects] == ["cogging"]
-    assert sure.effects[0].grounds["own_share"] == pytest.approx(1.0, abs=0.05)
+    assert sure.effects[0].grounds["unexplained"] < 0.05
     table = {what: dict.fromkeys(row, 0.0) | {"intercept": -2.0} for what, row in weights().items()}
     monkeypatch.setattr(judging, "weights", lambda: table)
     unsure = diagnose_axis(pulled, C1)
@@ -96,7 +93,15 @@ def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
     )
 
 
-def test_an_effect_takes_its_own_share(with_chance):
+def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
+    clear = Evidence(
+        gain=100.0, rival_share=0.1, stranger_share=0.1, unexplained=0.0, over_noise=1.0
+    )
+    for doubt in ({"gain": 3.0}, {"over_noise": 10.0}, {"gain": 3.0, "unexplained": 0.5}):
+        assert confidence(replace(clear, **doubt)) < confidence(clear)
+
+
+def test_chance_gains_nothing(with_chance):
     evidence = evidence_of(with_chance, with_chance.final.added[0])
-    assert evidence.companions == 0
-    assert evidence.part_of_command < 1e-2
+    assert evidence.gain < 1.0
+    assert confidence(evidence) < judging.TOLD

@@ -6,11 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-import numpy as np
-
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
 from motorctl.identify.diagnose.search.search import Found, explained_share
-from motorctl.identify.diagnose.verdict.errors import alternatives, own_shares
+from motorctl.identify.diagnose.verdict.errors import alternatives
 from motorctl.model import Effect
 
 FAINTEST = 1e-3
@@ -29,14 +27,8 @@ class Evidence:
     """The same of effects of other families."""
     unexplained: float
     """Part of the explainable error that the whole model leaves, 0 to 1."""
-    own_share: float
-    """Part of what all names explain that is lost without this one."""
     over_noise: float
     """Rms of what the whole model leaves over that of noise alone, at least 1."""
-    part_of_command: float
-    """Rms of what this effect takes away over the command's."""
-    companions: int
-    """How many other effects are named."""
 
     def document(self) -> dict[str, float]:
         """Return it as plain data."""
@@ -47,23 +39,15 @@ def evidence_of(found: Found, effect: Effect) -> Evidence:
     """Return what the name of an effect of the final model rests on."""
     final = found.final
     rest = final.without(effect.name)
-    shares = own_shares(found, [each.name for each in final.added])
     others = alternatives(found, effect.name)
     strangers = outside_family(found, effect, [each.name for each in others])
-    command = final.problem.columns[:, final.regressors.command_column]
-    unit = 1.0 if final.regressors.side == "command" else abs(float(final.b[0]))
-    energy = max(float(np.sum(command**2)) * unit**2, 1e-300)
     noise = max(final.noise_sse(found.force_noise), 1e-300)
-    taken = max(rest.held_out - final.held_out, 0.0)
     return Evidence(
         gain=gain(rest, final.held_out) / LEAST_GAIN,
         rival_share=max((each.share for each in others), default=0.0),
         stranger_share=max((e.share for e in others if e.name in strangers), default=0.0),
         unexplained=min(max(1.0 - explained_share(found), 0.0), 1.0),
-        own_share=shares[effect.name],
         over_noise=math.sqrt(max(final.held_out / noise, 1.0)),
-        part_of_command=math.sqrt(taken / energy),
-        companions=len(final.added) - 1,
     )
 
 
@@ -74,14 +58,15 @@ def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:
 
 
 def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str, float]:
-    """Return what the logistic score is linear in, from the figures of an `Evidence`."""
+    """Return what the logistic score is linear in, from the figures of an `Evidence`.
+
+    Shares of the command or of what is explained, and how many other names are given, were tried
+    too: they learn how many effects a machine has, which differs from author to author.
+    """
     rival = figures["stranger_share" if of_family else "rival_share"]
     return {
         "lead": -math.log(min(max(rival, FAINTEST), 10.0)),
         "strength": math.log(max(figures["gain"], 1.0)),
         "unexplained": figures["unexplained"],
-        "own_share": math.log(min(max(figures["own_share"], FAINTEST), 1.0)),
         "over_noise": math.log(figures["over_noise"]),
-        "part_of_command": math.log(min(max(figures["part_of_command"], FAINTEST), 1.0)),
-        "companions": min(figures["companions"], 3.0),
     }
