@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,15 +17,12 @@ from motorctl.identify.diagnose.search.acceptance import (
     gain,
 )
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
-from motorctl.identify.diagnose.search.declared_shape import reshaped
 from motorctl.identify.diagnose.search.forms import (
     Form,
     all_lines,
     at_bound,
     best_form,
-    by_simplex,
     candidates,
-    finer,
     refined,
 )
 from motorctl.identify.diagnose.search.held_out_blocks import (
@@ -37,7 +34,13 @@ from motorctl.identify.diagnose.search.hypothesis import (
     Catalogue,
     Hypothesis,
     Regressors,
-    uses_acceleration,
+)
+from motorctl.identify.diagnose.search.mending import (
+    AS_WELL,
+    NEAR,
+    mended,
+    settled,
+    without_unneeded,
 )
 from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
@@ -76,15 +79,9 @@ neighbours. Chosen by hand."""
 MOST_ROUNDS = 8
 """Effects that are added, at most. Larger takes time and names small ones, smaller leaves real
 machines unexplained. Chosen by hand."""
-SETTLING_STEPS = 14
-"""Steps of the simplex search when options settle among other effects. More takes time, fewer
-leaves options where they were before the others came. Chosen by hand."""
 REFINED = 5
 """Forms that are looked at for refining in each round: the best by the scan, and those that come
 near. More takes time, fewer may miss one whose scan was coarse. Chosen by hand."""
-NEAR = 3.0
-"""A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
-misses forms with a coarse scan. Chosen by hand."""
 PARTLY_SEEN = 2.0
 """Factor on `NEAR` for effects of which a scan shows only a part. Larger takes time, smaller misses
 them. Chosen by hand."""
@@ -101,21 +98,6 @@ effects, smaller looks for names in noise. Chosen by hand."""
 AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
 """Part of the best form's gain from which another is taken where the best is not acceptable, by the
 left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
-MENDED_FIRST = 0.9
-"""Part of the best effect's gain from which the declared friction's own width is fitted anew
-instead of adding anything. Larger names effects for a width that was declared wrong, smaller widens
-friction where an effect is missing. Chosen by hand."""
-MUCH_MORE = 0.7
-"""Part of the squared residual of another shape of friction alone that the shape with an effect of
-friction leaves at most to be taken instead. Larger names effects for what a shape cannot mimic
-exactly, smaller hides them in the shape. Chosen by hand."""
-FRICTIONS = 4
-"""Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
-misses the right one where the wrong shape hides it. Chosen by hand."""
-AS_WELL = 1.05
-"""Squared residual of one effect over that of two up to which the one is no worse. Larger drops
-true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
-simulated campaign."""
 LOSES = 0.1
 """Part of the explainable error by which the search with the command on the left may explain less
 and still count. Larger takes poor searches, smaller drops good ones. Chosen by hand."""
@@ -226,11 +208,11 @@ def search(
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
-        mended = _mended(hypothesis, forms, noise, spans, least)
-        if mended is not None:
-            whole, step = mended
-            steps += [] if step is None else [step]
-            whole = _unneeded_now(settled(whole, spans), spans)
+        better = mended(hypothesis, forms, noise, spans, least)
+        if better is not None:
+            if better.taken is not None:
+                steps.append(Step(better.tried, better.shape, better.taken))
+            whole = without_unneeded(settled(better.whole, spans), spans)
             added, declared = whole.added, whole.regressors.declared
             sign = sign_of(declared.effects)
             regressors, noise = whitened(signals, declared, added, side, catalogue)
@@ -265,58 +247,6 @@ def search(
         added = hypothesis.added
     base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
-
-
-def _mended(
-    hypothesis: Hypothesis, forms: Sequence[Form], noise: float, spans: Spans, least: float
-) -> tuple[Hypothesis, Step | None] | None:
-    """Return the hypothesis with friction of its best shape, where that gains enough.
-
-    It is asked where an effect of friction leads: a shape that was declared wrong looks like one of
-    them, and they like another shape. So each that comes near is tried beside the shape as well,
-    and the best is taken where the shape alone, or the effect beside the declared shape, leaves
-    much more. The step tells what was tried beside the shape, None where the shape is enough.
-    """
-    best = gain(hypothesis, forms[0].held_out) if forms else 0.0
-    frictions = [
-        form
-        for form in forms
-        if "friction" in form.effect.groups
-        and gain(hypothesis, form.held_out) > max(least, best / NEAR)
-    ][:FRICTIONS]
-    if not frictions or gain(hypothesis, frictions[0].held_out) < MENDED_FIRST * best:
-        return None
-    alone = reshaped(hypothesis, spans)
-    if alone is None:
-        return None
-    tried = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
-    trials = [trial for trial in tried if trial is not None]
-    both = min(trials, key=lambda h: h.held_out, default=None)
-    both = None if both is None else reshaped(both, spans)
-    if both is not None:
-        both = settled(both, spans)
-        much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)
-        beside = Form(both.added[-1], both.solution.sse, both.held_out)
-        fits = both.held_out < much and acceptable(alone, beside, noise, spans, least)
-        if fits and beyond_physics(both) is None:
-            others = [Form(t.added[-1], t.solution.sse, t.held_out) for t in trials]
-            return both, Step(tuple(sorted(others, key=lambda f: f.held_out)), alone, beside)
-    enough = max(least, MENDED_FIRST * best)
-    return (alone, None) if gain(hypothesis, alone.held_out) >= enough else None
-
-
-def _unneeded_now(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
-    """Drop effects of friction that a shape fitted without them makes superfluous."""
-    for effect in hypothesis.added:
-        if "friction" not in effect.groups:
-            continue
-        rest = reshaped(settled(hypothesis.without(effect.name), spans), spans)
-        if rest is None:
-            continue
-        rest = settled(rest, spans)
-        if rest.held_out < AS_WELL * hypothesis.held_out:
-            hypothesis = rest
-    return hypothesis
 
 
 def nothing_sought(signals: Signals, declared: EffectList) -> Found:
@@ -418,22 +348,6 @@ def ranked(
     return sorted([*improved, *rest], key=lambda f: f.held_out)
 
 
-def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
-    """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
-    for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
-        for effect in hypothesis.added:
-            rest = hypothesis.without(effect.name)
-            form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
-            better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)
-            hypothesis = Hypothesis(
-                hypothesis.regressors,
-                tuple(better.effect if e.name == effect.name else e for e in hypothesis.added),
-                hypothesis.acceleration,
-            )
-        hypothesis = hypothesis.refreshed()
-    return hypothesis
-
-
 def sideways(
     hypothesis: Hypothesis,
     rivals: dict[str, list[type[Effect]]],
@@ -507,7 +421,3 @@ def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
         problem = with_columns(hypothesis.problem, rivals.columns(name), soft=True)
         gains[name] = hypothesis.held_out - float(held_out_sse(problem).sum())
     return gains
-
-
-def _acts_on_acceleration(effect: Effect) -> bool:
-    return effect.kind == "state" and uses_acceleration(effect)

@@ -1,0 +1,120 @@
+"""Friction of another shape than declared: alone, or beside an effect that the wrong shape hid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from motorctl.identify.diagnose.search.acceptance import acceptable, gain
+from motorctl.identify.diagnose.search.declared_shape import reshaped
+from motorctl.identify.diagnose.search.forms import Form, by_simplex, finer
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, uses_acceleration
+from motorctl.identify.diagnose.search.physics import beyond_physics
+from motorctl.model import Effect, Spans
+
+SETTLING_STEPS = 14
+"""Steps of the simplex search when options settle among other effects. More takes time, fewer
+leaves options where they were before the others came. Chosen by hand."""
+MENDED_FIRST = 0.9
+"""Part of the best effect's gain from which the declared friction's own width is fitted anew
+instead of adding anything. Larger names effects for a width that was declared wrong, smaller widens
+friction where an effect is missing. Chosen by hand."""
+MUCH_MORE = 0.7
+"""Part of the squared residual of another shape of friction alone that the shape with an effect of
+friction leaves at most to be taken instead. Larger names effects for what a shape cannot mimic
+exactly, smaller hides them in the shape. Chosen by hand."""
+FRICTIONS = 4
+"""Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
+misses the right one where the wrong shape hides it. Chosen by hand."""
+NEAR = 3.0
+"""A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
+misses forms with a coarse scan. Chosen by hand."""
+AS_WELL = 1.05
+"""Squared residual of one effect over that of two up to which the one is no worse. Larger drops
+true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
+simulated campaign."""
+
+
+@dataclass(frozen=True)
+class Mended:
+    """A hypothesis with friction of its best shape."""
+
+    whole: Hypothesis
+    shape: Hypothesis
+    """With the shape alone."""
+    tried: tuple[Form, ...] = ()
+    """Effects of friction beside it, best first."""
+    taken: Form | None = None
+    """The one that is in `whole`."""
+
+
+def mended(
+    hypothesis: Hypothesis, forms: Sequence[Form], noise: float, spans: Spans, least: float
+) -> Mended | None:
+    """Return the hypothesis with friction of its best shape, where that gains enough.
+
+    It is asked where an effect of friction leads: a shape that was declared wrong looks like one of
+    them, and they like another shape. So each that comes near is tried beside the shape as well,
+    and the best is taken where the shape alone, or the effect beside the declared shape, leaves
+    much more.
+    """
+    best = gain(hypothesis, forms[0].held_out) if forms else 0.0
+    frictions = [
+        form
+        for form in forms
+        if "friction" in form.effect.groups
+        and gain(hypothesis, form.held_out) > max(least, best / NEAR)
+    ][:FRICTIONS]
+    if not frictions or gain(hypothesis, frictions[0].held_out) < MENDED_FIRST * best:
+        return None
+    alone = reshaped(hypothesis, spans)
+    if alone is None:
+        return None
+    tried = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
+    trials = [trial for trial in tried if trial is not None]
+    both = min(trials, key=lambda h: h.held_out, default=None)
+    both = None if both is None else reshaped(both, spans)
+    if both is not None:
+        both = settled(both, spans)
+        much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)
+        beside = Form(both.added[-1], both.solution.sse, both.held_out)
+        fits = both.held_out < much and acceptable(alone, beside, noise, spans, least)
+        if fits and beyond_physics(both) is None:
+            others = [Form(t.added[-1], t.solution.sse, t.held_out) for t in trials]
+            return Mended(both, alone, tuple(sorted(others, key=lambda f: f.held_out)), beside)
+    enough = max(least, MENDED_FIRST * best)
+    return Mended(alone, alone) if gain(hypothesis, alone.held_out) >= enough else None
+
+
+def without_unneeded(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
+    """Drop effects of friction that a shape fitted without them makes superfluous."""
+    for effect in hypothesis.added:
+        if "friction" not in effect.groups:
+            continue
+        rest = reshaped(settled(hypothesis.without(effect.name), spans), spans)
+        if rest is None:
+            continue
+        rest = settled(rest, spans)
+        if rest.held_out < AS_WELL * hypothesis.held_out:
+            hypothesis = rest
+    return hypothesis
+
+
+def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
+    """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
+    for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
+        for effect in hypothesis.added:
+            rest = hypothesis.without(effect.name)
+            form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+            better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)
+            hypothesis = Hypothesis(
+                hypothesis.regressors,
+                tuple(better.effect if e.name == effect.name else e for e in hypothesis.added),
+                hypothesis.acceleration,
+            )
+        hypothesis = hypothesis.refreshed()
+    return hypothesis
+
+
+def _acts_on_acceleration(effect: Effect) -> bool:
+    return effect.kind == "state" and uses_acceleration(effect)
