@@ -81,7 +81,9 @@ def given(monkeypatch, recording):
                 axis = dataclasses.replace(
                     axis,
                     verdict="unknown_structure",
-                    unknown=UnknownStructure(("position",), "of x", SPLINE, values, values, 0.5),
+                    unknown=UnknownStructure(
+                        ("position",), "of x", SPLINE, SPLINE.family(), values, values, 0.5
+                    ),
                     model=EffectList([*axis.model.effects, SPLINE]),
                     theta=np.append(axis.theta, values),
                     std_error=np.append(axis.std_error, values),

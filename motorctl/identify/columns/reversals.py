@@ -33,6 +33,8 @@ def slow_reversal(x: Array, noise: float, period_s: float) -> float | None:
     if not way > 0.0:
         return None
     turns = np.sort(np.concatenate([find_peaks(s * x, prominence=way)[0] for s in (1.0, -1.0)]))
+    if not len(turns):
+        return None
     found = []
     for turn, after in zip(turns, np.append(turns[1:], len(x)), strict=True):
         gone = np.abs(x[turn:after] - x[turn])
@@ -40,7 +42,9 @@ def slow_reversal(x: Array, noise: float, period_s: float) -> float | None:
         if gone[beyond] < way:
             continue
         left = beyond - int(np.argmax(gone[beyond::-1] <= 0.25 * way))
-        # at a steady acceleration a quarter of the way takes half of the time
-        time_s = 2.0 * max(beyond - left, 1) * period_s
-        found.append(2.0 * way / time_s**2)
+        # at a steady acceleration a quarter of the way takes half of the time, and the root of the
+        # way grows evenly with time
+        root = np.sqrt(gone[left : beyond + 1] / way)
+        begin, end = np.interp([0.5, 1.0], root, np.arange(left, beyond + 1))
+        found.append(2.0 * way / (2.0 * max(end - begin, 0.5) * period_s) ** 2)
     return float(np.percentile(found, SLOW_ONES)) if found else None
