@@ -119,7 +119,7 @@ MACHINES = [
     Machine("UR10e joint 1", joint(1), "A"),
     Machine("UR10e joint 2", joint(2), "A", (*GRAVITY, "position_dependent_friction")),
     Machine("UR10e joint 3", joint(3), "A", GRAVITY),
-    Machine("UR10e joint 4", joint(4), "A", (*GRAVITY, "presliding")),
+    Machine("UR10e joint 4", joint(4), "A", (*GRAVITY, "position_force", "presliding")),
     Machine("UR10e joint 5", joint(5), "A"),
     Machine("UR10e joint 6", joint(6), "A"),
     Machine("OpenArm joint 1", arm(1), "N*m", GRAVITY),
