@@ -23,7 +23,7 @@ COUNTS = 3.0
 """Less motion than this many counts is not seen to turn the friction over."""
 LONGEST_PART = 5e-3
 """The displacement over the travel, at most: a longer one is a spring."""
-SEEN_PERIODS = 1.0
+SEEN_PERIODS = 0.5
 """Periods of the highest frequency that passing the displacement takes at least. Larger doubts true
 presliding, smaller takes any other turning over for it. Chosen by hand."""
 

@@ -32,6 +32,8 @@ pytestmark = [
     ),
 ]
 Columns = dict[str, np.ndarray]
+RELIED_UPON = 0.5
+"""Confidence below which a name says itself that it is rather wrong."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ def described(machine: Machine, folder: Path) -> Path:
 @pytest.mark.parametrize("machine", MACHINES, ids=lambda machine: machine.name)
 def test_a_real_machine_gets_a_right_answer_or_none(machine: Machine, tmp_path: Path) -> None:
     axis = diagnose_recording(read_recording(described(machine, tmp_path)), {"x": C1}).axes["x"]
-    named = {effect.name for effect in axis.effects}
+    named = {effect.name for effect in axis.effects if effect.confidence >= RELIED_UPON}
     print(f"{machine.name}: {axis.verdict}; {axis.sentence}")
     assert named <= set(machine.may_name)
     before, after = (

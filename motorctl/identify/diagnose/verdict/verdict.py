@@ -43,7 +43,7 @@ drops right ones. Chosen by hand."""
 SURE_BESIDE = 0.3
 """Part of the explainable error that named effects must take to be told beside unknown structure.
 Larger hides right names, smaller tells wrong ones. Chosen by hand."""
-NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.82}
+NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.75}
 """Part of the explainable error that named effects must take to be the answer, by the left side.
 Larger calls named machines unknown, smaller the reverse. Chosen by hand on the simulated
 campaign."""
