@@ -28,7 +28,7 @@ from motorctl.identify.diagnose.verdict import confidence as shipped
 from motorctl.identify.diagnose.verdict.evidence import features
 from motorctl.model.catalog import built_in_effects
 from motorctl_benchmarks.diagnosis.score import also_right, reliability
-from motorctl_benchmarks.other_machines.truth import truth_of
+from motorctl_benchmarks.other_machines.truth import families_of, truth_of
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def _truth(record: Mapping[str, Any]) -> tuple[str, frozenset[str], frozenset[st
     truth = record["case"]["truth"]
     effects = built_in_effects()
     right = frozenset(truth) | also_right(truth)
-    families = {effects[name].family() for name in right & effects.keys()}
+    families = families_of(right)
     return CAMPAIGN, right, frozenset(n for n, e in effects.items() if e.family() in families)
 
 
@@ -101,13 +101,11 @@ def learned(names: Sequence[Name], of_family: bool) -> dict[str, float]:
     )
 
 
-def sure(names: Sequence[Name], weights: Mapping[str, float], of_family: bool) -> Array:
-    """Return the confidence of each name, (n,)."""
-    rows = [features(name.figures, of_family) for name in names]
-    score = [weights["intercept"] + sum(weights[k] * v for k, v in row.items()) for row in rows]
-    alike = np.array([min(name.alike, 3) for name in names])
-    found = expit(np.array(score)) * shipped.SHARED**alike
-    return np.clip(found, shipped.LOWEST, shipped.HIGHEST)
+def sure(names: Sequence[Name], weights: Mapping[str, float], of_family: bool) -> list[float]:
+    """Return the confidence of each name, by the formula that is shipped."""
+    return [
+        shipped.sure_by(weights, features(name.figures, of_family), name.alike) for name in names
+    ]
 
 
 def main() -> int:
@@ -129,7 +127,7 @@ def main() -> int:
         for author in authors:
             apart = [n for n in names if n.author == author]
             weights = learned([n for n in names if n.author != author], of_family)
-            stated = [float(value) for value in sure(apart, weights, of_family)]
+            stated = sure(apart, weights, of_family)
             hits = [n.right_family if of_family else n.right for n in apart]
             print(f"{what}, {author} left out: error {reliability(stated, hits)[1]:.3f}")
             given += stated

@@ -8,7 +8,7 @@ moves its kind from those outside the list to the known ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal
@@ -111,9 +111,7 @@ class KindTruth:
         return answer.verdict in self.silence or self._family_alone(answer)
 
     def _family_alone(self, answer: Answer) -> bool:
-        effects = built_in_effects()
-        families = {effects[name].family() for name in self.names & effects.keys()}
-        return answer.family in families
+        return answer.family in families_of(self.names)
 
     def exactly_named(self, answer: Answer) -> bool:
         """Tell whether the right name stands there and no other, of its family neither."""
@@ -129,6 +127,12 @@ class KindTruth:
             return "family"
         beside = any(named.may_be & self.names for named in answer.named)
         return "named and false" if beside else "false"
+
+
+def families_of(names: Iterable[str]) -> frozenset[str]:
+    """Return the families, in motorctl's own words, of those effects that motorctl has."""
+    effects = built_in_effects()
+    return frozenset(effects[name].family() for name in names if name in effects)
 
 
 @cache

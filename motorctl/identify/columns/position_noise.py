@@ -60,6 +60,11 @@ def position_noise_density(data: Measured) -> float:
     return float(np.average(values, weights=weights))
 
 
+def position_noise_rms(density: float, sample_rate_hz: float) -> float:
+    """Return the noise of one measured position, white up to half the sample rate [unit]."""
+    return float(np.sqrt(0.5 * density * sample_rate_hz))
+
+
 def acceleration_noise_rms(density: float, cutoff_hz: float) -> float:
     """Return the noise that white position noise leaves in the acceleration below `cutoff_hz`.
 

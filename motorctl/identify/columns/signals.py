@@ -21,7 +21,11 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.position_noise import position_noise_density, velocity_noise_rms
+from motorctl.identify.columns.position_noise import (
+    position_noise_density,
+    position_noise_rms,
+    velocity_noise_rms,
+)
 from motorctl.identify.columns.repetition import period_of
 from motorctl.identify.columns.reversals import slow_reversal
 from motorctl.identify.columns.stretches import (
@@ -108,7 +112,7 @@ class Signals:
     @property
     def position_noise_rms(self) -> float:
         """Noise of one measured position, rms, where it is white up to half the sample rate."""
-        return math.sqrt(0.5 * self.position_noise / self.period_s)
+        return position_noise_rms(self.position_noise, 1.0 / self.period_s)
 
     @property
     def row_period_s(self) -> float:
@@ -322,7 +326,7 @@ def make_signals(
     shortest = max(int(SHORTEST_S * rate), (2 * trim + 20) * decimation)
     density = position_noise_density(data)
     noise = velocity_noise_rms(density, band)
-    rms = math.sqrt(0.5 * density * rate)
+    rms = position_noise_rms(density, rate)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
     stretches, kept, enough = [], [], 0
     for rows in data.stretches(shortest):

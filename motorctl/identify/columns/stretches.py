@@ -35,7 +35,7 @@ STICK_S = 0.02
 """Shortest time that an axis stays within what its encoder shows, to stick [s]. Larger keeps rows
 in which friction is whatever the command is, smaller takes slow motion for sticking. Chosen by
 hand: machines of other hands stick for 40 to 80 ms at a reversal."""
-MOST_STUCK_SAMPLES = 4
+FEWEST_STUCK_SAMPLES = 4
 """The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
 hand."""
 TOLD_APART = 8e-3
@@ -203,7 +203,7 @@ def sticks(
         Which rows are dropped, (m,).
     """
     period_s = row_period_s / decimation
-    size = max(MOST_STUCK_SAMPLES, round(STICK_S / period_s))
+    size = max(FEWEST_STUCK_SAMPLES, round(STICK_S / period_s))
     within = REST_RANGE * noise
     if within > TOLD_APART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S:
         return np.zeros(len(stretch.x[::decimation]), dtype=np.bool_)  # too coarse to tell

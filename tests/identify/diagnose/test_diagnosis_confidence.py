@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.identify.diagnose.verdict import confidence as judging
 from motorctl.identify.diagnose.verdict.confidence import confidence, weights, without_doubtful
+from motorctl.identify.diagnose.verdict.errors import alternatives
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
 from motorctl.model import effect_class, make_effect
 
@@ -102,6 +103,7 @@ def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
 
 
 def test_chance_gains_nothing(with_chance):
-    evidence = evidence_of(with_chance, with_chance.final.added[0])
+    chance = with_chance.final.added[0]
+    evidence = evidence_of(with_chance, chance, alternatives(with_chance, chance.name))
     assert evidence.gain < 1.0
     assert confidence(evidence) < judging.TOLD

@@ -69,6 +69,10 @@ machine is not down to its noise anyway. Larger misses weak effects, smaller nam
 Chosen by hand."""
 
 
+AS_WELL = 1.05
+"""Squared residual of one effect over that of two up to which the one is no worse. Larger drops
+true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
+simulated campaign."""
 OVER_PLACE: frozenset[Group] = frozenset({"wave_over_position", "wave_of_measurement"})
 """Groups of effects that repeat over the travel: a large wave of one leaves some of the other."""
 
@@ -130,13 +134,12 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
     for other in added:
         if other.name == effect.name:
             continue
-        common = other.groups & effect.groups
-        if other.groups & OVER_PLACE and effect.groups & OVER_PLACE:
-            common |= OVER_PLACE
         apart = np.abs(np.subtract.outer(other.lines, effect.lines))
-        if "wave_over_position" in common and apart.min() < 1.0 / spans.travel_m:
+        over_place = other.groups & OVER_PLACE and effect.groups & OVER_PLACE
+        if over_place and apart.min() < 1.0 / spans.travel_m:
             return True
-        if "line_over_time" in common and apart.min() < NEAR_MODE * other.lines[0]:
+        over_time = "line_over_time" in other.groups & effect.groups
+        if over_time and apart.min() < NEAR_MODE * other.lines[0]:
             return True
     return False
 

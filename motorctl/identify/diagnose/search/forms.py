@@ -65,6 +65,9 @@ orders or knots out, smaller adds ones that fit noise. Chosen by hand."""
 RICHER_STEPS = 4
 """Times that a form is made richer, at most. Larger takes time, smaller leaves forms coarse. Chosen
 by hand."""
+NEAR = 3.0
+"""A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
+misses forms with a coarse scan. Chosen by hand."""
 SIMPLEX_STEPS = 30
 """Steps of the simplex search (Nelder and Mead) over a form's options. More takes time, fewer
 leaves options short of their best. Chosen by hand."""

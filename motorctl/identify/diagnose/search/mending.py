@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from motorctl.identify.diagnose.search.acceptance import acceptable, gain
+from motorctl.identify.diagnose.search.acceptance import AS_WELL, acceptable, gain
 from motorctl.identify.diagnose.search.declared_shape import reshaped
-from motorctl.identify.diagnose.search.forms import Form, by_simplex, finer
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, uses_acceleration
+from motorctl.identify.diagnose.search.forms import NEAR, Form
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.physics import beyond_physics
-from motorctl.model import Effect, Spans
+from motorctl.identify.diagnose.search.settling import settled
+from motorctl.model import Spans
 
-SETTLING_STEPS = 14
-"""Steps of the simplex search when options settle among other effects. More takes time, fewer
-leaves options where they were before the others came. Chosen by hand."""
 MENDED_FIRST = 0.9
 """Part of the best effect's gain from which the declared friction's own width is fitted anew
 instead of adding anything. Larger names effects for a width that was declared wrong, smaller widens
@@ -26,13 +24,6 @@ exactly, smaller hides them in the shape. Chosen by hand."""
 FRICTIONS = 4
 """Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
 misses the right one where the wrong shape hides it. Chosen by hand."""
-NEAR = 3.0
-"""A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
-misses forms with a coarse scan. Chosen by hand."""
-AS_WELL = 1.05
-"""Squared residual of one effect over that of two up to which the one is no worse. Larger drops
-true second effects, smaller keeps a spline beside the wave it is a part of. Chosen by hand on the
-simulated campaign."""
 
 
 @dataclass(frozen=True)
@@ -98,23 +89,3 @@ def without_unneeded(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
         if rest.held_out < AS_WELL * hypothesis.held_out:
             hypothesis = rest
     return hypothesis
-
-
-def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
-    """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
-    for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
-        for effect in hypothesis.added:
-            rest = hypothesis.without(effect.name)
-            form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
-            better = finer(rest, by_simplex(rest, form, spans, SETTLING_STEPS), spans)
-            hypothesis = Hypothesis(
-                hypothesis.regressors,
-                tuple(better.effect if e.name == effect.name else e for e in hypothesis.added),
-                hypothesis.acceleration,
-            )
-        hypothesis = hypothesis.refreshed()
-    return hypothesis
-
-
-def _acts_on_acceleration(effect: Effect) -> bool:
-    return effect.kind == "state" and uses_acceleration(effect)

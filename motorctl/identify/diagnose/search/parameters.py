@@ -22,6 +22,9 @@ CURVATURE_STEP = 0.05
 """Step in which the residual's curvature over an option is measured, in the first steps of its
 search. Larger leaves the parabola, smaller drowns in rounding. Chosen by hand."""
 
+Compensation = tuple[Effect, BlockedRegression]
+"""A spline for what has no name, and the regression with its columns last."""
+
 
 @dataclass(frozen=True)
 class FittedModel:
@@ -33,12 +36,10 @@ class FittedModel:
     std_error: Array
 
 
-def values_of(
-    hypothesis: Hypothesis, extra: tuple[Effect, BlockedRegression, int] | None = None
-) -> FittedModel:
+def values_of(hypothesis: Hypothesis, extra: Compensation | None = None) -> FittedModel:
     """Return the parameters of a hypothesis; measurement errors get their amplitudes as options.
 
-    extra is one more state effect, the problem with its columns last, and how many they are.
+    extra is one more state effect, and the problem with its columns last.
     """
     problem = hypothesis.problem if extra is None else extra[1]
     found = hypothesis.solution if extra is None else solve(problem)
@@ -63,7 +64,7 @@ def values_of(
             b[own] = [-value for value in theta_]
     added = tuple(corrected.get(effect.name, effect) for effect in hypothesis.added)
     if extra is not None:
-        columns[extra[0].name] = list(range(start, start + extra[2]))
+        columns[extra[0].name] = list(range(start, start + len(extra[0].parameters)))
         added = (*added, extra[0])
     model = EffectList([*hypothesis.regressors.declared.effects, *added])
     theta: list[float] = []

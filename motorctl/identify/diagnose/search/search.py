@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals, shortened, spans_of
 from motorctl.identify.diagnose.search.acceptance import (
+    AS_WELL,
     LEAST_GAIN,
     acceptable,
     forces_of_position,
@@ -18,6 +19,7 @@ from motorctl.identify.diagnose.search.acceptance import (
 )
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
+    NEAR,
     Form,
     all_lines,
     at_bound,
@@ -36,13 +38,11 @@ from motorctl.identify.diagnose.search.hypothesis import (
     Regressors,
 )
 from motorctl.identify.diagnose.search.mending import (
-    AS_WELL,
-    NEAR,
     mended,
-    settled,
     without_unneeded,
 )
 from motorctl.identify.diagnose.search.physics import beyond_physics
+from motorctl.identify.diagnose.search.settling import settled
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,

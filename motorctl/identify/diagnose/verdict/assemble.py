@@ -25,6 +25,7 @@ from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_p
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.parameters import (
+    Compensation,
     FittedModel,
     column_index,
     option_errors,
@@ -53,11 +54,7 @@ from motorctl.identify.diagnose.verdict.mended import mended_terms
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
-from motorctl.identify.diagnose.verdict.unknown import (
-    Compensation,
-    compensation,
-    unknown_structure,
-)
+from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
 from motorctl.identify.diagnose.verdict.verdict import (
     LOW_HZ,
     Judged,
@@ -204,8 +201,7 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     alone = found
     if found.final.added:
         alone = replace(found, final=found.base, rival_gains=rival_gains(found.base))
-    energy = max(alone.final.regressors.command_energy, 1e-300)
-    noisy = math.sqrt(alone.final.noise_sse(alone.force_noise) / energy) > NOISY
+    noisy = _over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
     twin = clean_twin(alone) if noisy else None
     if twin is None:
         return judged
@@ -215,9 +211,14 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     return judged
 
 
+def _over_command(found: Found, squared: float) -> float:
+    """Return the rms of what has this sum of squares over the command's."""
+    return math.sqrt(squared / max(found.final.regressors.command_energy, 1e-300))
+
+
 def _drowned(found: Found, judged: Judged) -> str | None:
     """Return why a measurement too coarse proves no model complete, or None."""
-    left = math.sqrt(found.base.held_out / max(found.final.regressors.command_energy, 1e-300))
+    left = _over_command(found, found.base.held_out)
     if not judged.as_twin or left < DROWNED:
         return None
     return (
@@ -234,15 +235,11 @@ def _effects(
     for added in found.final.added:
         effect = next(e for e in values.model.effects if e.name == added.name)
         theta, std_error = theta_of(values, effect)
-        step = next(
-            (s for s in found.steps if s.taken is not None and s.taken.effect.name == added.name),
-            None,
-        )
         rest = found.final.without(added.name)
         score = gain(rest, found.final.held_out)
         others = alternatives(found, added.name)
         twins = tuple(ambiguous_with(found, added))
-        grounds = evidence_of(found, added)
+        grounds = evidence_of(found, added, others)
         strangers = outside_family(found, effect, list(twins))
         without = held_out_rms(found, rest.problem, split)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
@@ -257,7 +254,7 @@ def _effects(
                 grounds=grounds.document(),
                 explained_fraction=shares[added.name] if len(found.final.added) > 1 else own,
                 score=score,
-                evidence=tuple(_evidence(found, added, score, without, error, step is not None)),
+                evidence=tuple(_evidence(found, added, score, without, error)),
                 indistinguishable_from=twins,
                 alternatives=others,
             )
@@ -266,7 +263,7 @@ def _effects(
 
 
 def _evidence(
-    found: Found, effect: Effect, score: float, without: float, error: ModelError, first: bool
+    found: Found, effect: Effect, score: float, without: float, error: ModelError
 ) -> list[str]:
     unit = error.unit
     lines = [
@@ -369,7 +366,7 @@ def _notes(
     if not split.stated:
         notes.append("every third block of rows was held out of the fit to measure the errors")
     if judged.faint:
-        left = math.sqrt(found.final.held_out / max(found.final.regressors.command_energy, 1e-300))
+        left = _over_command(found, found.final.held_out)
         notes.append(
             f"what is left is {100.0 * left:.1f} % of the command, more than the measurement's "
             "noise; it depends on nothing that was measured, and counts as the machine's own noise"
@@ -418,7 +415,7 @@ def _traces(
     columns, left = every[:-1], every[-1]
     contributions: dict[str, Array] = {}
     # u = (a - sum b_i psi_i) / b_u: what an effect adds to the command
-    names = list(found.final.names) + ([extra[0].name] * extra[2] if extra else [])
+    names = list(found.final.names) + ([extra[0].name] * len(extra[0].parameters) if extra else [])
     for effect in found.final.added:
         index = [i for i, name in enumerate(names) if name == effect.name]
         if effect.kind == "measurement":

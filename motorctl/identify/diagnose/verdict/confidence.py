@@ -8,12 +8,16 @@ whom it has not seen. `motorctl bench machines` prints how many names were right
 from __future__ import annotations
 
 import json
-import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 
+import numpy as np
+from scipy.special import expit
+
 from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.verdict.errors import alternatives
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
 
 HIGHEST = 0.99
@@ -52,11 +56,13 @@ def confidence(evidence: Evidence, alike: int = 0, of_family: bool = False) -> f
         Whether the name's family is asked, not the name.
     """
     learned = weights()["family" if of_family else "name"]
-    score = learned["intercept"]
-    for name, value in features(evidence.document(), of_family).items():
-        score += learned[name] * value
-    sure = 1.0 / (1.0 + math.exp(-min(max(score, -30.0), 30.0)))
-    return float(min(max(sure * SHARED ** min(alike, 3), LOWEST), HIGHEST))
+    return sure_by(learned, features(evidence.document(), of_family), alike)
+
+
+def sure_by(learned: Mapping[str, float], shown: Mapping[str, float], alike: int) -> float:
+    """Return the confidence that weights give to features; `alike` effects would do as well."""
+    score = learned["intercept"] + sum(learned[name] * value for name, value in shown.items())
+    return float(np.clip(expit(score) * SHARED ** min(alike, 3), LOWEST, HIGHEST))
 
 
 def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:
@@ -64,7 +70,7 @@ def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:
 
     All are judged in the whole model: what is left without one would speak against the others.
     """
-    each = {effect.name: evidence_of(found, effect) for effect in found.final.added}
+    each = {e.name: evidence_of(found, e, alternatives(found, e.name)) for e in found.final.added}
     doubted = {name: grounds for name, grounds in each.items() if confidence(grounds) < TOLD}
     if not doubted:
         return found, {}

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from motorctl.identify.diagnose.result import Alternative
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
 from motorctl.identify.diagnose.search.search import Found, explained_share
-from motorctl.identify.diagnose.verdict.errors import alternatives
 from motorctl.model import Effect
 
 FAINTEST = 1e-3
@@ -35,11 +35,10 @@ class Evidence:
         return {name: float(value) for name, value in asdict(self).items()}
 
 
-def evidence_of(found: Found, effect: Effect) -> Evidence:
-    """Return what the name of an effect of the final model rests on."""
+def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> Evidence:
+    """Return what the name of an effect of the final model rests on, `others` being its rivals."""
     final = found.final
     rest = final.without(effect.name)
-    others = alternatives(found, effect.name)
     strangers = outside_family(found, effect, [each.name for each in others])
     noise = max(final.noise_sse(found.force_noise), 1e-300)
     return Evidence(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from motorctl.identify.diagnose.result import UnknownStructure
-from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression
-from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of
+from motorctl.identify.diagnose.search.parameters import Compensation, FittedModel, theta_of
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
@@ -17,10 +16,6 @@ from motorctl.identify.diagnose.verdict.verdict import (
     Judged,
     depends_on,
 )
-from motorctl.model import Effect
-
-Compensation = tuple[Effect, BlockedRegression, int]
-"""A spline, the regression with it, and the number of its parameters."""
 
 FAMILY_SHARE = 0.5
 """Part of the explainable error that a smooth function must take for the kind of physics to be
@@ -38,8 +33,7 @@ def compensation(found: Found, judged: Judged) -> Compensation | None:
     present = {e.name for e in (*found.final.regressors.declared.effects, *found.final.added)}
     if effect is None or effect.name in present:
         return None
-    problem = found.final.extended(effect)
-    return effect, problem, len(effect.parameters)
+    return effect, found.final.extended(effect)
 
 
 def unknown_structure(
