@@ -18,6 +18,14 @@ REPOSITORIES = (
     "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators",
     "nicolazande/camber-control",
     "marcocognetti/FrankaEmikaPandaDynModel",
+    "lucafalcone/Inverted_pendulum_sys_ID_and_control",
+    "dfki-ric-underactuated-lab/torque_limited_simple_pendulum",
+    "dfki-ric-underactuated-lab/double_pendulum",
+    "JonasWeigand/Robot_Identification",
+    "ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash",
+    "gergelytakacs/AutomationShield",
+    "ryanGT/systemid",
+    "malik-robert/HSM150-data",
 )
 
 
