@@ -29,7 +29,7 @@ from motorctl.model.knowledge import (
 from motorctl.model.pitch import PitchOptions
 
 TEXTS = ("title", "formula", "compensated", "identified", "visible_in")
-FLAGS = ("electromagnetic", "odd", "varies", "ordinary", "scan_shows_part")
+FLAGS = ("electromagnetic", "odd", "varies", "ordinary", "scan_shows_part", "leaves_bursts")
 WAVES = ("wave_over_position", "wave_over_time")
 OVER_A_PITCH = ("folded_over_pitch", "thrust_over_position")
 """Pictures of waves along the way."""

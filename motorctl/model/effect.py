@@ -144,6 +144,8 @@ class Effect(ABC):
     """Common on sound machines: a motion that could not have shown it proves no model complete."""
     scan_shows_part: ClassVar[bool] = False
     """A first look, with one line or coarse columns, shows only a part of what it explains."""
+    leaves_bursts: ClassVar[bool] = False
+    """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})
     """Options that mean another effect where they come to an end of the range that is tried."""
     revealed_by: ClassVar[tuple[Motion, ...]] = ()

@@ -76,7 +76,8 @@ def test_of_every_kind_something_is_known(name):
     assert set(groups.values()) == {"known", "outside", "clean"}
     assert groups["none"] == groups["gravity_constant"] == "clean"
     assert groups["cogging"] == "known"
-    assert groups["voltage_clipping"] == groups["backlash_load"] == "outside"
+    assert groups["backlash_motor"] == groups["drive_hysteresis"] == "known"
+    assert groups["voltage_clipping"] == "outside"
     assert all(groups[kind] == "outside" for kind in kinds if kind.startswith("unknown_"))
 
 
@@ -123,6 +124,9 @@ def answer(verdict, *names, sure=0.95):
         ("eddy_brake", answer("effect", "quadratic_drag"), True, "family"),
         ("eddy_brake", answer("complete"), False, "complete"),
         ("backlash_motor", answer("effect", "flexible_mode"), False, "false"),
+        ("backlash_motor", answer("unknown_structure", "backlash"), True, "named"),
+        ("backlash_motor", answer("unknown_structure"), False, "unknown_structure"),
+        ("backlash_load", answer("unknown_structure"), True, "unknown_structure"),
         ("unknown_shaker", answer("unknown_structure"), True, "unknown_structure"),
         ("unknown_shaker", answer("unknown_structure", "cogging"), False, "false"),
         ("unknown_shaker", answer("insufficient_data"), False, "insufficient_data"),

@@ -11,12 +11,12 @@ from law_stepper import Stepper, known
 
 from motorctl.control import monotonicity_half_planes
 from motorctl.errors import UsageError
-from motorctl.model import EffectList
+from motorctl.model import EffectList, effect_class, make_effect
 
 TS = 0.2e-3
 PLAY_V, SHARE, INERTIA = 0.8, 0.4, 0.2
 LOW, HIGH = (0.05, -0.6), (0.5, 0.6)
-HYSTERESIS = toy_effect("drive_hysteresis", play_v=PLAY_V)
+HYSTERESIS = make_effect(effect_class("drive_hysteresis"), {"play_v": PLAY_V})
 MODEL = EffectList([known("inertia"), HYSTERESIS])
 
 
@@ -80,7 +80,7 @@ def test_the_memory_follows_the_saturated_command() -> None:
     law = stepper(enabled=False)
     law.start(0.0, 0.0)
     assert law.step(0.0, 1.0, (0.0, 0.0, 0.0)) == -10.0
-    assert law.record["context"][0] == -10.0 + PLAY_V
+    assert law.record["context"].tolist() == [-PLAY_V, -10.0]
 
 
 def test_a_start_forgets_what_acted_before_and_begins_without_a_bump() -> None:
@@ -133,7 +133,7 @@ def test_the_map_keeps_its_inverse_from_every_memory_that_the_effect_names() -> 
 def test_a_memory_of_the_wrong_size_is_told() -> None:
     class Wrong(type(HYSTERESIS)):  # type: ignore[misc]
         def memories(self):  # type: ignore[no-untyped-def]
-            return [(0.0, 0.0)]
+            return [(0.0, 0.0, 0.0)]
 
     Wrong.__module__ = type(HYSTERESIS).__module__
     model = EffectList([known("inertia"), Wrong(HYSTERESIS.options)])

@@ -108,13 +108,14 @@ def test_an_input_effect_that_does_not_vary_is_the_same_everywhere(effect):
     assert (len(values) > 1) == effect.varies
 
 
-@pytest.mark.parametrize("name", ["force_ripple", "dead_zone", "gain_drift"])
+@pytest.mark.parametrize("name", ["force_ripple", "dead_zone", "gain_drift", "drive_hysteresis"])
 @pytest.mark.parametrize("orders", [(1,), (1, 2, 3, 4, 6)])
 def test_the_widest_bounds_leave_the_input_map_an_inverse(name, orders):
     options = {
         "force_ripple": {"pitch_m": 0.03, "orders": orders},
         "dead_zone": {"half_width_v": 0.15},
         "gain_drift": {"time_constant_s": 2.0},
+        "drive_hysteresis": {"play_v": 0.2, "plays": min(len(orders), 3)},
     }
     effect = form(name, **options[name])
     kernels = EffectList([effect]).kernels
@@ -122,7 +123,7 @@ def test_the_widest_bounds_leave_the_input_map_an_inverse(name, orders):
     for _ in range(300):
         theta = np.array([rng.choice([p.lower, p.upper]) for p in effect.parameters])
         u, x, t = rng.uniform(-0.3, 0.3), rng.uniform(-1.0, 1.0), rng.uniform(0.0, 100.0)
-        assert kernels.input_slope(u, x, t, NO_MEMORY, theta) > 0.04
+        assert kernels.input_slope(u, x, t, np.zeros(effect.memory_size), theta) > 0.04
 
 
 def test_friction_is_nothing_at_rest_however_steep_it_is():

@@ -75,7 +75,7 @@ BROKEN = {
         "cable_creep", "return float(w[0])", "return x",
     ),
     "test_columns_leave_the_memory_alone": (
-        "drive_hysteresis", "    return _play(u, w[0], c[0]) - u",
+        "slow_core", "    return float(w[0] - u)",
         "    w[0] += 1.0\n    return w[0] - u",
     ),
     "test_forms_to_try_are_forms_of_it_within_the_bounds_of_its_options": (
@@ -163,9 +163,9 @@ def run_suite(*words, folder):
 
 
 def test_an_effect_named_on_the_command_line_is_checked(tmp_path):
-    path = f"pythonpath={TOYS / 'drive_hysteresis'}"
-    target = "toy_drive_hysteresis:DriveHysteresis"
-    run = run_suite("--effect", target, "--effect-options", '{"play_v": 0.8}', "-o", path,
+    path = f"pythonpath={TOYS / 'slow_core'}"
+    target = "toy_slow_core:SlowCore"
+    run = run_suite("--effect", target, "--effect-options", '{"rise_s": 0.1}', "-o", path,
                     folder=tmp_path)  # fmt: skip
     assert run.returncode == 0, run.stdout
     assert "passed" in run.stdout

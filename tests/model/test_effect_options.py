@@ -16,6 +16,7 @@ NAMES = {
     "position_dependent_friction", "position_force", "quadratic_drag", "input_lag", "input_delay",
     "dead_zone", "gain_drift", "payload_change", "cross_axis", "flexible_mode", "encoder_error",
     "periodic_disturbance", "gravity", "hard_stop", "load_friction", "warming_friction",
+    "backlash", "drive_hysteresis",
 }  # fmt: skip
 
 
@@ -119,6 +120,11 @@ def test_orders_name_their_parameters():
         ("encoder_error", {"period_m": 0.0}, "period_m"),
         ("periodic_disturbance", {"frequency_hz": 0.0}, "frequency_hz"),
         ("quadratic_drag", {"velocity_m_s": 1.0}, "velocity_m_s"),
+        ("backlash", {"gap_m": 0.0, "glide_m_s2": 1.0}, "gap_m"),
+        ("backlash", {"gap_m": 1e-4}, "glide_m_s2"),
+        ("backlash", {"gap_m": 1e-4, "glide_m_s2": -1.0}, "glide_m_s2"),
+        ("drive_hysteresis", {"play_v": 0.0}, "play_v"),
+        ("drive_hysteresis", {"play_v": 0.5, "plays": 4}, "plays"),
     ],
 )
 def test_options_that_mean_nothing_are_refused(name, options, said):

@@ -50,12 +50,12 @@ CASES = [
      "column is column(j, x, v, a, vs, t, c); expected column(j, x, v, a, vs, t, w, c)"),
     ("cable_creep", "def advance(", "def _advance(",
      "advance is missing: expected advance(w, x, v, a, dt, others, c)"),
-    ("drive_hysteresis", "def advance(w: Array, u: float, dt: float,", "def advance(w: Array, u,",
+    ("slow_core", "def advance(w: Array, u: float, dt: float,", "def advance(w: Array, u,",
      "advance is advance(w, u, c); expected advance(w, u, dt, c)"),
-    ("drive_hysteresis", "def slope(", "def _slope(",
+    ("slow_core", "def slope(", "def _slope(",
      "slope is missing: expected slope(j, u, w, c)"),
-    ("drive_hysteresis", "memory = 1", "memory = -1", "memory is -1; expected how many numbers"),
-    ("drive_hysteresis", "[(float(place),) for place in np.linspace(-10.0, 10.0, 9)]",
+    ("slow_core", "memory = 1", "memory = -1", "memory is -1; expected how many numbers"),
+    ("slow_core", "[(float(place),) for place in np.linspace(-10.0, 10.0, 9)]",
      "[(0.0, 1.0)]", "memories gives [(0.0, 1.0)]; expected memories of 1 numbers each"),
     ("current_loop", 'kind = "command"', 'kind = "command"\n    memory = 1',
      "memory is for state and input effects; its kind is 'command'"),
@@ -143,7 +143,7 @@ def test_the_name_of_an_effect_that_motorctl_has_is_refused(tmp_path):
         effect_class("quadratic_drag", target)
 
 
-@pytest.mark.parametrize("toy", ["push_pull", "drive_hysteresis"])
+@pytest.mark.parametrize("toy", ["push_pull", "slow_core"])
 def test_a_good_effect_is_taken(toy, tmp_path):
     assert effect_class(toy, changed(toy, tmp_path)).name == toy
 

@@ -14,7 +14,7 @@ OPTIONS = {
     "brake_zone": {"middle_m": 0.25, "half_length_m": 0.05},
     "cable_creep": {"relaxation_s": 0.15},
     "push_pull": {},
-    "drive_hysteresis": {"play_v": 0.8},
+    "slow_core": {"rise_s": 0.1},
     "weak_magnet": {"place_m": 0.15, "width_m": 0.03},
     "current_loop": {"corner_hz": 400.0},
     "scale_joint": {"place_m": 0.18, "width_m": 3e-3, "shift_m": 2e-5},

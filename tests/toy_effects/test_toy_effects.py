@@ -152,8 +152,8 @@ def test_an_installed_effect_that_is_refused_hurts_no_other_and_is_told(tmp_path
     assert run.returncode == 0, run.stderr
     told = {row["name"]: row for row in json.loads(run.stdout)["effects"]}
     assert "slope is missing: expected slope(j, u, c)" in told["push_pull"]["error"]
-    assert told["drive_hysteresis"] | {"title": ""} == {
-        "name": "drive_hysteresis", "package": "toy-drive-hysteresis", "version": "1.0",
+    assert told["slow_core"] | {"title": ""} == {
+        "name": "slow_core", "package": "toy-slow-core", "version": "1.0",
         "kind": "input", "title": "", "error": None,
     }  # fmt: skip
     assert told["inertia"]["package"] == "motorctl"

@@ -12,7 +12,7 @@ import numpy as np
 import toy_plant
 import yaml
 from fit_plant import Run
-from toy_plant import CREEP, CURRENT, HALVES, JOINT, KNEE, MAGNET, PLAY, ZONE
+from toy_plant import CORE, CREEP, CURRENT, HALVES, JOINT, KNEE, MAGNET, ZONE
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parents[1] / "configs" / "published_gantry.yaml"
@@ -45,8 +45,8 @@ TOYS = {
         Toy("cable_creep", CREEP, (6.0, 0.15), {"relaxation_s": 0.15},
             {"cable_creep_stiffness": 6.0}),
         Toy("push_pull", HALVES, (0.08,), {}, {"push_pull": 0.08}),
-        Toy("drive_hysteresis", PLAY, (0.4, 0.8), {"play_v": 0.8},
-            {"drive_hysteresis_share": 0.4}),
+        Toy("slow_core", CORE, (0.25, 0.1), {"rise_s": 0.1},
+            {"slow_core_share": 0.25}),
         Toy("weak_magnet", MAGNET, (0.25, 0.15, 0.03), {"place_m": 0.15, "width_m": 0.03},
             {"weak_magnet": 0.25}),
         Toy("current_loop", CURRENT, (400.0, 0.3), {"corner_hz": 400.0}),

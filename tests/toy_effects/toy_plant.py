@@ -10,7 +10,7 @@ from numba import njit
 
 from motorctl.errors import DataError
 
-NOTHING, ZONE, CREEP, HALVES, PLAY, MAGNET, CURRENT, JOINT, KNEE = range(9)
+NOTHING, ZONE, CREEP, HALVES, CORE, MAGNET, CURRENT, JOINT, KNEE = range(9)
 RATE_HZ = 4000.0
 RESOLUTION_M = 0.5e-6
 LIMIT_V = 10.0
@@ -42,12 +42,12 @@ def run(kind: int, numbers: tuple[float, ...] = (), *, duration_s: float, seed: 
 
 
 @njit
-def _drive(u, x, kind, q, play):
+def _drive(u, x, kind, q, core):
     """What acts of a command that is there."""
     if kind == HALVES:
         return u * (1.0 + q[0]) if u > 0.0 else u * (1.0 - q[0])
-    if kind == PLAY:
-        return u - q[0] * (u - play)
+    if kind == CORE:
+        return u - q[0] * (u - core)
     if kind == MAGNET:
         return u * (1.0 - q[0] * math.exp(-((x - q[1]) ** 2) / q[2] ** 2))
     if kind == KNEE and u > q[2]:
@@ -61,13 +61,13 @@ def _drive(u, x, kind, q, play):
 def _closed_loop(xd, vd, ad, kind, q, bandwidth):
     """Give what the encoder shows and what was commanded.
 
-    q is: ZONE c, middle, half length - CREEP k, T - HALVES d - PLAY q, r - MAGNET g, place, width -
+    q is: ZONE c, middle, half length - CREEP k, T - HALVES d - CORE q, T - MAGNET g, place, width -
     CURRENT corner [Hz], dead time in its periods - JOINT shift, place, width - KNEE p, q, knee.
     """
     n, h = len(xd), 1.0 / RATE_HZ / SUBSTEPS
     y, u = np.zeros(n), np.zeros(n)
     inertia, viscous, coulomb, offset = BASE
-    x, v, before, stretch, play, current = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x, v, before, stretch, core, current = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n):
         shown = x
         if kind == JOINT:
@@ -81,7 +81,6 @@ def _closed_loop(xd, vd, ad, kind, q, bandwidth):
         asked += coulomb * 2.0 / math.pi * math.atan(SLOPE_S_M * vd[k])
         asked -= 2.0 * bandwidth * inertia * (de + 0.5 * bandwidth * e)
         u[k] = min(max(asked, -LIMIT_V), LIMIT_V)
-        play = max(u[k] - q[1], min(u[k] + q[1], play))
         for part in range(SUBSTEPS):
             acts = u[k]
             if kind == CURRENT:
@@ -99,9 +98,11 @@ def _closed_loop(xd, vd, ad, kind, q, bandwidth):
                     pulls += q[0] * v * min(max(0.5 + (q[2] - abs(x - q[1])) / 2e-3, 0.0), 1.0)
                 if kind == CREEP:
                     pulls += q[0] * stretch
-                a = (_drive(acts, x, kind, q, play) - pulls) / inertia
+                a = (_drive(acts, x, kind, q, core) - pulls) / inertia
                 speed = v
                 x, v = x0 + step * speed, v0 + step * a
             if kind == CREEP:
                 stretch = stretch * math.exp(-h / q[1]) + (x - x0)
+        if kind == CORE:
+            core = u[k] + (core - u[k]) * math.exp(-1.0 / RATE_HZ / q[1])
     return y, u

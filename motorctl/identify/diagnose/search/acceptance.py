@@ -53,6 +53,10 @@ on the simulated campaign."""
 SMALL_SHARE = 0.35
 """Part of what is left that an effect must take which takes no more than that small part. Larger
 misses weak effects, smaller names remainders. Chosen by hand on the simulated campaign."""
+IMPACT_SHARE = 0.3
+"""The same for impacts: their forms bend to what others leave at reversals, and where there are
+impacts they are no small thing. Larger misses weak ones, smaller names remainders. Chosen by hand
+on machines of other authors."""
 REPEATED_SHARE = 0.5
 """The same for a second effect where one move is repeated: all that is left there repeats too, and
 functions of place, time and speed can each draw a part of it. Larger misses true ones, smaller
@@ -105,6 +109,8 @@ def acceptable(
         least = AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
+    if form.effect.leaves_bursts:
+        least = max(least, IMPACT_SHARE)
     if taken < SMALL_PART * before.regressors.declared_held_out:
         least = max(least, SMALL_SHARE)
     if before.added and before.regressors.signals.repeats_s:

@@ -209,18 +209,20 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
     if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
-        kept = _standing(found, rival, names)
+        standing = {*_standing(found, rival, names), *_rough(found, explainable)}
+        kept = tuple(name for name in names if name in standing)
         share = _share_of(found, kept, explainable)
         if share < NAMED_ENOUGH[side]:
             return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
         return judged("effect", kept, rival)
     shaped = structured or coloured > most_coloured or bursting > most_bursts
+    rough = _rough(found, explainable)
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
-        return judged("unknown_structure", (), rival if structured else None)
+        return judged("unknown_structure", rough, rival if structured else None)
     if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise * more:
-        return judged("unknown_structure", (), None)
+        return judged("unknown_structure", rough, None)
     if 1.0 - named_share > LEFT_OVER[side] and coloured > most_coloured and not noisy:
-        return judged("unknown_structure", (), None)
+        return judged("unknown_structure", rough, None)
     return judged("effect", names, None)
 
 
@@ -293,6 +295,15 @@ def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[
         if beside > KEPT * alone:
             kept.append(name)
     return tuple(kept)
+
+
+def _rough(found: Found, explainable: float) -> tuple[str, ...]:
+    """Return the names whose own form leaves much, where they take enough to be told all the same.
+
+    What is left then speaks against a complete model, but not against them.
+    """
+    rough = tuple(effect.name for effect in found.final.added if effect.leaves_bursts)
+    return rough if rough and _share_of(found, rough, explainable) > SURE_BESIDE else ()
 
 
 def _share_of(found: Found, kept: tuple[str, ...], explainable: float) -> float:

@@ -1,0 +1,199 @@
+"""Lost motion between motor and load: a worn gear, a nut with play, a loose coupling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import Field
+
+from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.grids import log_grid, log_step
+from motorctl.model.knowledge import Picture, Spans
+
+Array = NDArray[np.float64]
+
+PER_DECADE = 10
+"""Gaps that are tried, a decade. More takes time, fewer start the refinement too far away. Chosen
+by hand."""
+COUNTS = 6.0
+"""Counts of the encoder that a gap has at least. Smaller takes rounding for a gap, larger misses
+fine ones. Chosen by hand."""
+SHORTEST, LONGEST = 2e-4, 0.03
+"""Gaps that are tried, as parts of the travel. Shorter ones are crossed too quickly to be seen,
+longer ones hardly leave a machine; wider takes time. Chosen by hand."""
+GLIDES = (0.03, 0.12, 0.5)
+"""Decelerations with which the load glides through the gap, as parts of the top acceleration.
+Wider or finer takes time, narrower starts the refinement too far away. Chosen by hand."""
+CONTACT_HZ = 80.0
+"""Frequency of the load on the flank's stiffness from which the search starts: gears and nuts of
+machines come to rest in some milliseconds. Larger wants a finer sampling, smaller looks like a
+spring. Chosen by hand."""
+BANDS = 2.0
+"""The same in bands of the recording, at most: a quicker contact is a blow between two samples.
+Larger is missed by the samples, smaller is slower than most contacts. Chosen by hand."""
+CONTACT_DAMPING = 0.8
+"""Its damping ratio. Larger sticks at once, smaller bounces for long; metal on grease lies between.
+Chosen by hand."""
+STEPS_A_TURN = 25.0
+"""Steps of the integration in a turn of that oscillation. Fewer damp it by rounding, more take
+time. Arithmetic: an implicit Euler step of 2 pi / 25 adds half of it to the damping ratio."""
+MOST_STEPS = 32
+"""Steps in a sample, at most: what is sampled more coarsely does not show the contact. Larger takes
+time on recordings that show nothing. Chosen by hand."""
+
+
+class BacklashOptions(EffectOptions):
+    """How wide the gap is, and how the load behaves in it and at its flanks."""
+
+    gap_m: float = Field(ge=1e-12, allow_inf_nan=False, description="g: from flank to flank")
+    glide_m_s2: float = Field(
+        ge=0.0, allow_inf_nan=False, description="d: deceleration of the load that is not pushed"
+    )
+    contact_hz: float = Field(
+        default=CONTACT_HZ, ge=1.0, le=1e4, description="of the load on the flank's stiffness"
+    )
+
+
+class Backlash(Effect):
+    """m times what the load's push on the motor lacks of, or has beyond, that of a fixed load.
+
+    The load is driven by the motor's motion through a gap: it glides, braked by its own friction d,
+    until a flank pushes it with stiffness and damping; flanks push, they do not pull (Nordin,
+    Gutman 2002, the physical model with a shaft that is damped). Inertia and friction count the
+    load as if it were fixed, so the column is the push of the flanks less that of a joint of the
+    same stiffness without a gap, per mass: it is zero as long as one flank is in touch.
+    """
+
+    name = "backlash"
+    kind = "state"
+    memory = 8
+    title = "Backlash before the load"
+    formula = "m * (push of the flanks - push of a joint without gap), per unit of the load's mass"
+    compensated = "feedforward with the load advanced along the desired motion"
+    identified = "linear in the load's inertia m; gap, glide and contact by a scan"
+    visible_in = (
+        "many reversals, quick ones and slow ones, with the encoder on the motor, and an encoder "
+        "that shows the gap with a dozen counts"
+    )
+    scan_shows_part = True
+    leaves_bursts = True
+    refuted_at_end = MappingProxyType({"gap_m": "either"})
+    revealed_by = ("fast_reversals", "slow_reversals")
+    Options = BacklashOptions
+    options: BacklashOptions
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """m: the inertia beyond the gap, contained in theta1."""
+        return (Parameter("inertia", "m", "V*s^2/m", 0.0, 1e3, 0.0, 0.1),)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """Half the gap [m], glide [m/s^2], stiffness [1/s^2], damping [1/s], steps a second."""
+        omega = 2.0 * math.pi * self.options.contact_hz
+        return (
+            0.5 * self.options.gap_m,
+            self.options.glide_m_s2,
+            omega * omega,
+            2.0 * CONTACT_DAMPING * omega,
+            STEPS_A_TURN * self.options.contact_hz,
+        )
+
+    @property
+    def picture(self) -> Picture:
+        """Force against the way after a reversal: within the gap the load is not pushed."""
+        return Picture(
+            "friction_after_reversal",
+            "Force against the way after each reversal, in the direction of the new motion: the "
+            "load is not pushed until the gap is passed.",
+            scale=self.options.gap_m,
+        )
+
+    @classmethod
+    def trials(cls, spans: Spans) -> Sequence[Effect]:
+        """Return gaps from a few counts to a thirtieth of the travel, each for several glides."""
+        contact_hz = min(CONTACT_HZ, BANDS * spans.band_hz)
+        low = max(COUNTS * spans.resolution_m, SHORTEST * spans.travel_m, 1e-12)
+        if not spans.acceleration_m_s2 > 0.0:
+            return ()
+        return [
+            cls(
+                BacklashOptions(
+                    gap_m=gap,
+                    glide_m_s2=part * spans.acceleration_m_s2,
+                    contact_hz=max(contact_hz, 1.0),
+                )
+            )
+            for part in GLIDES
+            for gap in log_grid(low, LONGEST * spans.travel_m, PER_DECADE)
+        ]
+
+    def steps(self, spans: Spans) -> Mapping[str, float]:
+        """Refine gap, glide and contact."""
+        return {
+            "gap_m": log_step(self.options.gap_m, PER_DECADE),
+            "glide_m_s2": max(0.5 * self.options.glide_m_s2, 1e-3 * spans.acceleration_m_s2),
+            "contact_hz": 0.3 * self.options.contact_hz,
+        }
+
+
+@njit(inline="always")
+def column(
+    j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
+) -> float:
+    """Return the flanks' push less that of a joint without a gap [m/s^2].
+
+    w is (that, last x, last v, way of the motor ahead of the load and the load's velocity with a
+    gap, and without one; started).
+    """
+    return float(w[0])
+
+
+@njit(inline="always")
+def _braked(p: float, most: float) -> float:
+    """Return a velocity after friction has taken at most so much of it."""
+    return p - most if p > most else (p + most if p < -most else 0.0)
+
+
+@njit(error_model="numpy")
+def advance(
+    w: Array, x: float, v: float, a: float, dt: float, others: Array, c: tuple[float, ...]
+) -> None:
+    """Take both loads along a motion whose velocity goes straight from the last to this.
+
+    Implicit Euler on the flanks, so stable at any sample rate. The push is that of the last step:
+    the mean over a sample would be half a sample late.
+    """
+    if w[7] == 0.0 or not dt > 0.0:
+        w[1], w[2], w[7] = x, v, 1.0
+        return
+    steps = int(min(max(math.ceil(dt * c[4]), 1.0), MOST_STEPS))
+    h = dt / steps
+    brake = c[1] * h
+    held = 1.0 + h * c[3] + h * h * c[2]
+    # the velocity's straight line misses the position by so much a step
+    drift = (x - w[1] - 0.5 * (v + w[2]) * dt) / steps
+    push = 0.0
+    for k in range(steps):
+        u = w[2] + (v - w[2]) * (k + 0.5) / steps
+        ahead = w[3] + drift + h * u
+        p, push = w[4], 0.0
+        depth = ahead - h * p
+        if abs(depth) > c[0]:
+            after = (p + h * (c[2] * (ahead - math.copysign(c[0], depth)) + c[3] * u)) / held
+            if (after - p) * depth > 0.0:  # flanks push, they do not pull
+                push = after - p
+                p = after
+        w[4] = _braked(p, brake)
+        w[3] = ahead - h * w[4]
+        ahead = w[5] + drift + h * u
+        after = (w[6] + h * (c[2] * ahead + c[3] * u)) / held
+        push -= after - w[6]
+        w[6] = _braked(after, brake)
+        w[5] = ahead - h * w[6]
+    w[0], w[1], w[2] = push / h, x, v
