@@ -36,6 +36,7 @@ from motorctl.identify.columns.stretches import (
     at_rest,
     make_stretch,
     quiet_band_hz,
+    quiet_velocity,
     smoothed,
 )
 from motorctl.model import Effect, Spans
@@ -60,6 +61,9 @@ longer, so more rows are dropped at the ends; larger asks for a higher row rate.
 ROWS_PER_BAND = 3.0
 """Row rate in multiples of the band. Below 2 EDGE = 2.5 the edge aliases (Nyquist); larger repeats
 what neighbouring rows say and takes time. Arithmetic, with room chosen by hand."""
+FADES_FROM = 0.25
+"""Part of the unused ends of a stretch that is left out wholly before it fades in. Larger fades in
+more abruptly, smaller lets the ends' errors in. Chosen by hand."""
 MOTION_PER_BAND = 6.0
 """Least rate at which columns of the motion are formed, in multiples of the band. Smaller lets
 harmonics of friction's steps alias into the band, larger takes time. Chosen by hand."""
@@ -81,6 +85,8 @@ loses recordings with many gaps. Chosen by hand."""
 FEWEST_ROWS = 100
 """Fewest rows in motion with which diagnosis begins. Smaller names effects from next to nothing,
 larger refuses short recordings. Chosen by hand."""
+UNIFORM = math.sqrt(12.0)
+"""Count of an encoder over the rms of its rounding error: that of a uniform distribution."""
 MOST_GAINS = 64
 """Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
 forms them again. Chosen by hand."""
@@ -100,9 +106,13 @@ class Signals:
     """For each stretch, which of its rows are used."""
     position_noise: float
     """One-sided density of the measured position's noise [unit^2/Hz]."""
+    trim: int = 0
+    """Rows at each end of a stretch that are never used."""
     repeats_s: float = 0.0
     """After what time the recording's one move begins again; 0 where it does not."""
     _gains: dict[tuple[int, CommandPath], NDArray[Any]] = field(default_factory=dict, repr=False)
+    _quiet: dict[float, list[Array]] = field(default_factory=dict, repr=False)
+    """The velocity that friction depends on, of each stretch, by its band [Hz]."""
 
     @property
     def rows(self) -> int:
@@ -122,6 +132,19 @@ class Signals:
     def with_response(self, response: Response) -> Signals:
         """Return the same signals behind another filter."""
         return replace(self, response=response, _gains={})
+
+    def turning_over(self, slope_s_m: float | None) -> Signals:
+        """Return the same signals with the velocity on which a friction of this slope depends."""
+        quiet_hz = quiet_band_hz(self.position_noise, self.band_hz, slope_s_m)
+        if quiet_hz not in self._quiet:
+            self._quiet[quiet_hz] = [
+                quiet_velocity(s.position, quiet_hz, self.period_s) for s in self.stretches
+            ]
+        stretches = tuple(
+            replace(s, quiet=quiet)
+            for s, quiet in zip(self.stretches, self._quiet[quiet_hz], strict=True)
+        )
+        return replace(self, stretches=stretches)
 
     def picked(self, signal: Callable[[Stretch], Array]) -> Array:
         """Return an unfiltered signal at the rows, (m,)."""
@@ -262,9 +285,18 @@ class Signals:
         margin = 2 * math.ceil(TRIM_PERIODS / self.band_hz / self.row_period_s)
         rows = fft.next_fast_len(-(-n // step) + margin, real=True)
         padded = np.zeros((columns.shape[0], rows * step))
-        padded[:, :n] = columns
-        padded[:, n:] = columns[:, -1:]
+        padded[:, :n] = columns * self._fading(n, self.trim * step)
         return fft.rfft(padded, axis=1)[:, : rows // 2 + 1] / step, rows
+
+    def _fading(self, samples: int, trim: int) -> Array:
+        """Return what fades a stretch in and out over the ends that no row uses, (N,).
+
+        Smoothed signals are wrong at the ends, and a whitening filter would carry that far inside.
+        Every column fades alike, so the equation between them holds all the same.
+        """
+        inside = np.minimum(np.arange(samples), np.arange(samples)[::-1]) / max(trim, 1)
+        place = np.clip((inside - FADES_FROM) / (1.0 - FADES_FROM), 0.0, 1.0)
+        return np.asarray(0.5 * (1.0 - np.cos(np.pi * place)))
 
     def _gain(self, rows: int, undo: CommandPath) -> NDArray[Any]:
         key = rows, undo
@@ -358,6 +390,7 @@ def make_signals(
         stretches=tuple(stretches),
         kept=tuple(kept),
         position_noise=density,
+        trim=trim,
         repeats_s=period_of(max((s.v for s in stretches), key=len), data.period_s),
     )
 
@@ -405,7 +438,7 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
             kept.append(inner[: -(-len(stretches[-1].x) // d)])
     if not stretches:  # few rows over a long time
         return signals
-    return replace(signals, stretches=tuple(stretches), kept=tuple(kept), _gains={})
+    return replace(signals, stretches=tuple(stretches), kept=tuple(kept), _gains={}, _quiet={})
 
 
 def spans_of(signals: Signals) -> Spans:
@@ -427,7 +460,7 @@ def spans_of(signals: Signals) -> Spans:
         time_s=(float(signals.stretches[0].time_s[0]), float(signals.stretches[-1].time_s[-1])),
         period_s=signals.period_s,
         band_hz=signals.band_hz,
-        resolution_m=resolution or 0.0,
+        resolution_m=max(resolution or 0.0, UNIFORM * signals.position_noise_rms),
         other_axes=tuple(others),
         rotary=signals.data.position_unit == "rad",
         reversal_m_s2=min(filter(None, turns), default=0.0),

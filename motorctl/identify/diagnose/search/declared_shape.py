@@ -11,8 +11,8 @@ import math
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, acceleration_form
-from motorctl.model import EffectList, Spans, basic_effects
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.model import EffectList, Spans
 from motorctl.model.grids import log_grid
 from motorctl.model.sign_function import SHAPES, Shape, Sign, sign_of, with_sign
 
@@ -49,10 +49,19 @@ def reshaped(hypothesis: Hypothesis, spans: Spans, quick: bool = False) -> Hypot
 
 
 def _takes_energy(hypothesis: Hypothesis) -> bool:
-    """Return whether the friction of each direction brakes."""
-    direction = basic_effects()["direction"].name
-    b = acceleration_form(hypothesis.solution.b, hypothesis.regressors.side)
-    return all(b[i] < 0.0 for i, name in enumerate(hypothesis.names) if name == direction)
+    """Return whether friction, all of it together, brakes in each direction of motion."""
+    signals = hypothesis.regressors.signals
+    frictions = [e for e in hypothesis.of_kind("state") if "friction" in e.groups]
+    names = {effect.name for effect in frictions}
+    of_friction = [i for i, name in enumerate(hypothesis.names) if name in names]
+    force = (
+        hypothesis.solution.b[of_friction] @ hypothesis.problem.joined(signals.rows)[of_friction]
+    )
+    if hypothesis.regressors.side == "command":  # there it is what the command has to overcome
+        force = -force
+    power = signals.picked(lambda s: s.v) * force
+    forward = signals.picked(lambda s: s.v) > 0.0
+    return float(power[forward].sum()) <= 0.0 and float(power[~forward].sum()) <= 0.0
 
 
 def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans, quick: bool) -> Hypothesis:

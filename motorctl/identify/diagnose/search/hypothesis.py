@@ -25,6 +25,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, basic_effects, known_effects
 from motorctl.model.columns import input_columns, state_columns
+from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,7 @@ class Regressors:
         """Return regressors of another declared model; columns that both have are formed once."""
         other = copy.copy(self)
         other.declared = declared
+        other.signals = self.signals.turning_over(slope_of(declared.effects))
         for name in _OF_DECLARED:
             other.__dict__.pop(name, None)
         return other
