@@ -68,7 +68,7 @@ class Presliding(Effect):
         """F_h takes the place of as much Coulomb friction; sigma is LuGre's sigma_1."""
         return (
             Parameter("force", "F_h", "V", 0.0, 1e3, 0.0, 1.0),
-            Parameter("micro_damping", "sigma", "V*s/m", -1e4, 1e4, 0.0, 10.0),
+            Parameter("micro_damping", "sigma", "V*s/m", 0.0, 1e4, 0.0, 10.0),
         )
 
     @property

@@ -15,6 +15,9 @@ from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 12
+SEEN_PERIODS = 0.5
+"""Periods of the highest frequency that passing the speed takes at least. Larger doubts true
+Stribeck friction, smaller takes the corner of any friction for it. Chosen by hand."""
 
 
 class StribeckOptions(SlopeOptions):
@@ -48,8 +51,8 @@ class Stribeck(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """F_s: negative where friction is lower at low speed."""
-        return (Parameter("", "F_s", "V", -1e3, 1e3, 0.0, 1.0),)
+        """F_s, never negative: friction that is lower at low speed only turns over less steeply."""
+        return (Parameter("", "F_s", "V", 0.0, 1e3, 0.0, 1.0),)
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -67,12 +70,18 @@ class Stribeck(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return speeds up to a third of the top speed, decaying as exp and as a bell."""
+        """Return speeds up to a third of the top speed, decaying as exp and as a bell.
+
+        None that every reversal passes in less time than a part of the band's period: what happens
+        there is the corner of friction.
+        """
         # slower than where Sf turns over, the two cannot be told apart
         turnover = 1.0 / StribeckOptions.model_fields["slope_s_m"].default
         slowest = max(spans.speed_m_s / 5e3, turnover)
         if slowest > spans.speed_m_s / 6.0:
             slowest = max(spans.speed_m_s / 5e3, 1e-9)
+        unseen = spans.reversal_m_s2 * SEEN_PERIODS / spans.band_hz
+        slowest = max(slowest, min(unseen, spans.speed_m_s / 6.0))
         speeds = log_grid(slowest, spans.speed_m_s / 3.0, PER_DECADE)
         return [
             cls(StribeckOptions(velocity_m_s=speed, exponent=exponent))

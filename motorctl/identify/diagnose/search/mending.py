@@ -61,6 +61,7 @@ def mended(
     alone = reshaped(hypothesis, spans)
     if alone is None:
         return None
+    alone = settled(alone, spans)
     tried = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
     trials = [trial for trial in tried if trial is not None]
     both = min(trials, key=lambda h: h.held_out, default=None)

@@ -51,7 +51,7 @@ from motorctl.identify.diagnose.search.whitening import (
 )
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, Spans
-from motorctl.model.sign_function import Sign, sign_of
+from motorctl.model.sign_function import Sign, sign_of, slope_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -95,7 +95,7 @@ effects, smaller names chance. Chosen by hand on the simulated campaign."""
 DOWN_TO_NOISE = 1.2
 """Squared residual over that of noise alone, below which the search ends. Larger misses weak
 effects, smaller looks for names in noise. Chosen by hand."""
-AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.5}
+AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.4}
 """Part of the best form's gain from which another is taken where the best is not acceptable, by the
 left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
 LOSES = 0.1
@@ -215,8 +215,11 @@ def search(
             whole = without_unneeded(settled(better.whole, spans), spans)
             added, declared = whole.added, whole.regressors.declared
             sign = sign_of(declared.effects)
+            signals = whole.regressors.signals
             regressors, noise = whitened(signals, declared, added, side, catalogue)
             hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
+            newest = "" if better.taken is None else better.taken.effect.name
+            hypothesis = sideways(hypothesis, rivals, spans, sign, newest, steps)
             added = hypothesis.added
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
@@ -317,6 +320,7 @@ def over_all(found: Found, signals: Signals, catalogue: Catalogue | None) -> Fou
     if signals.rows == found.final.regressors.signals.rows:
         return found
     added, old = found.final.added, found.final.regressors
+    signals = signals.turning_over(slope_of(old.declared.effects))
     regressors, noise = whitened(signals, old.declared, added, old.side, catalogue)
     final = Hypothesis(regressors, added).refreshed()
     base = Hypothesis(regressors).refreshed()
@@ -367,7 +371,9 @@ def sideways(
             continue
         rest = hypothesis.without(effect.name)
         forms = ranked(rest, list(dict.fromkeys(classes)), spans, sign)
-        if forms and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01):
+        forms = [f for f in forms if not at_bound(f.effect, spans)]
+        better = bool(forms) and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01)
+        if better and beyond_physics(rest.plus(forms[0].effect)) is None:
             old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
             steps.append(Step((*forms, old), rest, forms[0]))
             hypothesis = settled(rest.plus(forms[0].effect), spans)
