@@ -158,7 +158,7 @@ def diagnose_axis(
     check_motion(data, signals)
     model, dropped = carried(signals, declared)
     plain = too_plain(signals)
-    heard = check_explains(data, signals, model, bool(plain))
+    heard = check_explains(data, signals, model, bool(plain), moving)
     hint = late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     if band_hz < signals.band_hz:

@@ -40,6 +40,7 @@ def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> 
     final = found.final
     rest = final.without(effect.name)
     strangers = outside_family(found, effect, [each.name for each in others])
+    others = [each for each in others if not _contains(found, each.name, effect)]
     noise = max(final.noise_sse(found.force_noise), 1e-300)
     return Evidence(
         gain=gain(rest, final.held_out) / LEAST_GAIN,
@@ -48,6 +49,14 @@ def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> 
         unexplained=min(max(1.0 - explained_share(found), 0.0), 1.0),
         over_noise=math.sqrt(max(final.held_out / noise, 1.0)),
     )
+
+
+def _contains(found: Found, other: str, effect: Effect) -> bool:
+    """Return whether another effect is a spline of the same family: it can draw any form of it."""
+    cls = found.final.regressors.catalogue.get(other)
+    if cls is None or effect.is_spline or cls.family() != effect.family():
+        return False
+    return any(form.is_spline for form in cls.trials(found.spans))
 
 
 def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:

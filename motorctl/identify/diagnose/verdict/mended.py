@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from motorctl.identify.diagnose.result import MendedTerm
 from motorctl.identify.diagnose.search.declared_shape import turning_over
 from motorctl.identify.diagnose.search.search import Found
@@ -15,19 +17,31 @@ is said to matter. Larger credits forms with nothing, smaller hides what they ar
 hand."""
 
 
+def with_better_base(found: Found, declared: EffectList) -> Found:
+    """Return a search's outcome whose errors before are those of the better form of friction.
+
+    A form that shows only beside missing effects may be worse without them than the declared one.
+    """
+    sign = sign_of(declared.effects)
+    if sign is None or sign == sign_of(found.base.regressors.declared.effects):
+        return found
+    plain = turning_over(found.base, sign).refreshed()
+    return replace(found, base=plain) if plain.held_out < found.base.held_out else found
+
+
 def mended_terms(
     found: Found, declared: EffectList, split: Split, unit: str
 ) -> tuple[MendedTerm, ...]:
     """Return the effects of `declared` that the search took in another form."""
-    used = {effect.name: effect for effect in found.base.regressors.declared.effects}
-    sign = sign_of(declared.effects)
+    final = found.final.regressors.declared.effects
+    used = {effect.name: effect for effect in final}
+    sign, taken = sign_of(declared.effects), sign_of(final)
     changed = [e for e in declared.effects if e.name in used and e.options != used[e.name].options]
-    if not changed or sign is None:
+    if not changed or sign is None or taken is None:
         return ()
 
-    declared_form = turning_over(found.base, sign)
-    before = held_out_rms(found, declared_form.problem, split)
-    after = held_out_rms(found, found.base.problem, split)
+    before = held_out_rms(found, turning_over(found.base, sign).problem, split)
+    after = held_out_rms(found, turning_over(found.base, taken).problem, split)
     meaning = (
         f"this alone takes the held-out error from {before:.3g} to {after:.3g} {unit} rms, and no "
         "effect is missing for it"

@@ -16,6 +16,7 @@ from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.verdict.simulated_position import (
     Missed,
+    Rows,
     judge_by_simulation,
     simulated_position,
 )
@@ -28,13 +29,19 @@ CERTAIN = 1e-9
 """Relative size below which a simulation that is worse means nothing: rounding. Convention."""
 
 
-def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
-    """Return a search's outcome without effects that are refuted, and for each of them why."""
+def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without effects that are refuted, and for each of them why.
+
+    Simulated positions are compared over all rows and, where they are told, over those held out,
+    (m,): a model must be further from the recording on neither.
+    """
     notes: list[str] = []
     final = found.final
-    missed = simulated_position(found.base) if final.added else {}
+    asked = (None,) if held_out is None else (None, held_out)
+    before = [(rows, simulated_position(found.base, rows)) for rows in asked if final.added]
     while final.added:
-        refuted = beyond_physics(final) or _worse_when_simulated(missed, final)
+        worse = (_worse_when_simulated(missed, final, rows) for rows, missed in before)
+        refuted = beyond_physics(final) or next(filter(None, worse), None)
         if refuted is None:
             break
         effect, why = refuted
@@ -45,23 +52,25 @@ def without_refuted(found: Found) -> tuple[Found, tuple[str, ...]]:
     return replace(found, final=final, rival_gains=rival_gains(final)), tuple(notes)
 
 
-def _worse_when_simulated(before: Missed, final: Hypothesis) -> tuple[Effect, str] | None:
+def _worse_when_simulated(
+    before: Missed, final: Hypothesis, rows: Rows | None
+) -> tuple[Effect, str] | None:
     """Find the effect without which the model's own motion is nearest to the recorded one.
 
-    `before` is what the declared model misses. Errors of the measurement change no motion and are
-    not asked.
+    `before` is what the declared model misses on the same rows. Errors of the measurement change no
+    motion and are not asked.
     """
     signals = final.regressors.signals
     suspects = [effect for effect in final.added if effect.kind != "measurement"]
     if not suspects:
         return None
-    simulated = judge_by_simulation(signals, before, simulated_position(final))
+    simulated = judge_by_simulation(signals, before, simulated_position(final, rows))
     rounding = CERTAIN * float(np.ptp(signals.stretches[0].x))
     if simulated is None or simulated.worse <= WORSE or simulated.after_rms < rounding:
         return None
 
     def left(effect: Effect) -> float:
-        missed = simulated_position(final.without(effect.name).refreshed())
+        missed = simulated_position(final.without(effect.name).refreshed(), rows)
         rest = judge_by_simulation(signals, before, missed)
         return np.inf if rest is None else rest.worse
 
