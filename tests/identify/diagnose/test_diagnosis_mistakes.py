@@ -12,6 +12,7 @@ from other_plant import SHAPES, OtherPlant
 from motorctl.errors import DataError
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.recording_checks import check_explains
 from motorctl.identify.fit.recording import fit_axis
@@ -68,3 +69,56 @@ def test_a_joint_under_gravity_is_no_reversed_sign_for_fit_either():
     with pytest.raises(DataError, match=r"a force of the place, such as a weight") as refusal:
         fit_axis(data, C1)
     assert "sign" not in str(refusal.value)
+
+
+ARM = OtherPlant(
+    inertia=0.05, gravity=6.0, travel=2.5, peak_velocity=1.5, bandwidth_hz=6.0, resolution=1e-5
+)
+
+
+def test_exchanged_commands_of_two_axes_are_told_with_the_other_axis():
+    own = OtherPlant(width_m_s=2e-3).run(seed=5, duration_s=8.0)
+    beside = OtherPlant(width_m_s=2e-3).run(seed=6, duration_s=8.0)
+    exchanged = replace(own, command=beside.command)
+    others = {"y": replace(beside, axis="y", command=own.command)}
+    with pytest.raises(DataError, match=r"that of axis y does: .* exchange the two columns"):
+        check_explains(exchanged, make_signals(exchanged), C1, others=others)
+
+
+def test_an_axis_that_others_may_load_is_not_refused_beside_them():
+    own = OtherPlant(width_m_s=2e-3).run(seed=5, duration_s=8.0)
+    beside = OtherPlant(width_m_s=2e-3).run(seed=6, duration_s=8.0)
+    loaded = replace(own, command=np.roll(own.command, 7000))
+    with pytest.raises(DataError, match=r"record them beside it"):
+        check_explains(loaded, make_signals(loaded), C1)
+    check_explains(loaded, make_signals(loaded), C1, others={"y": replace(beside, axis="y")})
+
+
+def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_a_force_of_position():
+    moved = ARM.run(seed=4, duration_s=12.0)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(len(moved.position))
+    held = replace(
+        moved, command=3.3 * np.sin(moved.position) + noise, reference=None,
+        position_unit="rad", command_unit="N*m",
+    )  # fmt: skip
+    found = diagnose_axis(held, C1)
+    assert found.unknown is not None  # no inertia: a simulation cannot tell which
+    assert found.unknown.family == "force_of_position"
+
+
+def refusal(data):
+    """Return why a recording is refused; nothing where it is not."""
+    try:
+        heard(data)
+    except DataError as error:
+        return str(error)
+    return ""
+
+
+def test_a_torque_that_is_held_is_never_called_reversed():
+    moved = ARM.run(seed=4, duration_s=12.0)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(moved.position))
+    pushed = -0.02 * np.gradient(np.gradient(moved.position, 2e-4), 2e-4)
+    smooth = np.convolve(pushed, np.ones(500) / 500, "same")
+    held = replace(moved, command=1.0 + noise + smooth, reference=None, position_unit="rad")
+    assert "reversed" not in refusal(held)

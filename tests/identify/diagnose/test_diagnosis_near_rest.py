@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from fit_plant import C1
+from other_plant import OtherPlant
 
 from motorctl.identify.columns.reversals import slow_reversal
+from motorctl.identify.columns.signals import make_signals, spans_of
 from motorctl.identify.columns.stretches import Stretch, sticks
+from motorctl.identify.diagnose.recording import diagnose_axis
+from motorctl.identify.diagnose.search.declared_shape import reshaped
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.search import whitened
+from motorctl.model import effect_class, make_effect
+from motorctl.model.sign_function import sign_of
 
 PERIOD_S = 2e-4
 T = np.arange(0.0, 2.0, PERIOD_S)
@@ -47,3 +58,58 @@ def test_slow_motion_that_the_encoder_shows_is_kept():
 
 def test_an_encoder_too_coarse_to_tell_slow_motion_from_rest_drops_nothing():
     assert not dropped(STUCK, 1e-3).any()
+
+
+GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 2e-5), ("clip", 0.05, 5e-6)]
+
+
+@pytest.mark.parametrize(("shape", "width_m_s", "resolution"), GENTLE)
+def test_the_width_of_a_gentle_friction_is_found_through_a_coarse_encoder(
+    shape, width_m_s, resolution
+):
+    plant = OtherPlant(shape=shape, width_m_s=width_m_s, resolution=resolution)
+    found = diagnose_axis(plant.run(seed=3, duration_s=12.0), C1)
+    assert (found.verdict, found.effects) == ("complete", ()), found.sentence
+    assert found.mended[0].options["slope_s_m"] == pytest.approx(1.0 / width_m_s, rel=0.03)
+    assert found.error.held_out_after_rms < 2.5 * found.error.noise_floor_rms
+
+
+def test_a_weight_under_a_friction_of_another_shape_is_gravity_and_no_spline():
+    joint = OtherPlant(
+        inertia=0.05, gravity=2.0, shape="clip", width_m_s=0.1, travel=2.5, peak_velocity=1.5,
+        bandwidth_hz=6.0, resolution=1e-5,
+    )  # fmt: skip
+    data = replace(joint.run(seed=2, duration_s=12.0), position_unit="rad", command_unit="A")
+    found = diagnose_axis(data, C1)
+    assert [effect.name for effect in found.effects] == ["gravity"], found.sentence
+    assert found.mended[0].options["slope_s_m"] == pytest.approx(10.0, rel=0.05)
+
+
+def tried(plant, *names):
+    """Return friction of the best shape beside some effects, on a motion of the plant."""
+    signals = make_signals(plant.run(seed=3, duration_s=8.0), slope_s_m=900.0)
+    added = tuple(make_effect(effect_class(name), options) for name, options in names)
+    regressors, _ = whitened(signals, C1, added)
+    return Hypothesis(regressors, added).refreshed(), spans_of(signals)
+
+
+def test_a_shape_is_found_that_only_brakes_together_with_what_was_added():
+    hypothesis, spans = tried(
+        OtherPlant(shape="tanh", width_m_s=8e-3),
+        ("warming_friction", {"time_constant_s": 500.0}),
+    )
+    shaped = reshaped(hypothesis, spans)
+    assert shaped is not None
+    assert sign_of(shaped.regressors.declared.effects).slope_s_m == pytest.approx(125.0, rel=0.03)
+
+
+def test_what_is_wrong_at_the_ends_of_a_stretch_does_not_reach_the_rows():
+    data = OtherPlant().run(seed=3, duration_s=4.0)
+    signals = make_signals(data)
+    slow = signals.with_response(lambda frequency: 1.0 / (1.0 + (frequency / 0.5) ** 4))
+    sound = [np.sin(s.time_s)[None] for s in signals.stretches]
+    wrong = [part.copy() for part in sound]
+    for part in wrong:
+        part[:, :5] += 1e3
+        part[:, -5:] -= 1e3
+    assert np.array_equal(slow.filtered(wrong), slow.filtered(sound))
