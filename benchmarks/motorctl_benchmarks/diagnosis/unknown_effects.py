@@ -37,11 +37,6 @@ def _friction_bump(draw: Draw, axis: AxisPlant) -> Options:
     }
 
 
-def _thrust_hysteresis(draw: Draw, _: AxisPlant) -> Options:
-    """Draw 0.15 to 0.3 V that turn over 0.5 to 2 V of command."""
-    return {"force_v": draw.uniform(0.15, 0.30), "voltage_v": draw.uniform(0.5, 2.0)}
-
-
 def _wandering_force(draw: Draw, _: AxisPlant) -> Options:
     """Draw 0.04 to 0.12 V rms that wander within 0.05 to 1 s."""
     return {"rms_v": draw.uniform(0.04, 0.12), "time_constant_s": draw.log_uniform(0.05, 1.0)}
@@ -70,7 +65,6 @@ UNKNOWN: dict[str, Drawer] = {
     "backlash": _backlash,
     "friction_patch": _friction_patch,
     "friction_bump": _friction_bump,
-    "thrust_hysteresis": _thrust_hysteresis,
     "wandering_force": _wandering_force,
     "cable_hysteresis": _cable_hysteresis,
     "force_steps": _force_steps,
