@@ -107,6 +107,12 @@ class CarriedOver:
     """What the reader of the refined configuration has to know, as a sentence."""
 
 
+SEEN_PERIODS = 0.5
+"""Periods of the highest frequency that something at a reversal takes at least to be told from any
+other turning over. Larger doubts true presliding and Stribeck friction, smaller takes the corner of
+any friction for them. Chosen by hand."""
+
+
 @dataclass(frozen=True)
 class Spans:
     """What a recording spans: from it an effect tells which of its forms are worth trying."""
@@ -126,7 +132,7 @@ class Spans:
     band_hz: float
     """Highest frequency that is looked at."""
     resolution_m: float
-    """One count of the encoder; 0 where it is not known."""
+    """One count of the encoder, or what is as noisy; 0 where it is not known."""
     other_axes: tuple[str, ...] = ()
     """Axes whose motion was recorded too."""
     rotary: bool = False
@@ -143,3 +149,13 @@ class Spans:
     def duration_s(self) -> float:
         """Time from the first to the last sample."""
         return self.time_s[1] - self.time_s[0]
+
+    @property
+    def unseen_way_m(self) -> float:
+        """Way that every reversal makes before the band shows it."""
+        return 0.5 * self.reversal_m_s2 * (SEEN_PERIODS / self.band_hz) ** 2
+
+    @property
+    def unseen_speed_m_s(self) -> float:
+        """Speed that every reversal reaches before the band shows it."""
+        return self.reversal_m_s2 * SEEN_PERIODS / self.band_hz

@@ -129,6 +129,11 @@ class Signals:
         """Time between rows."""
         return self.period_s * self.decimation
 
+    @property
+    def largest_command(self) -> float:
+        """Largest command of all stretches, in either direction."""
+        return max(float(np.abs(s.command).max()) for s in self.stretches)
+
     def with_response(self, response: Response) -> Signals:
         """Return the same signals behind another filter."""
         return replace(self, response=response, _gains={})
@@ -445,7 +450,6 @@ def spans_of(signals: Signals) -> Spans:
     """Return what the rows of the signals span."""
     x = np.concatenate([s.x for s in signals.stretches])
     v = np.concatenate([s.v for s in signals.stretches])
-    u = np.concatenate([s.command for s in signals.stretches])
     a = np.gradient(v, signals.period_s)
     others = signals.stretches[0].others
     resolution = signals.data.resolution
@@ -456,7 +460,7 @@ def spans_of(signals: Signals) -> Spans:
         position_m=(float(x.min()), float(x.max())),
         speed_m_s=float(np.percentile(np.abs(v), 99.5)),
         acceleration_m_s2=float(np.percentile(np.abs(a), 99.5)),
-        command_v=float(np.abs(u).max()),
+        command_v=signals.largest_command,
         time_s=(float(signals.stretches[0].time_s[0]), float(signals.stretches[-1].time_s[-1])),
         period_s=signals.period_s,
         band_hz=signals.band_hz,

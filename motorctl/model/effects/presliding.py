@@ -23,9 +23,6 @@ COUNTS = 3.0
 """Less motion than this many counts is not seen to turn the friction over."""
 LONGEST_PART = 5e-3
 """The displacement over the travel, at most: a longer one is a spring."""
-SEEN_PERIODS = 0.5
-"""Periods of the highest frequency that passing the displacement takes at least. Larger doubts true
-presliding, smaller takes any other turning over for it. Chosen by hand."""
 
 
 class PreslidingOptions(SlopeOptions):
@@ -93,8 +90,7 @@ class Presliding(Effect):
         None that is passed in less time than a part of the band's period: such a turning over looks
         like any other.
         """
-        unseen = 0.5 * spans.reversal_m_s2 * (SEEN_PERIODS / spans.band_hz) ** 2
-        low = max(COUNTS * spans.resolution_m, 2e-6 * spans.travel_m, unseen, 1e-12)
+        low = max(COUNTS * spans.resolution_m, 2e-6 * spans.travel_m, spans.unseen_way_m, 1e-12)
         high = max(LONGEST_PART * spans.travel_m, 30.0 * low)
         if not spans.travel_m > high:
             return ()

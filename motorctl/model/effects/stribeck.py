@@ -15,9 +15,6 @@ from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 12
-SEEN_PERIODS = 0.5
-"""Periods of the highest frequency that passing the speed takes at least. Larger doubts true
-Stribeck friction, smaller takes the corner of any friction for it. Chosen by hand."""
 
 
 class StribeckOptions(SlopeOptions):
@@ -80,8 +77,7 @@ class Stribeck(Effect):
         slowest = max(spans.speed_m_s / 5e3, turnover)
         if slowest > spans.speed_m_s / 6.0:
             slowest = max(spans.speed_m_s / 5e3, 1e-9)
-        unseen = spans.reversal_m_s2 * SEEN_PERIODS / spans.band_hz
-        slowest = max(slowest, min(unseen, spans.speed_m_s / 6.0))
+        slowest = max(slowest, min(spans.unseen_speed_m_s, spans.speed_m_s / 6.0))
         speeds = log_grid(slowest, spans.speed_m_s / 3.0, PER_DECADE)
         return [
             cls(StribeckOptions(velocity_m_s=speed, exponent=exponent))

@@ -33,7 +33,7 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
         effect = hypothesis.added[-1]
         return effect, f"{effect.name} is refuted: with it the inertia would be negative"
     values = values_of(hypothesis)
-    largest = _largest_command(hypothesis)
+    largest = hypothesis.regressors.signals.largest_command
     for own in hypothesis.added:
         effect = next(e for e in values.model.effects if e.name == own.name)
         theta, error = theta_of(values, effect)
@@ -71,9 +71,4 @@ def is_physical(hypothesis: Hypothesis, beside: Compensation) -> bool:
     if solve(beside[1]).b[0] <= 0.0:
         return False
     force, _ = theta_of(values_of(hypothesis, beside), beside[0])
-    return bool(np.abs(force).max() <= BEYOND * _largest_command(hypothesis))
-
-
-def _largest_command(hypothesis: Hypothesis) -> float:
-    stretches = hypothesis.regressors.signals.stretches
-    return max(float(np.abs(s.command).max()) for s in stretches)
+    return bool(np.abs(force).max() <= BEYOND * hypothesis.regressors.signals.largest_command)

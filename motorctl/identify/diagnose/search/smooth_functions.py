@@ -66,7 +66,6 @@ class SmoothFunctions:
         top = float(np.percentile(np.abs(self._v), 99.9))
         side = np.geomspace(top / SPEED_RANGE, top, VELOCITY_KNOTS)
         self._speeds = np.concatenate([-side[::-1], [0.0], side])
-        self._top_command = max(float(np.abs(s.command).max()) for s in signals.stretches)
 
     def columns(self, name: str) -> Array:
         """Return the filtered columns of a rival, (p, m)."""
@@ -96,7 +95,8 @@ class SmoothFunctions:
             count = min(max(4, round((last - first) / TIME_KNOT_S)), MOST_TIME_KNOTS)
             return hats(t, np.linspace(first, last, count))
         if name == "command":
-            return hats(u, np.linspace(-self._top_command, self._top_command, 2 * COMMAND_KNOTS))
+            top = self.signals.largest_command
+            return hats(u, np.linspace(-top, top, 2 * COMMAND_KNOTS))
         if name == "position_and_direction":
             return np.asarray(hats(x, np.linspace(low, high, 24)) * np.tanh(v / self._speeds[-8]))
         if name == "position_and_command":

@@ -40,7 +40,7 @@ def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict
     starts = dict(zip(declared.names, _starts(declared), strict=True))
     if not curved:
         return declared, {}
-    largest = max(float(np.abs(s.command).max()) for s in signals.stretches)
+    largest = signals.largest_command
     if signals.data.command_unit != "V":
         why = f"the command is in {signals.data.command_unit}, not the voltage that saturates"
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)

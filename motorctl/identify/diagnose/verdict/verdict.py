@@ -208,15 +208,15 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
             return replace(judged("complete", (), None), faint=True)
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
+    rough = _rough(found, explainable)
     if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
-        standing = {*_standing(found, rival, names), *_rough(found, explainable)}
+        standing = {*_standing(found, rival, names), *rough}
         kept = tuple(name for name in names if name in standing)
         share = _share_of(found, kept, explainable)
         if share < NAMED_ENOUGH[side]:
             return judged("unknown_structure", kept if share > SURE_BESIDE else (), rival)
         return judged("effect", kept, rival)
     shaped = structured or coloured > most_coloured or bursting > most_bursts
-    rough = _rough(found, explainable)
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
         return judged("unknown_structure", rough, rival if structured else None)
     if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise * more:
