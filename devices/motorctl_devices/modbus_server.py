@@ -102,12 +102,16 @@ class ModbusTcp(ModbusEndpoint):
         self._port = self._server.getsockname()[1]
 
     def close(self) -> None:
-        """Hang up on all clients and stop listening."""
-        for number in list(self._clients):
-            self._hang_up(number)
+        """Stop listening and hang up on all clients.
+
+        In this order: a client that sees the end and calls again at once is refused, not taken in
+        by a server that closes.
+        """
         if self._server is not None:
             self._server.close()
             self._server = None
+        for number in list(self._clients):
+            self._hang_up(number)
 
     def filenos(self) -> list[int]:
         """Return the file descriptors to wait on."""

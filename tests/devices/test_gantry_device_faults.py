@@ -223,7 +223,7 @@ def test_a_reset_hangs_up_on_tcp_and_counts_begin_anew(tmp_path) -> None:
             def hung_up() -> bool:
                 try:
                     seen.append(peer.exchange((2.0, 0.0))["counts"][0])
-                except OSError:
+                except ConnectionError:
                     return True
                 return False
 
