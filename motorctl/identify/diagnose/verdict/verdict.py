@@ -43,6 +43,9 @@ drops right ones. Chosen by hand."""
 SURE_BESIDE = 0.3
 """Part of the explainable error that named effects must take to be told beside unknown structure.
 Larger hides right names, smaller tells wrong ones. Chosen by hand."""
+PROMINENT = 0.6
+"""Part of the explainable error that one effect must take alone to be told beside what is left in
+bursts or at low frequencies. Larger hides right names, smaller tells wrong ones. Chosen by hand."""
 NAMED_ENOUGH: dict[Side, float] = {"acceleration": 0.88, "command": 0.75}
 """Part of the explainable error that named effects must take to be the answer, by the left side.
 Larger calls named machines unknown, smaller the reverse. Chosen by hand on the simulated
@@ -209,6 +212,7 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
     rough = _rough(found, explainable)
+    told = rough or _prominent(found, explainable)
     if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
         standing = {*_standing(found, rival, names), *rough}
         kept = tuple(name for name in names if name in standing)
@@ -218,11 +222,11 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         return judged("effect", kept, rival)
     shaped = structured or coloured > most_coloured or bursting > most_bursts
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
-        return judged("unknown_structure", rough, rival if structured else None)
+        return judged("unknown_structure", told, rival if structured else None)
     if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise * more:
-        return judged("unknown_structure", rough, None)
+        return judged("unknown_structure", told, None)
     if 1.0 - named_share > LEFT_OVER[side] and coloured > most_coloured and not noisy:
-        return judged("unknown_structure", rough, None)
+        return judged("unknown_structure", told, None)
     return judged("effect", names, None)
 
 
@@ -304,6 +308,15 @@ def _rough(found: Found, explainable: float) -> tuple[str, ...]:
     """
     rough = tuple(effect.name for effect in found.final.added if effect.leaves_bursts)
     return rough if rough and _share_of(found, rough, explainable) > SURE_BESIDE else ()
+
+
+def _prominent(found: Found, explainable: float) -> tuple[str, ...]:
+    """Return the name that alone takes most of the explainable error; nothing where none does.
+
+    No function of position, velocity or command is what is left; so it is beside it, not instead.
+    """
+    names = (effect.name for effect in found.final.added)
+    return tuple(name for name in names if _share_of(found, (name,), explainable) > PROMINENT)
 
 
 def _share_of(found: Found, kept: tuple[str, ...], explainable: float) -> float:
