@@ -1,4 +1,4 @@
-"""Mistakes that recordings come with: a stuck encoder, a reference that runs the other way.
+"""Mistakes that recordings come with: a stuck encoder, a reference of another sign or unit.
 
 Each would be taken for physics otherwise, and named as an effect.
 """
@@ -31,6 +31,26 @@ OPPOSITE = -0.5
 """Correlation of the reference with the position, from which the two run against each other. Nearer
 to -1 misses reversed references of poor controllers; nearer to 0 suspects columns that have nothing
 to do with each other. Chosen by hand."""
+ALIKE = 0.97
+"""Correlation of the reference with the position, from which one is the other but for a factor.
+Nearer to 1 misses wrong units of poor controllers; smaller takes an axis that does not follow for
+one. Chosen by hand."""
+ANOTHER_SCALE = 1.4
+"""That factor, or one over it, from which it is no error of following. Larger misses wrong pitches,
+smaller refuses soft axes: one that answers at 0.7 of what is asked is late, too, and less alike.
+Chosen by hand."""
+FACTORS = {
+    1e3: "millimetres for metres",
+    1e6: "micrometres for metres",
+    180.0 / np.pi: "degrees for radians",
+    2.0 * np.pi: "radians for turns",
+    360.0: "degrees for turns",
+    25.4: "millimetres for inches",
+}
+"""What a factor between two columns of the same thing comes from. Arithmetic."""
+JUST_SO = 0.02
+"""Relative distance up to which a factor is such a one. Larger names units for wrong pitches,
+smaller misses them where the axis follows softly. Chosen by hand."""
 
 
 def check_columns(data: Measured) -> None:
@@ -87,3 +107,19 @@ def _check_reference(data: Measured) -> None:
             f"{data.place}: the reference runs against the position (correlation {likeness:.2f}): "
             "the sign of one of the two is reversed; give it scale: -1 in the description"
         )
+    factor = likeness * float(np.std(position) / np.std(reference))
+    if likeness > ALIKE and not 1.0 / ANOTHER_SCALE < factor < ANOTHER_SCALE:
+        raise DataError(
+            f"{data.place}: the position is {factor:.4g} times the reference"
+            f"{_unit_of(factor)}: the unit or the pitch of one of the two is wrong; give it its "
+            f"unit, or a scale of {1.0 / factor:.4g} to the position or {factor:.4g} to the "
+            "reference, in the description"
+        )
+
+
+def _unit_of(factor: float) -> str:
+    """Return which units were taken for each other, in brackets, where a factor tells."""
+    for known, words in FACTORS.items():
+        if abs(factor / known - 1.0) < JUST_SO or abs(factor * known - 1.0) < JUST_SO:
+            return f" (as of {words})"
+    return ""

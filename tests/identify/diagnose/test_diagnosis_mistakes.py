@@ -53,6 +53,28 @@ def test_a_reference_of_the_other_sign_is_told(run):
         check_columns(replace(run, reference=-run.reference))
 
 
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (1e3, "millimetres for metres"),
+        (180.0 / np.pi, "degrees for radians"),
+        (1e-3, "millimetres for metres"),
+        (2.0, "the pitch of one of the two is wrong"),
+    ],
+)
+def test_a_position_in_another_unit_than_its_reference_is_told(run, factor, told):
+    scaled = replace(run, position=factor * run.position)
+    with pytest.raises(DataError, match=told) as refusal:
+        check_columns(scaled)
+    said = float(str(refusal.value).partition("position is ")[2].partition(" times")[0])
+    assert said == pytest.approx(factor, rel=0.02)
+
+
+@pytest.mark.parametrize("bandwidth_hz", [0.5, 2.0, 8.0])
+def test_an_axis_that_follows_softly_has_no_wrong_unit(bandwidth_hz):
+    check_columns(OtherPlant(bandwidth_hz=bandwidth_hz).run(seed=3, duration_s=12.0))
+
+
 @pytest.mark.parametrize("late_ms", [3.0, 6.0, 10.0])
 def test_a_late_command_is_told_with_its_time(run, late_ms):
     samples = round(late_ms * 1e-3 * run.sample_rate_hz)
@@ -104,6 +126,17 @@ def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_a_force_of_positio
     found = diagnose_axis(held, C1)
     assert found.unknown is not None  # no inertia: a simulation cannot tell which
     assert found.unknown.family == "force_of_position"
+
+
+def test_a_torque_that_does_not_change_tells_nothing_and_says_so():
+    moved = ARM.run(seed=4, duration_s=12.0)
+    noise = 0.001 * np.random.default_rng(1).standard_normal(len(moved.position))
+    held = replace(
+        moved, command=1.0 + noise, reference=None, position_unit="rad", command_unit="N*m"
+    )
+    found = diagnose_axis(held, C1)
+    assert (found.verdict, found.effects) == ("insufficient_data", ())
+    assert "the command stays at 1 N*m but for 0.1 %" in found.sentence
 
 
 def refusal(data):

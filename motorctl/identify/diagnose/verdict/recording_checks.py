@@ -46,6 +46,9 @@ Larger lets damaged files pass, smaller refuses encoders in counts. Chosen by ha
 SHORTEST_S = 1.0
 """Shortest motion that is diagnosed [s]. Smaller leaves no blocks to hold out, larger refuses short
 tests. Chosen by hand."""
+HELD = 0.003
+"""Spread of the command over its mean, below which it does not drive the motion. Larger refuses
+lifts that carry much and move slowly, smaller takes a held torque for a drive. Chosen by hand."""
 FEWEST_CHANGES = 4
 """Changes of speed, between rest and half of the usual speed: one move there and back has four
 (start, stop, start, stop). Arithmetic. Fewer tell inertia from friction by chance, more refuses a
@@ -138,6 +141,14 @@ def check_motion(data: Measured, signals: Signals) -> None:
 
 def too_plain(signals: Signals) -> str | None:
     """Return why a motion cannot tell inertia, friction and missing effects apart, or None."""
+    command = np.concatenate([s.command for s in signals.stretches])
+    level, spread = abs(float(np.mean(command))), float(np.std(command))
+    if spread < HELD * level:
+        return (
+            f"the command stays at {level:.3g} {signals.data.command_unit} but for "
+            f"{100.0 * spread / level:.2g} %: something else moves the axis; at least "
+            f"{100.0 * HELD:g} % are needed: record moves that its own motor drives"
+        )
     changes = _changes_of_speed([s.v[:: signals.decimation] for s in signals.stretches])
     if changes >= FEWEST_CHANGES:
         return None
