@@ -24,13 +24,14 @@ def remember_command(
     state: Any,
     u: float,
     x: float,
+    vs: float,
     t: float,
 ) -> None:
     """Keep the input columns of the command that is about to be applied, and the command.
 
-    x [m] and t [s]: where and when it acts. Behind a declared lag it is what acts in the mean of
-    the period that is kept, exactly discretised: the columns see what the force is made of. What
-    the input effects remember is taken on to what acts at the end of the period.
+    x [m], vs [m/s] and t [s]: where, how fast and when it acts. Behind a declared lag it is what
+    acts in the mean of the period that is kept, exactly discretised: the columns see what the force
+    is made of. What the input effects remember is taken on to what acts at the end of the period.
     """
     n = settings.n
     acts = u
@@ -40,7 +41,7 @@ def remember_command(
         u += behind * settings.lag_mean
         acts = state.lagged
     entry = state.history[state.steps % HISTORY]
-    input_columns(u, x, t, state.context1, entry)
+    input_columns(u, x, vs, t, state.context1, entry)
     advance_inputs(acts, settings.period_s, state.context1)
     entry[n] = u
 

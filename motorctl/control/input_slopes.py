@@ -20,6 +20,9 @@ PLACES = 256
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 TIMES_S = (0.0, 1.0, 30.0, 1e3, 1e9)
 """Times at which a map that varies is looked at: the start, and what is reached in the end."""
+SPEEDS_M_S = (0.0, 1e9, -1e9, 1.0, -1.0, 1e-2, -1e-2)
+"""Velocities at which it is looked at: at rest, beyond any machine's, and what machines have. As
+many as share no divisor with the times, so that every velocity meets every time."""
 
 
 def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int]:
@@ -39,7 +42,7 @@ def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
     """Return h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
     slopes = np.zeros((len(u), len(model)))
     indices = input_indices(model, varying=False)
-    slopes[:, indices] = _slopes(model, indices, u, 0.0, 0.0, np.zeros(model.context_size))
+    slopes[:, indices] = _slopes(model, indices, u, (0.0, 0.0, 0.0), np.zeros(model.context_size))
     return slopes
 
 
@@ -64,10 +67,10 @@ def worst_varying(
 def _varying_slopes(
     model: EffectList, u: tuple[float, ...], travel_m: tuple[float, float]
 ) -> Array:
-    """Return h_i'(u; x, t, w) of the varying effects, shape (places, len(u), their parameters).
+    """Return h_i'(u; x, vs, t, w) of the varying effects, shape (places, len(u), their parameters).
 
-    The places follow the golden ratio, so that no pitch falls in step with them; every time comes
-    together with places from all over the travel, and every memory with all of these.
+    The places follow the golden ratio, so that no pitch falls in step with them; every time and
+    velocity comes with places from all over the travel, and every memory with all of these.
     """
     indices = input_indices(model, varying=True)
     low, high = travel_m
@@ -80,8 +83,11 @@ def _varying_slopes(
                 model,
                 indices,
                 u,
-                low + float(at) * (high - low),
-                TIMES_S[k % len(TIMES_S)],
+                (
+                    low + float(at) * (high - low),
+                    SPEEDS_M_S[k % len(SPEEDS_M_S)],
+                    TIMES_S[k % len(TIMES_S)],
+                ),
                 context,
             )
             for context in _contexts(model)
@@ -108,12 +114,19 @@ def _memories(effect: Effect) -> list[Array]:
 
 
 def _slopes(
-    model: EffectList, indices: list[int], u: Sequence[float], x: float, t: float, context: Array
+    model: EffectList,
+    indices: list[int],
+    u: Sequence[float],
+    place: tuple[float, float, float],
+    context: Array,
 ) -> Array:
-    """Return h_i'(u; x, t) from the memories in context, shape (len(u), len(indices))."""
+    """Return h_i'(u; x, vs, t) from the memories in context, shape (len(u), len(indices)).
+
+    place is x, vs and t.
+    """
     slope, unit = model.kernels.input_slope, np.eye(len(model))
     found = np.zeros((len(u), len(indices)))
     for column, i in enumerate(indices):
         theta = unit[i]
-        found[:, column] = [slope(value, x, t, context, theta) - 1.0 for value in u]
+        found[:, column] = [slope(value, *place, context, theta) - 1.0 for value in u]
     return found

@@ -167,19 +167,23 @@ def law_step(
         advance_context(far[0], far[1], far[2], ts, state.others_far, state.context)
         after = feedforward(far[0], far[1], far[2], far[1], begins + ts, state.context, theta)
         va1 = 0.5 * (before + after) + lead * (after - before)
-        acts_x, acts_t = 0.5 * (near[0] + far[0]), begins + 0.5 * ts
-        map_x, map_t = acts_x + lead * (far[0] - near[0]), acts_t + settings.lag_s
+        acts_x, acts_v = 0.5 * (near[0] + far[0]), 0.5 * (near[1] + far[1])
+        map_x, map_v = acts_x + lead * (far[0] - near[0]), acts_v + lead * (far[1] - near[1])
+        acts_t = begins + 0.5 * ts
+        map_t = acts_t + settings.lag_s
     else:
         advance_context(xd, vd, ad, t - state.t1, state.others, state.context)
         va1 = feedforward(xd, vd, ad, vd, t, state.context, theta)
-        acts_x, acts_t, map_x, map_t = xd, t, xd, t
+        acts_x, acts_v, acts_t, map_x, map_v, map_t = xd, vd, t, xd, vd, t
     # As published, the measured velocity is half a period older than the desired one.
     desired = (xd - state.xd1) / ts if settings.matched else vd
     rate = (y - state.y1) / ts - desired
     p = rate + settings.k1_1_s * (y - xd)
     v = va1 - state.d0 - settings.ks_v_s_m * p
     context = state.context
-    u = invert(input_map, input_slope, v, map_x, map_t, context, theta, settings.max_voltage_v)
+    u = invert(
+        input_map, input_slope, v, map_x, map_v, map_t, context, theta, settings.max_voltage_v
+    )
     advance_inputs(u, ts, context)
     flags = SATURATED if abs(u) >= settings.max_voltage_v else 0
 
@@ -191,7 +195,7 @@ def law_step(
     if settings.enabled:
         if not state.blind:
             flags |= adapt(state_columns, settings, state, y)
-        remember_command(input_columns, advance_inputs, settings, state, u, acts_x, acts_t)
+        remember_command(input_columns, advance_inputs, settings, state, u, acts_x, acts_v, acts_t)
     # The estimator looks at the motion of one tick ago: this one's memories are for the next.
     advance_context(xd, vd, ad, t - state.t1, state.others, state.context1)
     state.y2, state.y1, state.xd1, state.vd1, state.t1 = state.y1, y, xd, vd, t

@@ -28,7 +28,7 @@ def columns(x, v, a, vs, t, others, w, c, out):
 ADVANCE = "        advance(w, x[k], v[k], a[k], t[k] - t[k - 1] if k else 0.0, others[k], c)\n"
 INPUT = """
 @njit(cache=True)
-def columns(u, x, t, w, c, out):
+def columns(u, x, vs, t, w, c, out):
     for k in range(u.size):
         for j in range(out.shape[0]):
             out[j, k] = -column(j, u[k], {where}{memory}c)
@@ -62,7 +62,7 @@ def state_columns(
     return out
 
 
-def input_columns(effect: Effect, u: Array, x: Array, t: Array) -> Array:
+def input_columns(effect: Effect, u: Array, x: Array, vs: Array, t: Array) -> Array:
     """Return the columns -h(u) of an input effect, shape (parameters, N), over signals (N,).
 
     A memory follows the command from the first sample on, at rest before it. Raises ValueError
@@ -70,7 +70,7 @@ def input_columns(effect: Effect, u: Array, x: Array, t: Array) -> Array:
     """
     out = np.empty((len(effect.parameters), len(u)))
     memory = np.zeros(effect.memory_size)
-    _compiled(effect).columns(*_signals(u, x, t), memory, _constants(effect), out)
+    _compiled(effect).columns(*_signals(u, x, vs, t), memory, _constants(effect), out)
     return out
 
 
@@ -121,6 +121,6 @@ def _module(cls: type[Effect]) -> ModuleType:
     elif cls.kind == "measurement":
         source += ERROR
     else:
-        where = "x[k], t[k], " if cls.varies else ""
+        where = "".join(f"{name}[k], " for name in cls.place("x", "vs", "t"))
         source += INPUT.format(where=where, memory=memory, advance=COMMIT if remembers else "")
     return load_generated(f"columns_{cls.name}_{source_digest(source)}", source)

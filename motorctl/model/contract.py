@@ -29,7 +29,15 @@ from motorctl.model.knowledge import (
 from motorctl.model.pitch import PitchOptions
 
 TEXTS = ("title", "formula", "compensated", "identified", "visible_in")
-FLAGS = ("electromagnetic", "odd", "varies", "ordinary", "scan_shows_part", "leaves_bursts")
+FLAGS = (
+    "electromagnetic",
+    "odd",
+    "varies",
+    "varies_with_velocity",
+    "ordinary",
+    "scan_shows_part",
+    "leaves_bursts",
+)
 WAVES = ("wave_over_position", "wave_over_time")
 OVER_A_PITCH = ("folded_over_pitch", "thrust_over_position")
 """Pictures of waves along the way."""
@@ -185,7 +193,7 @@ def check_effect(effect: Effect, who: str) -> None:
 def kernels_of(cls: type[Effect]) -> dict[str, str]:
     """Return the compiled functions that an effect's module needs, each with its arguments."""
     w = "w, " if cls.remembers() else ""
-    place = "x, t, " if cls.varies else ""
+    place = "".join(f"{name}, " for name in cls.place("x", "vs", "t"))
     kernels: dict[str, str] = {}
     if cls.kind == "state":
         kernels["column"] = f"j, x, v, a, vs, t, {w}c"
@@ -221,6 +229,8 @@ def _check_words(cls: type[Effect], refuse: Refusal) -> None:
     for flag in ("odd", "varies"):
         if getattr(cls, flag) and cls.kind != "input":
             raise refuse(flag, f"is for input effects; its kind is '{cls.kind}'")
+    if cls.varies_with_velocity and not cls.varies:
+        raise refuse("varies_with_velocity", "is for effects that vary: expected varies = True")
 
 
 def _check_knowledge(cls: type[Effect], refuse: Refusal) -> None:

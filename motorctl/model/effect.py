@@ -18,7 +18,7 @@ from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -34,6 +34,7 @@ from motorctl.model.knowledge import (
     Spans,
 )
 
+T = TypeVar("T")
 Kind = Literal["state", "input", "command", "measurement"]
 End = Literal["either", "upper"]
 
@@ -106,11 +107,11 @@ class Effect(ABC):
     this tick, and ``advance(w, x, v, a, dt, others, c)``, which brings it up to the motion x, v, a
     that is reached dt [s] after the last. others[i] is (x, v, a) of the i-th of `other_axes`.
     An input effect that `varies` with place or time has ``column(j, u, x, t, c)`` and
-    ``slope(j, u, x, t, c)``. One with a memory has ``column(j, u, w, c)``, ``slope(j, u, w, c)``
-    (or ``(j, u, x, t, w, c)`` where it varies as well) and ``advance(w, u, dt, c)``: w is the
-    memory after the last command that acted, so that from it the column is a function of u alone,
-    and `advance` commits the command u that acts, dt [s] after the last. A memory begins as zeros,
-    at rest.
+    ``slope(j, u, x, t, c)``; one that `varies_with_velocity` has ``(j, u, x, vs, t, c)``. One with
+    a memory has ``column(j, u, w, c)``, ``slope(j, u, w, c)`` (or ``(j, u, x, t, w, c)`` where it
+    varies as well) and ``advance(w, u, dt, c)``: w is the memory after the last command that acted,
+    so that from it the column is a function of u alone, and `advance` commits the command u that
+    acts, dt [s] after the last. A memory begins as zeros, at rest.
 
     Kernels run in the real-time tick and must not raise: one that divides is decorated with
     ``njit(error_model="numpy")``, or 1/0 ends the loop. What is not finite trips the axis.
@@ -126,6 +127,8 @@ class Effect(ABC):
     """Numbers that a state or an input effect remembers from tick to tick."""
     varies: ClassVar[bool] = False
     """An input effect that depends on place or time as well."""
+    varies_with_velocity: ClassVar[bool] = False
+    """An input effect that varies, with velocity too: friction that the motor's force causes."""
     title: ClassVar[str]
     formula: ClassVar[str]
     compensated: ClassVar[str]
@@ -180,6 +183,13 @@ class Effect(ABC):
     def remembers(cls) -> bool:
         """Return whether the kernels take a memory: they do in all forms, or in none."""
         return cls.memory > 0 or cls.memory_size is not Effect.memory_size
+
+    @classmethod
+    def place(cls, x: T, vs: T, t: T) -> tuple[T, ...]:
+        """Return what the kernels of an input effect take between the command and the memory."""
+        if cls.varies_with_velocity:
+            return x, vs, t
+        return (x, t) if cls.varies else ()
 
     def memories(self) -> Sequence[tuple[float, ...]]:
         """Return memories of an input effect at which the slope of its column is looked at.
@@ -355,6 +365,25 @@ class Effect(ABC):
             The form on the machine's own acceleration.
         theta
             Its parameters, in parts of the inertia.
+        """
+        return self, tuple(theta)
+
+    def on_rigid_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
+        """Return a resonance as it acts on the acceleration of a rigid machine.
+
+        The reverse of `on_own_acceleration`: to predict a motion from the command.
+
+        Parameters
+        ----------
+        theta
+            Its parameters on the machine's own acceleration, in parts of the inertia.
+
+        Returns
+        -------
+        effect
+            The form on what the machine would do if it were rigid.
+        theta
+            Its parameters there, in parts of the inertia.
         """
         return self, tuple(theta)
 

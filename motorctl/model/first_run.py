@@ -115,8 +115,8 @@ def _run_state(effect: Effect, call: _Calls) -> None:
 
 
 def _run_input(effect: Effect, call: _Calls) -> None:
-    for t, x, _, _, u in _motion():
-        place = (x, t) if effect.varies else ()
+    for t, x, v, _, u in _motion():
+        place = effect.place(x, v, t)
         for j in range(len(effect.parameters)):
             for kernel in ("column", "slope"):
                 call.value(kernel, j, u, *place, *call.held)

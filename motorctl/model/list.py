@@ -24,11 +24,11 @@ class EffectList:
 
     - ``state_columns(x, v, a, vs, t, context, out)``: fills out[:n] with the state columns, 0
       elsewhere
-    - ``input_columns(u, x, t, context, out)``: fills out[:n] with -h(u) of the input effects, 0
-      elsewhere
+    - ``input_columns(u, x, vs, t, context, out)``: fills out[:n] with -h(u) of the input effects,
+      0 elsewhere
     - ``feedforward(x, v, a, vs, t, context, theta)``: the sum of theta_i psi_i over the state
       columns
-    - ``input_map(u, x, t, context, theta)``: v(u); ``input_slope(u, x, t, context, theta)``: dv/du
+    - ``input_map(u, x, vs, t, context, theta)``: v(u); ``input_slope`` of the same: dv/du
     - ``advance_context(x, v, a, dt, others, context)``: brings the state effects' memories, in
       context of shape (context_size,), up to the motion that is reached dt [s] after the last;
       others of shape (axes, 3) is x, v, a of each of `other_axes`
@@ -150,7 +150,7 @@ class EffectList:
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "state"]
         lines += [f"    out[{i}] = {call}" for i, call in self._state_calls("x, v, a, vs, t")]
         lines += zeros or ["    pass"]
-        lines += ["", "", "@inner_kernel", "def input_columns(u, x, t, context, out):"]
+        lines += ["", "", "@inner_kernel", "def input_columns(u, x, vs, t, context, out):"]
         zeros = [f"    out[{i}] = 0.0" for i, e, _ in self._places() if e.kind != "input"]
         lines += [f"    out[{i}] = -({call})" for i, call in self._input_calls("column")]
         lines += zeros or ["    pass"]
@@ -159,7 +159,7 @@ class EffectList:
         state = self._state_calls("x, v, a, vs, t")
         lines += [f"    total += theta[{i}] * {call}" for i, call in state] + ["    return total"]
         for name, kernel, start in (("map", "column", "u"), ("slope", "slope", "1.0")):
-            lines += ["", "", "@inner_kernel", f"def input_{name}(u, x, t, context, theta):"]
+            lines += ["", "", "@inner_kernel", f"def input_{name}(u, x, vs, t, context, theta):"]
             lines += [f"    total = {start}"]
             calls = self._input_calls(kernel)
             lines += [f"    total += theta[{i}] * {call}" for i, call in calls]
@@ -182,7 +182,7 @@ class EffectList:
         lines += ["        dt = tk - t[k - 1] if k else 0.0"]
         lines += ["        advance_context(xk, vk, ak, dt, others[k], context)"]
         lines += [f"        row[{i}] = {c}" for i, c in self._state_calls("xk, vk, ak, vsk, tk")]
-        inputs = self._input_calls("column", "uk", "xk, tk")
+        inputs = self._input_calls("column", "uk", ("xk", "vsk", "tk"))
         lines += [f"        row[{i}] = -({c})" for i, c in inputs]
         lines += ["        advance_inputs(uk, dt, context)"]
         return "\n".join(lines) + "\n"
@@ -211,13 +211,13 @@ class EffectList:
         ]
 
     def _input_calls(
-        self, kernel: str, command: str = "u", place: str = "x, t"
+        self, kernel: str, command: str = "u", place: tuple[str, str, str] = ("x", "vs", "t")
     ) -> list[tuple[int, str]]:
         memories, calls = self._memories(), []
         for i, e, j in self._places():
             if e.kind != "input":
                 continue
-            where = f"{command}, {place}" if e.varies else command
+            where = ", ".join((command, *e.place(*place)))
             constants = _tuple(e.constants)
             calls.append((i, f"{e.name}_{kernel}({j}, {where}, {memories[e.name]}{constants})"))
         return calls

@@ -176,7 +176,8 @@ def test_a_map_that_varies_asks_for_the_command_that_it_turns_into_the_motion() 
     still = np.zeros(200)
     u = required_command(model, theta, 10.0)(x, still, a)
     given = [
-        model.kernels.input_map(*pair, 0.0, NO_MEMORY, theta) for pair in zip(u, x, strict=True)
+        model.kernels.input_map(*pair, 0.0, 0.0, NO_MEMORY, theta)
+        for pair in zip(u, x, strict=True)
     ]
     assert np.abs(u).max() < 10.0
     assert given == pytest.approx(0.19 * a, abs=1e-5)

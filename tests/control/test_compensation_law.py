@@ -161,13 +161,15 @@ def test_new_coordinates_change_no_command() -> None:
     st.floats(0.0, 0.07),
     st.floats(-9.0, 9.0),
     st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
 )
 def test_a_map_that_varies_is_inverted_where_the_axis_is(
-    sine: float, cosine: float, depth: float, u: float, x: float
+    sine: float, cosine: float, depth: float, u: float, x: float, vs: float
 ) -> None:
-    kernels, theta = VARYING.kernels, np.array([-0.005, -0.0005, sine, cosine, depth, 0.05])
-    v = kernels.input_map(u, x, 30.0, NO_MEMORY, theta)
-    found = invert(kernels.input_map, kernels.input_slope, v, x, 30.0, NO_MEMORY, theta, 10.0)
+    kernels = VARYING.kernels
+    theta = np.array([-0.005, -0.0005, sine, cosine, depth, 0.05, 0.1])
+    v = kernels.input_map(u, x, vs, 30.0, NO_MEMORY, theta)
+    found = invert(kernels.input_map, kernels.input_slope, v, x, vs, 30.0, NO_MEMORY, theta, 10.0)
     assert found == pytest.approx(u, abs=1e-9)
 
 
@@ -178,15 +180,16 @@ VARYING = EffectList(
         known("force_ripple", pitch_m=PITCH_M),
         known("dead_zone", half_width_v=0.09),
         known("gain_drift", time_constant_s=20.0),
+        known("load_friction", slope_s_m=300.0),
     ]
 )
-LOW = np.array([-0.05, -0.005, -0.1, -0.1, 0.0, -0.05])
-HIGH = np.array([0.05, 0.005, 0.1, 0.1, 0.06, 0.05])
+LOW = np.array([-0.05, -0.005, -0.1, -0.1, 0.0, -0.05, 0.0])
+HIGH = np.array([0.05, 0.005, 0.1, 0.1, 0.06, 0.05, 0.1])
 
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1))
-def test_no_admitted_estimate_folds_the_map_at_any_place_or_time(seed: int) -> None:
+def test_no_admitted_estimate_folds_the_map_at_any_place_speed_or_time(seed: int) -> None:
     normals, offsets = monotonicity_half_planes(VARYING, LOW, HIGH, 10.0, 0.05, (0.0, 0.4))
     rng = np.random.default_rng(seed)
     theta = rng.uniform(LOW, HIGH, (400, len(LOW)))
@@ -195,14 +198,14 @@ def test_no_admitted_estimate_folds_the_map_at_any_place_or_time(seed: int) -> N
     slope = VARYING.kernels.input_slope
     # At the ends of the range the electromagnetic parts are steepest.
     for one in admitted[:40]:
-        x, t = rng.uniform(0.0, 0.4), 10.0 ** rng.uniform(-1.0, 4.0)
+        x, vs, t = rng.uniform(0.0, 0.4), rng.uniform(-1.0, 1.0), 10.0 ** rng.uniform(-1.0, 4.0)
         assert (
-            min(slope(u, x, t, NO_MEMORY, one) for u in (-10.0, -9.0, -1e-3, 1e-3, 9.0, 10.0))
+            min(slope(u, x, vs, t, NO_MEMORY, one) for u in (-10.0, -9.0, -1e-3, 1e-3, 9.0, 10.0))
             > 0.045
         )
 
 
 def test_bounds_that_leave_the_others_no_room_are_refused() -> None:
-    wide = np.array([0.05, 0.005, 1.0, 1.0, 0.06, 0.05])
+    wide = np.array([0.05, 0.005, 1.0, 1.0, 0.06, 0.05, 0.1])
     with pytest.raises(UsageError, match="narrow the bounds of the parameters that vary"):
         monotonicity_half_planes(VARYING, -wide, wide, 10.0, 0.05, (0.0, 0.4))

@@ -19,7 +19,7 @@ NO_MEMORY = np.zeros(0)
 
 def inverse(v: float, theta5: float, theta6: float, u_max: float) -> float:
     theta = np.array([0.2, theta5, theta6])
-    return invert(EM.input_map, EM.input_slope, v, 0.0, 0.0, NO_MEMORY, theta, u_max)
+    return invert(EM.input_map, EM.input_slope, v, 0.0, 0.0, 0.0, NO_MEMORY, theta, u_max)
 
 
 def mapped(u: float, theta5: float, theta6: float) -> float:
@@ -80,15 +80,19 @@ def test_the_inverse_is_odd_where_the_map_is(v):
 @given(st.floats(-10.0, 10.0))
 def test_a_list_without_input_effects_commands_what_the_law_asks_for(v):
     theta = np.array([0.2, 0.2, 0.1, 0.0])
-    assert invert(NONE.input_map, NONE.input_slope, v, 0.0, 0.0, NO_MEMORY, theta, 10.0) == v
+    assert invert(NONE.input_map, NONE.input_slope, v, 0.0, 0.0, 0.0, NO_MEMORY, theta, 10.0) == v
 
 
 @settings(deadline=None)
 @given(st.floats(10.0, 1e9))
 def test_a_list_without_input_effects_saturates(v):
     theta = np.array([0.2, 0.2, 0.1, 0.0])
-    assert invert(NONE.input_map, NONE.input_slope, v, 0.0, 0.0, NO_MEMORY, theta, 10.0) == 10.0
-    assert invert(NONE.input_map, NONE.input_slope, -v, 0.0, 0.0, NO_MEMORY, theta, 10.0) == -10.0
+    assert (
+        invert(NONE.input_map, NONE.input_slope, v, 0.0, 0.0, 0.0, NO_MEMORY, theta, 10.0) == 10.0
+    )
+    assert (
+        invert(NONE.input_map, NONE.input_slope, -v, 0.0, 0.0, 0.0, NO_MEMORY, theta, 10.0) == -10.0
+    )
 
 
 @pytest.mark.parametrize("theta6", [-1e-8, -1e-10, -1e-11, -1e-12, -1e-15, 0.0, 1e-12])

@@ -85,8 +85,16 @@ STATE: list[tuple[Effect, State]] = [
         lambda x, v, a, vs, t: [np.minimum(x + 0.1, 0.0)],
     ),
     (
-        form("load_friction", slope_s_m=300.0),
-        lambda x, v, a, vs, t: [abs(a) * sf(vs, 300.0)],
+        form("hard_stop", begin_m=-0.1, side="lower", damped=True),
+        lambda x, v, a, vs, t: [np.minimum(x + 0.1, 0.0), abs(np.minimum(x + 0.1, 0.0)) * v],
+    ),
+    (
+        form("hard_stop", begin_m=0.1, progressive=True, damped=True),
+        lambda x, v, a, vs, t: [
+            np.maximum(x - 0.1, 0.0),
+            np.maximum(x - 0.1, 0.0) ** 2,
+            np.maximum(x - 0.1, 0.0) * v,
+        ],
     ),
     (
         form("warming_friction", time_constant_s=0.3, begin_s=0.2),
@@ -103,22 +111,30 @@ STATE: list[tuple[Effect, State]] = [
 ]
 """State effects without a memory, with psi(x, v, a, vs, t)."""
 
-Input = Callable[[Array, Array, Array], list[Array] | Array]
+Input = Callable[[Array, Array, Array, Array], list[Array] | Array]
 INPUT: list[tuple[Effect, Input]] = [
-    (form("em_quadratic"), lambda u, x, t: [u * abs(u)]),
-    (form("em_cubic"), lambda u, x, t: [u**3]),
-    (form("force_ripple", pitch_m=0.05), lambda u, x, t: u * waves(x, 0.05, (1,))),
+    (form("em_quadratic"), lambda u, x, vs, t: [u * abs(u)]),
+    (form("em_cubic"), lambda u, x, vs, t: [u**3]),
+    (form("force_ripple", pitch_m=0.05), lambda u, x, vs, t: u * waves(x, 0.05, (1,))),
     (
         form("force_ripple", pitch_m=0.05, orders=(2, 3)),
-        lambda u, x, t: u * waves(x, 0.05, (2, 3)),
+        lambda u, x, vs, t: u * waves(x, 0.05, (2, 3)),
     ),
-    (form("dead_zone", half_width_v=0.2), lambda u, x, t: [-np.clip(u / 0.2, -1.0, 1.0)]),
+    (form("dead_zone", half_width_v=0.2), lambda u, x, vs, t: [-np.clip(u / 0.2, -1.0, 1.0)]),
     (
         form("gain_drift", time_constant_s=0.4, begin_s=0.3),
-        lambda u, x, t: [-u * np.where(t > 0.3, 1.0 - np.exp(-(t - 0.3) / 0.4), 0.0)],
+        lambda u, x, vs, t: [-u * np.where(t > 0.3, 1.0 - np.exp(-(t - 0.3) / 0.4), 0.0)],
+    ),
+    (
+        form("load_friction", slope_s_m=300.0),
+        lambda u, x, vs, t: [-abs(u) * sf(vs, 300.0)],
+    ),
+    (
+        form("voltage_clipping", limit_v=1.75, no_load_m_s=1.0),
+        lambda u, x, vs, t: [np.clip(u, -1.75 * (1.0 + vs), 1.75 * (1.0 - vs)) - u],
     ),
 ]
-"""Input effects, with h(u, x, t)."""
+"""Input effects, with h(u, x, vs, t)."""
 
 MEMORY = [
     form("presliding", displacement_m=1e-5),

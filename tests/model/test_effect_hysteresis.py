@@ -16,7 +16,7 @@ def acting(u, shares=(0.4,), play_v=PLAY_V):
     """Give what acts for a command, from rest on."""
     effect = form("drive_hysteresis", play_v=play_v, plays=len(shares))
     still = np.zeros_like(u)
-    return u + np.array(shares) @ -input_columns(effect, u, still, np.arange(len(u)) * 1e-3)
+    return u + np.array(shares) @ -input_columns(effect, u, still, still, np.arange(len(u)) * 1e-3)
 
 
 def plays(u, widths):
@@ -71,7 +71,9 @@ def test_after_any_past_the_command_can_be_inverted(seed, u):
     context = np.zeros(effects.context_size)
     for past in turning(seed, 40):
         effects.kernels.advance_inputs(past, 1e-3, context)
-    low, high = (effects.kernels.input_map(u + d, 0.0, 0.0, context, theta) for d in (-1e-3, 1e-3))
+    low, high = (
+        effects.kernels.input_map(u + d, 0.0, 0.0, 0.0, context, theta) for d in (-1e-3, 1e-3)
+    )
     assert high - low > 0.09 * 2e-3
 
 

@@ -16,7 +16,7 @@ NAMES = {
     "position_dependent_friction", "position_force", "quadratic_drag", "input_lag", "input_delay",
     "dead_zone", "gain_drift", "payload_change", "cross_axis", "flexible_mode", "encoder_error",
     "periodic_disturbance", "gravity", "hard_stop", "load_friction", "warming_friction",
-    "backlash", "drive_hysteresis",
+    "backlash", "drive_hysteresis", "voltage_clipping",
 }  # fmt: skip
 
 
@@ -63,7 +63,7 @@ def test_an_effect_that_is_added_changes_nothing_until_its_parameters_do(effect)
         assert (start > 0.0).all()
         return
     kernels = EffectList([effect]).kernels
-    assert kernels.input_map(1.7, 0.1, 2.0, np.zeros(effect.memory_size), start) == 1.7
+    assert kernels.input_map(1.7, 0.1, 0.2, 2.0, np.zeros(effect.memory_size), start) == 1.7
     motion = (0.1, 0.2, 3.0, 0.2, 2.0)
     context, others = np.zeros(effect.memory_size), np.ones((len(effect.other_axes), 3))
     kernels.advance_context(*motion[:3], 2e-4, others, context)

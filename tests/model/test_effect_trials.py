@@ -100,7 +100,7 @@ def drive(spans: Spans, n: int = 3000) -> dict[str, np.ndarray]:
 
 def seen_by(effect, s) -> np.ndarray:
     if effect.kind == "input":
-        return input_columns(effect, s["u"], s["x"], s["t"])
+        return input_columns(effect, s["u"], s["x"], s["vs"], s["t"])
     return state_columns(effect, s["x"], s["v"], s["a"], s["vs"], s["t"])
 
 

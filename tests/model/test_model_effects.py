@@ -60,7 +60,7 @@ def test_the_command_that_solves_the_model_gives_the_regressor_times_theta(model
     x, v, a, vs, t, u = (signal[:1] for signal in signals(seed))
     psi = model.regressor(x, v, a, vs, t, u)[0]
     motion = [float(signal[0]) for signal in (x, v, a, vs, t)]
-    lhs = model.kernels.input_map(u[0], x[0], t[0], NO_MEMORY, theta) - u[0]
+    lhs = model.kernels.input_map(u[0], x[0], vs[0], t[0], NO_MEMORY, theta) - u[0]
     feedforward = model.kernels.feedforward(*motion, np.zeros(0), theta)
     assert psi @ theta == pytest.approx(feedforward - lhs, abs=1e-9)
 
@@ -71,8 +71,8 @@ def test_the_slope_is_the_derivative_of_the_input_map(model, u, seed):
     theta = np.random.default_rng(seed).normal(size=len(model)) * 0.01
     h = 1e-5
     kernels = model.kernels
-    up, down = (kernels.input_map(u + d, 0.1, 0.0, NO_MEMORY, theta) for d in (h, -h))
-    slope = kernels.input_slope(u, 0.1, 0.0, NO_MEMORY, theta)
+    up, down = (kernels.input_map(u + d, 0.1, 0.2, 0.0, NO_MEMORY, theta) for d in (h, -h))
+    slope = kernels.input_slope(u, 0.1, 0.2, 0.0, NO_MEMORY, theta)
     assert slope == pytest.approx((up - down) / (2 * h), abs=1e-4)
 
 
@@ -83,7 +83,7 @@ def test_the_tick_and_the_analysis_run_the_same_columns():
     for k in range(len(x)):
         MIXED.kernels.state_columns(x[k], v[k], a[k], vs[k], t[k], np.zeros(0), row)
         state = row[:-1].copy()
-        MIXED.kernels.input_columns(u[k], x[k], t[k], NO_MEMORY, row)
+        MIXED.kernels.input_columns(u[k], x[k], vs[k], t[k], NO_MEMORY, row)
         assert (state + row[:-1] == psi[k]).all()
 
 

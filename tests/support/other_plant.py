@@ -30,6 +30,18 @@ class OtherPlant:
     pitch_m: float = 0.06
     gravity: float = 0.0
     """Times sin x."""
+    loss: float = 0.0
+    """Part of the motor's force that its transmission turns into friction."""
+    stop_m: float = np.inf
+    """Where a stop begins."""
+    stop_stiffness: float = 0.0
+    stop_damping_s_m: float = 0.0
+    """Of the stop, in parts of its force (Hunt and Crossley)."""
+    load: float = 0.0
+    """Part of the inertia that hangs on a spring, with the encoder on the motor's side."""
+    load_hz: float = 20.0
+    """Of the load, with the motor held still."""
+    load_damping: float = 0.05
     resolution: float = 0.5e-6
     command_noise: float = 0.0
     peak_velocity: float = 0.8
@@ -47,6 +59,8 @@ class OtherPlant:
                 [
                     self.inertia, self.viscous, self.coulomb, self.width_m_s, self.cogging,
                     self.pitch_m, self.gravity, self.resolution, 2.0 * np.pi * self.bandwidth_hz,
+                    self.loss, self.stop_m, self.stop_stiffness, self.stop_damping_s_m, self.load,
+                    2.0 * np.pi * self.load_hz, self.load_damping,
                 ]
             ),
             SHAPES.index(self.shape),
@@ -106,7 +120,9 @@ def _turned_over(shape: int, y: float) -> float:
 def _run(
     reference: np.ndarray, dt: float, p: np.ndarray, shape: int, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, w = p
+    inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, w = p[:9]
+    loss, stop, stiffness, stop_damping, load, load_w, load_zeta = p[9:]
+    stretch, stretching = 0.0, 0.0  # of the spring to the load
     n, fine = len(reference), 4
     h = dt / fine
     x, v, integral, slow_v = reference[0], 0.0, 0.0, 0.0
@@ -127,6 +143,14 @@ def _run(
         for _ in range(fine):
             force = applied - viscous * v - coulomb * _turned_over(shape, v / width)
             force -= cogging * np.sin(2.0 * np.pi * x / pitch) + gravity * np.sin(x)
-            v += h * force / inertia
+            force -= loss * abs(applied) * _turned_over(shape, v / width)
+            deep = x - stop
+            if deep > 0.0:
+                force -= max(0.0, stiffness * deep * (1.0 + stop_damping * v))
+            pull = load_w * load_w * stretch + 2.0 * load_zeta * load_w * stretching
+            a = (force - load * inertia * pull) / ((1.0 - load) * inertia)
+            stretching += h * (a - pull)
+            stretch += h * stretching
+            v += h * a
             x += h * v
     return position, command

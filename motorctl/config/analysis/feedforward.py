@@ -44,8 +44,8 @@ def required_command(
     u = np.linspace(-u_max, u_max, MAP_POINTS)
     fixed = theta - varying
     input_map, input_slope = model.kernels.input_map, model.kernels.input_slope
-    mapped = np.array([input_map(float(value), 0.0, 0.0, context, fixed) for value in u])
-    low, high = (float(input_slope(end, 0.0, 0.0, context, fixed)) for end in (u[0], u[-1]))
+    mapped = np.array([input_map(float(value), 0.0, 0.0, 0.0, context, fixed) for value in u])
+    low, high = (float(input_slope(end, 0.0, 0.0, 0.0, context, fixed)) for end in (u[0], u[-1]))
     slopes = low, high
     inverse_slopes = 1.0 / max(low, LEAST_SLOPE), 1.0 / max(high, LEAST_SLOPE)
 
@@ -57,7 +57,7 @@ def required_command(
             return needed
 
         def mapped_at(command_v: Array) -> Array:
-            psi: Array = model.regressor(x, still, still, still, still, command_v)
+            psi: Array = model.regressor(x, v, still, v, still, command_v)
             return _extended(command_v, u, mapped, slopes) - psi @ varying
 
         # Newton's method, from the command that the map without its varying part would need.

@@ -472,4 +472,4 @@ def spans_of(signals: Signals) -> Spans:
 
 
 def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
-    return input_columns(effect, u, s.x, s.time_s)
+    return input_columns(effect, u, s.x, s.quiet, s.time_s)

@@ -152,7 +152,7 @@ def rounded(value: float, digits: int = DIGITS) -> float:
 
 def _columns(effect: Effect, s: Stretch, period_s: float) -> Array:
     if effect.kind == "input":
-        return input_columns(effect, s.command, s.x, s.time_s)
+        return input_columns(effect, s.command, s.x, s.quiet, s.time_s)
     acceleration = np.gradient(s.v, period_s)
     return state_columns(effect, s.x, s.v, acceleration, s.quiet, s.time_s, s.beside(effect))
 

@@ -23,8 +23,8 @@ def wide(most: float) -> st.SearchStrategy[float]:
 
 MOTION = st.tuples(wide(1e2), wide(1e2), wide(1e4), wide(1e2), st.floats(0.0, 1e7))
 """x [m], v [m/s], a [m/s^2], a quiet velocity, t [s]: beyond any machine."""
-COMMAND = st.tuples(wide(1e3), wide(1e2), st.floats(0.0, 1e7))
-"""u [V], x [m], t [s]."""
+COMMAND = st.tuples(wide(1e3), wide(1e2), wide(1e2), st.floats(0.0, 1e7))
+"""u [V], x [m], vs [m/s], t [s]."""
 
 
 class Driven:
@@ -46,9 +46,11 @@ class Driven:
         """Return the column of a state effect."""
         return float(self._calls.column(j, x, v, a, vs, t, *self._held(), self.constants))
 
-    def input(self, kernel: str, j: int, u: float, x: float = 0.0, t: float = 0.0) -> float:
+    def input(
+        self, kernel: str, j: int, u: float, x: float = 0.0, vs: float = 0.0, t: float = 0.0
+    ) -> float:
         """Return the column or the slope of an input effect."""
-        place = (x, t) if self.effect.varies else ()
+        place = self.effect.place(x, vs, t)
         return float(getattr(self._calls, kernel)(j, u, *place, *self._held(), self.constants))
 
     def advance(self, x: float, v: float, a: float, dt: float) -> None:

@@ -51,7 +51,7 @@ class FormulaChecks:
     @often
     @given(COMMAND)
     def test_column_and_slope_are_finite_for_any_command(
-        self, effect: Effect, command: tuple[float, float, float]
+        self, effect: Effect, command: tuple[float, float, float, float]
     ) -> None:
         """What is not finite trips the axis."""
         _only(effect, "input")
@@ -75,7 +75,7 @@ class FormulaChecks:
             elif effect.kind == "input":
                 for j in driven.indices:
                     for kernel in ("column", "slope"):
-                        driven.input(kernel, j, bad, bad, bad)
+                        driven.input(kernel, j, bad, bad, bad, bad)
                 if effect.remembers():
                     driven.commit(bad, 0.0)
             elif effect.kind == "measurement":
@@ -84,7 +84,7 @@ class FormulaChecks:
     @often
     @given(COMMAND, wide(10.0))
     def test_the_slope_is_the_derivative_of_the_column(
-        self, effect: Effect, command: tuple[float, float, float], before: float
+        self, effect: Effect, command: tuple[float, float, float, float], before: float
     ) -> None:
         """The inverse of the input map follows it; at a corner either side will do."""
         _only(effect, "input")
@@ -108,22 +108,22 @@ class FormulaChecks:
         _only(effect, "input")
         driven = Driven(effect)
         for j in driven.indices:
-            found = driven.input("column", j, 0.0, 0.1, 1.0)
+            found = driven.input("column", j, 0.0, 0.1, 0.2, 1.0)
             assert found == 0.0, f"column({j}) is {found} at u = 0"
 
     @often
     @given(COMMAND)
     def test_an_odd_effect_is_odd(
-        self, effect: Effect, command: tuple[float, float, float]
+        self, effect: Effect, command: tuple[float, float, float, float]
     ) -> None:
         """Only one side of an odd input map is looked at."""
         _only(effect, "input")
         driven = Driven(effect)
         if not effect.odd or effect.remembers():
             pytest.skip("it is not odd from every memory")
-        u, x, t = command
+        u, *place = command
         for j in driven.indices:
-            there, back = (driven.input("column", j, value, x, t) for value in (u, -u))
+            there, back = (driven.input("column", j, value, *place) for value in (u, -u))
             assert there == pytest.approx(-back, rel=1e-9, abs=1e-12)
 
     def test_every_parameter_has_a_column_of_its_own(self, effect: Effect) -> None:
@@ -171,7 +171,7 @@ def _columns_over(driven: Driven, scale: float) -> list[list[float]]:
                 driven.advance(x, v, a, dt)
             rows.append([driven.state(j, x, v, a, v, t) for j in driven.indices])
         else:
-            rows.append([driven.input("column", j, u, x, t) for j in driven.indices])
+            rows.append([driven.input("column", j, u, x, v, t) for j in driven.indices])
             if driven.effect.remembers():
                 driven.commit(u, dt)
     return rows

@@ -17,9 +17,14 @@ from motorctl.model.knowledge import Picture, Spans
 
 Array = NDArray[np.float64]
 
-GRID = ((0.1, 12), (0.03, 30), (0.01, 80))
+GRID = ((0.3, 6), (0.1, 12), (0.03, 30), (0.01, 80))
 """Damping ratios, and frequencies a decade: a sharper resonance needs a finer search."""
-SLOWEST_HZ = 8.0
+SLOWEST_HZ = 2.0
+"""Lowest frequency that is tried [Hz]. Larger misses heavy loads on soft springs, smaller takes the
+drift of small forces for one. Chosen by hand."""
+SHARP, SHARP_FROM_HZ = 0.02, 8.0
+"""Resonances sharper than this are tried from this frequency on [Hz]: slower ones ring too few
+times in a recording to be missed by the broader forms. More takes time. Chosen by hand."""
 HIGHEST_HZ = 1e6
 LARGEST_PART = 0.9
 """Of the inertia that may hang on the spring: beyond it the carriage itself would weigh nothing."""
@@ -103,17 +108,34 @@ class FlexibleMode(Effect):
         )
         return mode, (f,)
 
+    def on_rigid_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
+        """Return the mode as it acts on what the machine would do if it were rigid.
+
+        The reverse of `on_own_acceleration`: a = r/(1 - f G) = r + f/(1 - f) G' r.
+        """
+        f = min(max(theta[0], -LARGEST_PART), LARGEST_PART)
+        wider = 1.0 / math.sqrt(1.0 - f)
+        mode = self.with_options(
+            frequency_hz=self.options.frequency_hz * wider,
+            damping_ratio=min(self.options.damping_ratio * wider, 0.99),
+        )
+        return mode, (f / (1.0 - f),)
+
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return frequencies up to the band's, broad resonances first."""
         if not (spans.period_s > 0.0 and spans.duration_s > 0.0):
             return ()
-        low = max(min(SLOWEST_HZ, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
         high = min(1.2 * spans.band_hz, 0.45 / spans.period_s, HIGHEST_HZ)
+
+        def low(zeta: float) -> float:
+            slowest = SHARP_FROM_HZ if zeta < SHARP else SLOWEST_HZ
+            return max(min(slowest, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
+
         return [
             cls(FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta))
             for zeta, per_decade in GRID
-            for frequency in log_grid(low, high, per_decade)
+            for frequency in log_grid(low(zeta), high, per_decade)
         ]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:

@@ -22,17 +22,23 @@ class HardStopOptions(EffectOptions):
     side: Literal["upper", "lower"] = Field(
         default="upper", description="upper: it acts above begin_m; lower: below"
     )
+    progressive: bool = Field(default=False, description="it grows stiffer the deeper it is pushed")
+    damped: bool = Field(default=False, description="it also takes speed away, more the deeper")
 
 
 class HardStop(Effect):
-    """K_s max(0, x - x_s) above, or K_s min(0, x - x_s) below."""
+    """K_s d + K_2 d |d| + B_s |d| v, with d = max(0, x - x_s) above or min(0, x - x_s) below.
+
+    Rubber grows stiffer the deeper it is pushed in, and takes energy in proportion to how far it
+    is (Hunt, Crossley, J. Applied Mechanics 42(2), 1975, pp. 440-445).
+    """
 
     name = "hard_stop"
     kind = "state"
     title = "Elastic stop at an end of the travel"
-    formula = "K_s * max(0, x - x_s), or K_s * min(0, x - x_s)"
-    compensated = "feedforward of its negative at the desired position"
-    identified = "linear in its stiffness K_s; where it begins by a scan"
+    formula = "K_s d + K_2 d |d| + B_s |d| v,  d = max(0, x - x_s), or min(0, x - x_s)"
+    compensated = "feedforward of its negative at the desired position and velocity"
+    identified = "linear in K_s, and in K_2 and B_s where they pay; where it begins by a scan"
     visible_in = "travel to both ends, slowly, several times"
     groups = frozenset({"force_of_position"})
     revealed_by = ("two_speeds",)
@@ -41,13 +47,18 @@ class HardStop(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """K_s: a stop pushes back."""
-        return (Parameter("stiffness", "K_s", "V/m", 0.0, 1e7, 0.0, 1e3),)
+        """K_s, K_2 and B_s: a stop pushes back, and takes energy."""
+        stiffness = Parameter("stiffness", "K_s", "V/m", 0.0, 1e7, 0.0, 1e3)
+        deeper = Parameter("progressive", "K_2", "V/m^2", 0.0, 1e9, 0.0, 1e5)
+        damping = Parameter("damping", "B_s", "V*s/m^2", 0.0, 1e9, 0.0, 1e3)
+        progressive, damped = self.options.progressive, self.options.damped
+        return (stiffness, *((deeper,) * progressive), *((damping,) * damped))
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Where it begins [m], and 1 above or -1 below."""
-        return self.options.begin_m, 1.0 if self.options.side == "upper" else -1.0
+        """Where it begins [m], 1 above or -1 below, and 1 where it is progressive."""
+        side = 1.0 if self.options.side == "upper" else -1.0
+        return self.options.begin_m, side, float(self.options.progressive)
 
     @property
     def picture(self) -> Picture:
@@ -73,11 +84,20 @@ class HardStop(Effect):
         """Refine where it begins."""
         return {"begin_m": 0.01 * spans.travel_m}
 
+    def richer(self, spans: Spans) -> Sequence[Effect]:
+        """Return stops of rubber: stiffer the deeper, damped, each if it is not so yet."""
+        shapes = [shape for shape in ("progressive", "damped") if not getattr(self.options, shape)]
+        return [self.with_options(**{shape: True}) for shape in shapes]
+
 
 @njit(inline="always")
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
 ) -> float:
-    """Return how far it is pressed in, signed."""
+    """Return how far it is pressed in, signed; its square; and its damping."""
     d = x - c[0]
-    return d if d * c[1] > 0.0 else 0.0
+    if d * c[1] <= 0.0:
+        return 0.0
+    if j == 0:
+        return d
+    return d * abs(d) if j == 1 and c[2] > 0.0 else abs(d) * v

@@ -1,4 +1,4 @@
-"""Friction that grows with the force that a gear, a screw or a guide carries."""
+"""Friction that grows with the force that goes through a gear, a screw or a guide."""
 
 from __future__ import annotations
 
@@ -10,14 +10,20 @@ from motorctl.model.sign_function import SlopeOptions, sf
 
 
 class LoadFriction(Effect):
-    """mu |a| Sf(v): Coulomb friction in proportion to the force of inertia."""
+    """v(u) = u - mu |u| Sf(x'): Coulomb friction in proportion to the motor's own force.
+
+    What speeds the mass up, what holds a weight and what overcomes the other friction all go
+    through the same teeth; so it is the command that it grows with, not the acceleration alone.
+    """
 
     name = "load_friction"
-    kind = "state"
+    kind = "input"
+    varies = True
+    varies_with_velocity = True
     title = "Friction that grows with load"
-    formula = "mu * |a| * Sf(v)"
-    compensated = "feedforward at the desired acceleration and velocity"
-    identified = "linear in |a| Sf(v)"
+    formula = "v(u) = u - mu * |u| * Sf(x'),  x' the velocity"
+    compensated = "inversion of the input map at the desired velocity"
+    identified = "linear in |u| Sf(x')"
     visible_in = (
         "the same moves at two or more accelerations, speeding up and slowing down in both "
         "directions"
@@ -29,8 +35,8 @@ class LoadFriction(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Inertia times the part of its force that becomes friction."""
-        return (Parameter("", "mu", "V*s^2/m", 0.0, 1e3, 0.0, 0.1),)
+        """The part of the motor's force that is lost: one less its efficiency, driving."""
+        return (Parameter("", "mu", "1", 0.0, 0.9, 0.0, 0.1),)
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -44,8 +50,13 @@ class LoadFriction(Effect):
 
 
 @njit(inline="always")
-def column(
-    j: int, x: float, v: float, a: float, vs: float, t: float, c: tuple[float, ...]
-) -> float:
-    """Return |a| Sf."""
-    return abs(a) * sf(vs, c[0], c[1])
+def column(j: int, u: float, x: float, vs: float, t: float, c: tuple[float, ...]) -> float:
+    """Return -|u| Sf."""
+    return -abs(u) * sf(vs, c[0], c[1])
+
+
+@njit(inline="always")
+def slope(j: int, u: float, x: float, vs: float, t: float, c: tuple[float, ...]) -> float:
+    """Return its derivative; at rest, where it has a corner, that of its right side."""
+    lost = sf(vs, c[0], c[1])
+    return lost if u < 0.0 else -lost

@@ -120,7 +120,7 @@ def axis_diagnosis(*names, seed=1, other_seed=2, duration_s=DURATION_S, **change
         before = u
         if effect.kind == "input":
             for _ in range(20):
-                contributions[effect.name] = theta @ input_columns(effect, u, m.x, m.t)
+                contributions[effect.name] = theta @ input_columns(effect, u, m.x, m.v, m.t)
                 u = before + contributions[effect.name]
         elif effect.kind == "command":
             s = 2j * np.pi * np.fft.rfftfreq(len(u), 1.0 / RATE_HZ)

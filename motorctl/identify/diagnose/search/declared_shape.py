@@ -51,8 +51,8 @@ def reshaped(hypothesis: Hypothesis, spans: Spans, quick: bool = False) -> Hypot
 def _takes_energy(hypothesis: Hypothesis) -> bool:
     """Return whether friction, all of it together, brakes in each direction of motion."""
     signals = hypothesis.regressors.signals
-    frictions = [e for e in hypothesis.of_kind("state") if "friction" in e.groups]
-    names = {effect.name for effect in frictions}
+    forces = (*hypothesis.of_kind("state"), *hypothesis.of_kind("input"))
+    names = {effect.name for effect in forces if "friction" in effect.groups}
     of_friction = [i for i, name in enumerate(hypothesis.names) if name in names]
     force = (
         hypothesis.solution.b[of_friction] @ hypothesis.problem.joined(signals.rows)[of_friction]

@@ -51,8 +51,8 @@ SLOW_GAIN = 0.12
 """The most that such a variation may account for, of what an effect takes away. Larger drops true
 orders, smaller keeps a pitch that is a multiple of the true one. Chosen by hand."""
 FINER_PART = 0.05
-"""A spline is divided more finely where that removes this part of what is left once other effects
-are there too. Larger leaves it coarse, smaller fits noise. Chosen by hand."""
+"""A form is made richer, a spline finer, where that removes this part of what is left once other
+effects are there too. Larger leaves it coarse, smaller fits noise. Chosen by hand."""
 STRAY_GAIN = 0.03
 """The most that a single order which does not fit the others may account for. Larger drops true
 orders, smaller keeps chance ones. Chosen by hand."""
@@ -136,8 +136,8 @@ def _richest(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 
 def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
-    """Divide a spline more finely, where that removes a good part of what is left by now."""
-    if not form.effect.is_spline:
+    """Take a richer form, where that removes a good part of what is left by now."""
+    if form.effect.groups & WAVES:  # their orders are found together with their pitch
         return form
     best = form
     for effect in form.effect.richer(spans):

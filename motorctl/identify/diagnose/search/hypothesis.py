@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
 from motorctl.identify.columns.signals import Signals, Spectra
-from motorctl.identify.columns.stretches import smoothed
+from motorctl.identify.columns.stretches import Stretch, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
     BlockedRegression,
@@ -281,15 +281,15 @@ class Hypothesis:
         if self.regressors.side == "command":
             acceleration = self.regressors.signals.smoothed_acceleration(PREDICTED_BAND)
         else:
-            acceleration = self.predicted_acceleration()
+            acceleration = self.predicted_acceleration(rigid=True)
         return Hypothesis(self.regressors, self.added, tuple(acceleration))
 
-    def predicted_acceleration(self) -> list[Array]:
+    def predicted_acceleration(self, *, rigid: bool = False) -> list[Array]:
         """Return the acceleration that the model gives the recorded command.
 
-        Without resonances: a mode's columns are formed on what the machine would do if it were
-        rigid, since on the machine's own acceleration a sharp mode would be found by a fixed
-        point that diverges. `parameters` turns what is found into the mode itself.
+        A mode's columns are formed on what the machine would do without it (`rigid`): on the
+        machine's own acceleration a sharp mode would be found by a fixed point that diverges.
+        `parameters` turns what is found into the mode itself.
         """
         signals, b = self.regressors.signals, self.b
         predictions = []
@@ -298,7 +298,7 @@ class Hypothesis:
             n = 1 + sum(len(e.parameters) for e in inputs)
             total = np.zeros_like(s.x)
             for weight, u in held_parts(s.command, self.path, signals.period_s):
-                held = [u[None], *(input_columns(e, u, s.x, s.time_s) for e in inputs)]
+                held = [u[None], *(input_columns(e, u, s.x, s.quiet, s.time_s) for e in inputs)]
                 total += weight * (b[:n] @ np.concatenate(held))
             i = n
             for e in states:
@@ -308,8 +308,23 @@ class Hypothesis:
                     total = total + b[i : i + len(columns)] @ columns
                 i += len(columns)
             # what is beyond the band would be folded into it where columns are formed more coarsely
-            predictions.append(smoothed(total, PREDICTED_BAND * signals.band_hz, signals.period_s))
+            total = smoothed(total, PREDICTED_BAND * signals.band_hz, signals.period_s)
+            predictions.append(total if rigid else total + self._of_resonances(s, total))
         return predictions
+
+    def _of_resonances(self, s: Stretch, rigid: Array) -> Array:
+        """Return what resonances add to the acceleration of a rigid machine."""
+        added = np.zeros_like(rigid)
+        for e in self.of_kind("state"):
+            if "resonance" not in e.groups:
+                continue
+            mode = e
+            shares = tuple(-b for b, name in zip(self.b, self.names, strict=True) if name == e.name)
+            if self.regressors.side == "command":  # there it was fitted on the machine's own
+                mode, shares = e.on_rigid_acceleration(shares)
+            columns = state_columns(mode, s.x, s.v, rigid, s.quiet, s.time_s, s.beside(mode))
+            added -= np.asarray(shares) @ columns
+        return added
 
 
 def acceleration_form(b: Array, side: Side) -> Array:

@@ -338,10 +338,13 @@ def ranked(
     best = gain(hypothesis, forms[0].held_out)
     front = [0]
     for k, form in enumerate(forms[1:], 1):
-        waves = "wave_over_position" in form.effect.groups
+        waves, partly = "wave_over_position" in form.effect.groups, form.effect.scan_shows_part
+        if partly and _shown_of_rare_events(hypothesis, form) > max(best, LEAST_GAIN) / NEAR:
+            front.append(k)
+            continue
         if best <= LEAST_GAIN / 2.0 or (k >= REFINED and not waves):
             continue
-        near = NEAR * (PARTLY_SEEN if form.effect.scan_shows_part else 1.0)
+        near = NEAR * (PARTLY_SEEN if partly else 1.0)
         shown = gain(hypothesis, form.held_out)
         if shown <= best / near and waves:
             shown = gain(hypothesis, all_lines(hypothesis, type(form.effect), spans))
@@ -350,6 +353,15 @@ def ranked(
     improved = [refined(hypothesis, forms[k], spans) for k in front]
     rest = [form for k, form in enumerate(forms) if k not in front]
     return sorted([*improved, *rest], key=lambda f: f.held_out)
+
+
+def _shown_of_rare_events(hypothesis: Hypothesis, form: Form) -> float:
+    """Return the gain of a form on the rows that it is fitted to.
+
+    A rough form may fit a rare event well, and yet say nothing of the next.
+    """
+    left = form.sse / max(hypothesis.solution.sse, 1e-300)
+    return gain(hypothesis, hypothesis.held_out * left)
 
 
 def sideways(

@@ -54,7 +54,7 @@ def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict
             unit = np.zeros(len(declared))
             unit[starts[effect.name] + j] = 1.0
             memory = np.zeros(declared.context_size)
-            bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, memory, unit) - largest
+            bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, 0.0, memory, unit) - largest
     error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
     if error > UNSURE * largest:
         why = (

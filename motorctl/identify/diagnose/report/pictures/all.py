@@ -9,7 +9,7 @@ from pathlib import Path
 from motorctl.errors import UsageError
 from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.command import (
-    plot_dead_zone,
+    plot_acting_command,
     plot_flexible_mode,
     plot_lag,
 )
@@ -61,7 +61,7 @@ DRAWERS: Mapping[PictureKind, Drawer] = {
     "friction_after_reversal": plot_presliding,
     "command_response": plot_lag,
     "force_response": plot_flexible_mode,
-    "acting_command": plot_dead_zone,
+    "acting_command": plot_acting_command,
     "gain_over_time": plot_gain_drift,
     "mass_over_time": plot_payload,
     "folded_over_time": plot_periodic,

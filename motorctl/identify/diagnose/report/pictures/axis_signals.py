@@ -133,9 +133,13 @@ class AxisSignals:
             if "friction" in effect.groups:
                 names = [effect.full_name(p) for p in effect.parameters]
                 theta = np.array([known.get(name, 0.0) for name in names])
-                v = traces.velocity
                 total += column_sum(
-                    effect, theta, position=traces.position, velocity=v, time=traces.time_s
+                    effect,
+                    theta,
+                    position=traces.position,
+                    velocity=traces.velocity,
+                    time=traces.time_s,
+                    command=traces.command,
                 )
         return total
 
@@ -179,5 +183,5 @@ def column_sum(
         for part in np.broadcast_arrays(position, velocity, time, command)
     )
     if effect.kind == "input":
-        return np.asarray(theta @ input_columns(effect, u, x, t))
+        return np.asarray(theta @ input_columns(effect, u, x, v, t))
     return np.asarray(theta @ state_columns(effect, x, v, np.zeros(len(x)), v, t))

@@ -1,4 +1,4 @@
-"""Pictures of how the command becomes force: lag, delay, resonance, dead zone."""
+"""Pictures of how the command becomes force: lag, delay, resonance, what does not act."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ UNSURE = 0.35
 """Standard error over gain beyond which a point of the response is not drawn. Larger draws noise,
 smaller leaves gaps. Chosen by hand."""
 WIDTHS = 4.0
-"""Half widths of a dead zone that are drawn to each side. More hides the zone, fewer does not show
-that the gain returns. Chosen by hand."""
+"""Widths of the effect, such as half a dead zone, that are drawn to each side. More hides it, fewer
+does not show that the gain returns. Chosen by hand."""
 
 
 def plot_lag(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
@@ -74,8 +74,8 @@ def plot_flexible_mode(subject: AxisSignals, found: FoundEffect, path: Path) -> 
     return path
 
 
-def plot_dead_zone(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
-    """Draw the command that acts against the command that is given, near zero."""
+def plot_acting_command(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
+    """Draw the command that acts against the command that is given, over the effect's width."""
     traces, unit = subject.traces, subject.command_unit
     width = found.effect.picture.scale
     inside = np.abs(traces.command) <= WIDTHS * width
@@ -87,7 +87,7 @@ def plot_dead_zone(subject: AxisSignals, found: FoundEffect, path: Path) -> Path
         u = np.linspace(edges[0], edges[-1], CURVE_POINTS)
         curve = u - subject.force_over(found, command=u)
         panel.plot(u, curve, color=AFTER, lw=1.4, label="model")
-        panel.plot(u, u, color=BEFORE, lw=1.2, ls="--", label="without a dead zone")
+        panel.plot(u, u, color=BEFORE, lw=1.2, ls="--", label="command that is given")
         panel.set_ylim(1.2 * edges[0], 1.2 * edges[-1])
         span(panel, edges[0], edges[-1])
         for at in (-width, width):
