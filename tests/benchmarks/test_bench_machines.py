@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from motorctl_benchmarks.other_machines.generators import (
     usable_generators,
 )
 from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
+from motorctl_benchmarks.other_machines.mistakes import MISTAKES
 from motorctl_benchmarks.other_machines.run_machine import MachineOutcome, measured_of
 from motorctl_benchmarks.other_machines.truth import truth_of
 
@@ -74,10 +76,11 @@ def test_of_every_kind_something_is_known(name):
     kinds = generator(name).kinds
     groups = {kind: truth_of(kind).group for kind in kinds}
     assert set(groups.values()) == {"known", "outside", "clean"}
+    assert {truth_of(kind).group for kind in MISTAKES} == {"mistake"}
     assert groups["none"] == groups["gravity_constant"] == "clean"
     assert groups["cogging"] == "known"
-    assert groups["backlash_motor"] == groups["drive_hysteresis"] == "known"
-    assert groups["voltage_clipping"] == "outside"
+    assert groups["backlash_motor"] == groups["voltage_clipping"] == "known"
+    assert groups["eddy_brake"] == "outside"
     assert all(groups[kind] == "outside" for kind in kinds if kind.startswith("unknown_"))
 
 
@@ -118,7 +121,7 @@ def answer(verdict, *names, sure=0.95):
         ("flexible_load", answer("unknown_structure"), True, "unknown_structure"),
         ("flexible_load", answer("complete"), False, "complete"),
         ("flexible_motor", answer("unknown_structure"), False, "unknown_structure"),
-        ("voltage_clipping", answer("unknown_structure"), True, "unknown_structure"),
+        ("voltage_clipping", answer("unknown_structure"), False, "unknown_structure"),
         ("voltage_clipping", answer("effect", "em_cubic"), True, "family"),
         ("voltage_clipping", answer("effect", "cogging"), False, "false"),
         ("eddy_brake", answer("effect", "quadratic_drag"), True, "family"),
@@ -129,6 +132,7 @@ def answer(verdict, *names, sure=0.95):
         ("backlash_load", answer("unknown_structure"), True, "unknown_structure"),
         ("unknown_shaker", answer("unknown_structure"), True, "unknown_structure"),
         ("unknown_shaker", answer("unknown_structure", "cogging"), False, "false"),
+        ("unknown_shaker", answer("effect", "periodic_disturbance"), True, "named"),
         ("unknown_shaker", answer("insufficient_data"), False, "insufficient_data"),
         ("none", answer("complete"), True, "complete"),
         ("none", answer("insufficient_data"), True, "insufficient_data"),
@@ -278,7 +282,7 @@ def test_a_generator_whose_library_is_absent_is_left_out(monkeypatch):
 
 def test_so_many_seeds_of_every_kind_are_drawn():
     keys = [key for key in machine_keys(3, 50_000) if key.generator == "energy"]
-    assert len(keys) == len(set(keys)) == 3 * len(generator("energy").kinds)
+    assert len(keys) == len(set(keys)) == 3 * (len(generator("energy").kinds) + len(MISTAKES))
     assert {key.seed for key in keys} == {50_000, 50_001, 50_002}
     assert parse_machine_key(str(keys[-1])) == keys[-1]
 
@@ -319,3 +323,45 @@ def test_a_machine_of_each_generator_is_answered(tmp_path):
     assert {"known", "false_cases", "crashed"} <= {figure.name for figure in result.figures}
     assert {row["case"] for row in result.mistakes} <= {str(key) for key in keys}
     json.dumps(result.document()["judged"])
+
+
+LATE, STUCK = "mistake_late_command", "mistake_stuck_encoder"
+
+
+def said(*notes, failure="", named=()):
+    given = answer("failed" if failure else "effect", *named)
+    return replace(given, failure=failure, notes=notes)
+
+
+@pytest.mark.parametrize(
+    ("given", "right", "misleads"),
+    [
+        (said("the motion answers to the command 6 ms before it was recorded"), True, False),
+        (said(failure="DataError: the position freezes at 3 s"), False, True),
+        (said("a note", named=("input_delay",)), False, True),
+        (said("a note"), False, False),
+        (said(failure="DataError: too short"), False, False),
+    ],
+)
+def test_a_mistake_is_told_or_missed_or_taken_for_something_else(given, right, misleads):
+    result = "refused" if given.failure else "answered"
+    case = outcome(LATE, given, result=result)
+    assert (case.right, not case.right and case.misleads) == (right, misleads)
+
+
+def test_mistakes_have_figures_of_their_own_and_count_in_no_other():
+    told = outcome(LATE, said("6 ms before it was recorded", named=("input_delay",)))
+    missed = outcome(STUCK, answer("effect", "payload_change"), seed=2)
+    found = figures([told, missed, outcome("none", answer("complete"))])
+    assert (found["mistakes_told"].value, found["mistakes_misled"].value) == (50.0, 50.0)
+    assert found["false_cases"].value == 0.0
+    assert found["clean"].value == 100.0
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.slow] * (kind == LATE)) for kind in MISTAKES],
+)
+def test_a_mistake_that_users_make_is_told(kind):
+    case = run_machine.run_machine(MachineKey("energy", kind, 7))
+    assert case.right, str(case)

@@ -49,6 +49,8 @@ class Answer:
     processor_s: float = math.nan
     """The same in processor time, on one thread."""
     failure: str = ""
+    notes: tuple[str, ...] = ()
+    """What is said beside the verdict."""
 
     @property
     def names(self) -> frozenset[str]:
@@ -91,6 +93,7 @@ def answer_of(diagnosis: AxisDiagnosis, seconds: float, processor_s: float) -> A
         depends_on=() if diagnosis.unknown is None else diagnosis.unknown.depends_on,
         family=None if diagnosis.unknown is None else diagnosis.unknown.family,
         explained_fraction=diagnosis.error.explained_fraction,
+        notes=tuple(diagnosis.notes),
         seconds=seconds,
         processor_s=processor_s,
     )

@@ -20,11 +20,15 @@ NAMED_OR_FAMILY = Target("value", ">=", 97.0)
 UNKNOWN_OR_FAMILY = Target("value", ">=", 90.0)
 NOTHING_NAMED = Target("value", ">=", 100.0)
 CASES_FALSELY_CONFIDENT = Target("value", "<=", 1.0)
+TOLD = Target("value", ">=", 95.0)
+NONE_WRONG = Target("value", "<=", 0.0)
 NO_CRASH = Target("value", "<=", 0.0)
 
 
 def machine_figures(outcomes: Sequence[MachineOutcome]) -> list[Figure]:
     """Return every figure; groups without machines are left out."""
+    every, mistakes = outcomes, _of_group(outcomes, "mistake")
+    outcomes = [outcome for outcome in outcomes if outcome.kind.group != "mistake"]
     figures = [
         *_known_figures(_of_group(outcomes, "known")),
         *_outside_figures(_of_group(outcomes, "outside")),
@@ -32,11 +36,10 @@ def machine_figures(outcomes: Sequence[MachineOutcome]) -> list[Figure]:
     ]
     if outcomes:
         figures += _false_figures(outcomes)
-    for result, target in (("refused", None), ("crashed", NO_CRASH)):
-        count = sum(o.result == result for o in outcomes)
-        figures.append(
-            Figure(result, f"{result} (of {len(outcomes)})", count, CASES, target=target)
-        )
+    figures += _mistake_figures(mistakes)
+    for result, target, asked in (("refused", None, outcomes), ("crashed", NO_CRASH, every)):
+        count = sum(o.result == result for o in asked)
+        figures.append(Figure(result, f"{result} (of {len(asked)})", count, CASES, target=target))
     _, error = calibration([(o.truth, o.answer) for o in outcomes])
     title = "confidence: calibration error"
     return [*figures, Figure("calibration_error", title, 100.0 * error, PERCENT)]
@@ -76,6 +79,24 @@ def _clean_figures(cases: Sequence[MachineOutcome]) -> list[Figure]:
     return [
         Figure("clean", title.format("nothing named"), silent, PERCENT, target=NOTHING_NAMED),
         Figure("clean_said", title.format(said), right, PERCENT),
+    ]
+
+
+def _mistake_figures(cases: Sequence[MachineOutcome]) -> list[Figure]:
+    if not cases:
+        return []
+    title = f"mistakes of the recording: {{}} (of {len(cases)})"
+    right = percent(case.right for case in cases)
+    wrong = percent(not case.right and case.misleads for case in cases)
+    return [
+        Figure("mistakes_told", title.format("told"), right, PERCENT, target=TOLD),
+        Figure(
+            "mistakes_misled",
+            title.format("another told, or an effect named for it"),
+            wrong,
+            PERCENT,
+            target=NONE_WRONG,
+        ),
     ]
 
 

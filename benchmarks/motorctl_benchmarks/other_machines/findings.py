@@ -50,20 +50,21 @@ def machine_findings(progress: Progress, options: MachinesOptions) -> Findings:
     keys = options.only or machine_keys(options.cases, options.first_seed)
     outcomes = run_tasks(run_machine, keys, progress, options.workers, options.out)
     scored = [outcome for outcome in outcomes if outcome.result != "not recorded"]
+    sound = [outcome for outcome in scored if not outcome.kind.mistake]
     answers = [f"{o.key}: {o.story}: {o}" for o in outcomes] if options.only else []
     return Findings(
         figures=tuple(machine_figures(scored)),
         notes=(
             *_notes(outcomes, scored),
             *lines_by_generator(scored),
-            *calibration_lines(scored),
+            *calibration_lines(sound),
             *answers,
         ),
         mistakes=tuple(machine_mistakes(scored)),
         data={
             "cases": [str(outcome.key) for outcome in outcomes],
             "judged": judgements(scored),
-            "calibration": calibration_document(scored),
+            "calibration": calibration_document(sound),
         },
     )
 
@@ -80,7 +81,8 @@ def machine_mistakes(outcomes: Sequence[MachineOutcome]) -> list[dict[str, str]]
 def _notes(outcomes: Sequence[MachineOutcome], scored: Sequence[MachineOutcome]) -> list[str]:
     notes = [
         f"Cases: {len(scored)} machines of generators that were written apart from motorctl and "
-        "share no code with it; the diagnosis gets their columns alone, and C1 is declared."
+        "share no code with it; the diagnosis gets their columns alone, and C1 is declared. A "
+        "mistake is one that is made with a clean machine's columns."
     ]
     absent = [name for name in LOADERS if name not in usable_generators()]
     if absent:

@@ -10,6 +10,7 @@ from functools import cache
 from motorctl.errors import UsageError
 from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED
 from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
+from motorctl_benchmarks.other_machines.mistakes import MISTAKES
 
 
 @dataclass(frozen=True)
@@ -75,11 +76,11 @@ class MachineKey:
 
 
 def machine_keys(cases: int, first_seed: int) -> list[MachineKey]:
-    """Return so many seeds of every kind of every generator that can be used here."""
+    """Return so many seeds of every kind and mistake of every generator that can be used here."""
     return [
         MachineKey(name, kind, first_seed + k)
         for name in usable_generators()
-        for kind in generator(name).kinds
+        for kind in (*generator(name).kinds, *MISTAKES)
         for k in range(cases)
     ]
 
@@ -95,7 +96,7 @@ def parse_machine_key(text: str) -> MachineKey:
         )
     if name not in usable_generators():
         raise UsageError(f"case '{text}': {NEEDS[name]} is not installed ({HOW_TO_INSTALL})")
-    kinds = generator(name).kinds
+    kinds = (*generator(name).kinds, *MISTAKES)
     if kind not in kinds:
         raise UsageError(f"case '{text}': {name} makes no '{kind}'; it makes {', '.join(kinds)}")
     return MachineKey(name, kind, int(seed))

@@ -19,7 +19,13 @@ from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
 from motorctl_benchmarks.diagnosis.score import Truth
 from motorctl_benchmarks.other_machines.generators import MachineKey, generator
 from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
-from motorctl_benchmarks.other_machines.truth import KindTruth, truth_of
+from motorctl_benchmarks.other_machines.mistakes import (
+    ANOTHER_SEED,
+    MACHINE,
+    MISTAKES,
+    MOST_SEEDS,
+)
+from motorctl_benchmarks.other_machines.truth import OTHERWISE_TOLD, KindTruth, truth_of
 
 Result = Literal["answered", "refused", "crashed", "not recorded"]
 
@@ -62,9 +68,16 @@ class MachineOutcome:
         return self.kind.false_names(self.answer)
 
     @property
+    def misleads(self) -> bool:
+        """Whether a mistake of the recording is taken for another, or for an effect."""
+        return bool(self.answer.names) or self.judged == OTHERWISE_TOLD
+
+    @property
     def judged(self) -> str:
         """What the answer is, in a word or two."""
-        return self.kind.judged(self.answer) if self.result == "answered" else self.result
+        if self.result == "answered" or (self.kind.mistake and self.result == "refused"):
+            return self.kind.judged(self.answer)
+        return self.result
 
     def __str__(self) -> str:
         if self.result == "answered":
@@ -92,19 +105,34 @@ def run_machine(key: MachineKey) -> MachineOutcome:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # its arithmetic is its own
-            recording = generator(key.generator).machine(key.kind, key.seed)
+            recording, measured = _recorded(key)
     except Exception as error:  # whatever it is, it is no fault of the diagnosis
         return MachineOutcome(key, "not recorded", _failed(error), traceback=traceback.format_exc())
     told = recording.story, recording.friction_shape, recording.noise
     began, processor = time.monotonic(), time.process_time()
     try:
-        diagnosis = diagnose_axis(measured_of(recording, str(key)), controller_list(None, "C1"))
+        diagnosis = diagnose_axis(measured, controller_list(None, "C1"))
         taken = time.monotonic() - began, time.process_time() - processor
         return MachineOutcome(key, "answered", answer_of(diagnosis, *taken), *told)
     except (DataError, UsageError) as error:
         return MachineOutcome(key, "refused", _failed(error), *told)
     except Exception as error:  # whatever it is, it is this case's answer
         return MachineOutcome(key, "crashed", _failed(error), *told, traceback.format_exc())
+
+
+def _recorded(key: MachineKey) -> tuple[MachineRecording, Measured]:
+    draw = generator(key.generator).machine
+    if key.kind not in MISTAKES:
+        recording = draw(key.kind, key.seed)
+        return recording, measured_of(recording, str(key))
+    mistake = MISTAKES[key.kind]
+    recording = draw(MACHINE, key.seed)
+    for k in range(1, MOST_SEEDS if mistake.needs_reference else 0):
+        if recording.reference is not None:
+            break
+        recording = draw(MACHINE, key.seed + k * ANOTHER_SEED)
+    sound = measured_of(recording, str(key))
+    return recording, mistake.make(sound, lambda: draw(MACHINE, key.seed + ANOTHER_SEED))
 
 
 def _failed(error: Exception) -> Answer:

@@ -16,10 +16,14 @@ from typing import Literal
 from motorctl.model.catalog import built_in_effects
 from motorctl_benchmarks.diagnosis.answer import Answer
 from motorctl_benchmarks.diagnosis.score import Truth
+from motorctl_benchmarks.other_machines.mistakes import MISTAKES, told
 
-Group = Literal["known", "outside", "clean"]
+Group = Literal["known", "outside", "clean", "mistake"]
 
 UNKNOWN_PREFIX = "unknown_"
+ALSO_RIGHT = {"unknown_shaker": frozenset({"periodic_disturbance"})}
+"""Names that are right for what its author thought to be without one: a force of one frequency."""
+OTHERWISE_TOLD = "another mistake told"
 CLEAN = ("none", "gravity_constant")
 """Kinds that lack nothing: a constant weight is an offset."""
 NAMES: Mapping[str, tuple[str, ...]] = {
@@ -90,6 +94,8 @@ class KindTruth:
     """Right enough, without the right ones."""
     silence: frozenset[str]
     """Verdicts that are right where nothing is named."""
+    mistake: str = ""
+    """What was done wrong with the recording: to be told, whatever else is said."""
 
     @property
     def put_in(self) -> Truth:
@@ -108,6 +114,8 @@ class KindTruth:
 
         A family alone is an answer too, if it is the right one.
         """
+        if self.mistake:
+            return told_of(answer) == (self.mistake,)
         if answer.names:
             return not self.false_names(answer)
         return answer.verdict in self.silence or self._family_alone(answer)
@@ -121,6 +129,8 @@ class KindTruth:
 
     def judged(self, answer: Answer) -> str:
         """Say in a word or two what an answer is; a verdict where nothing is named."""
+        if self.mistake and told_of(answer):
+            return "told" if self.right(answer) else OTHERWISE_TOLD
         if not answer.names:
             return "family" if self._family_alone(answer) else answer.verdict
         if self.exactly_named(answer):
@@ -129,6 +139,11 @@ class KindTruth:
             return "family"
         beside = any(named.may_be & self.names for named in answer.named)
         return "named and false" if beside else "false"
+
+
+def told_of(answer: Answer) -> tuple[str, ...]:
+    """Return the kinds of mistake that an answer tells."""
+    return told(" ".join((answer.failure, *answer.notes)))
 
 
 def families_of(names: Iterable[str]) -> frozenset[str]:
@@ -142,8 +157,11 @@ def truth_of(kind: str) -> KindTruth:
     """Return what may be said of a kind. Raises KeyError where nothing is known of it."""
     if kind in CLEAN:
         return KindTruth("clean", frozenset(), frozenset(), NOTHING_MISSING)
+    if kind in MISTAKES:
+        return KindTruth("mistake", frozenset(), frozenset(), frozenset(), kind)
     if kind.startswith(UNKNOWN_PREFIX):
-        return KindTruth("outside", frozenset(), frozenset(), CALLED_UNKNOWN)
+        names = ALSO_RIGHT.get(kind, frozenset())
+        return KindTruth("outside", names, frozenset(), CALLED_UNKNOWN)
     names = frozenset(NAMES[kind])
     family = frozenset(name for part in FAMILIES if names & set(part) for name in part) - names
     if names.isdisjoint(built_in_effects()):
