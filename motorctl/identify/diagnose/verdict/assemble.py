@@ -119,6 +119,10 @@ def assemble(
         if effect.name not in judged.kept:
             found = replace(found, final=found.final.without(effect.name))
     found = replace(found, final=found.final.refreshed())
+    if judged.verdict == "unknown_structure" and judged.kept and not _is_sure(found):
+        # the family of what is left says more than a name that shares it with others
+        found = replace(found, final=found.base, rival_gains=rival_gains(found.base))
+        judged = _beside_twin(found, judge(found))
     extra = compensation(found, judged)
     if extra is not None and not is_physical(found.final, extra):
         # where a place is passed at one acceleration, any function of it explains that
@@ -242,6 +246,15 @@ def _drowned(found: Found, judged: Judged) -> str | None:
         f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
         "missing would behind this encoder and at this rate"
     )
+
+
+def _is_sure(found: Found) -> bool:
+    """Return whether any name of the final model is sure enough to be told."""
+    for added in found.final.added:
+        grounds = evidence_of(found, added, alternatives(found, added.name))
+        if confidence(grounds, len(ambiguous_with(found, added))) >= TOLD:
+            return True
+    return False
 
 
 def _effects(
