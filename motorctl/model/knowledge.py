@@ -68,6 +68,7 @@ PictureKind = Literal[
     "command_response",
     "force_response",
     "acting_command",
+    "limit_over_speed",
     "gain_over_time",
     "mass_over_time",
     "folded_over_time",

@@ -70,11 +70,10 @@ class VoltageClipping(Effect):
 
     @property
     def picture(self) -> Picture:
-        """The command that acts."""
+        """The commands that act, over velocity."""
         return Picture(
-            "acting_command",
-            "Command that acts against command that is given; the model's line is at standstill.",
-            scale=self.options.limit_v,
+            "limit_over_speed",
+            "Commands over velocity: those beyond the limit, and what of them acts.",
         )
 
     @classmethod

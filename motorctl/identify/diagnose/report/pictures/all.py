@@ -12,6 +12,7 @@ from motorctl.identify.diagnose.report.pictures.command import (
     plot_acting_command,
     plot_flexible_mode,
     plot_lag,
+    plot_limit,
 )
 from motorctl.identify.diagnose.report.pictures.friction import plot_friction, plot_presliding
 from motorctl.identify.diagnose.report.pictures.position import (
@@ -62,6 +63,7 @@ DRAWERS: Mapping[PictureKind, Drawer] = {
     "command_response": plot_lag,
     "force_response": plot_flexible_mode,
     "acting_command": plot_acting_command,
+    "limit_over_speed": plot_limit,
     "gain_over_time": plot_gain_drift,
     "mass_over_time": plot_payload,
     "folded_over_time": plot_periodic,

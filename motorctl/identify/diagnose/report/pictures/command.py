@@ -18,12 +18,15 @@ from motorctl.identify.diagnose.report.pictures.frequency_response import (
 from motorctl.identify.diagnose.report.pictures.panels import (
     AFTER,
     BEFORE,
+    DATA,
+    NOISE,
     draw_bins,
     figure_in_file,
     figure_of,
     force_scale,
     legend_above,
     span,
+    zero_line,
 )
 from motorctl.identify.diagnose.report.pictures.residual import mark_frequency
 from motorctl.identify.diagnose.report.pictures.statistics import binned
@@ -40,6 +43,15 @@ smaller leaves gaps. Chosen by hand."""
 WIDTHS = 4.0
 """Widths of the effect, such as half a dead zone, that are drawn to each side. More hides it, fewer
 does not show that the gain returns. Chosen by hand."""
+
+BEYOND = 0.005
+"""Part of the largest command that has to be missing to be beyond a limit. Larger hides what is
+hardly beyond, smaller marks noise. Chosen by hand."""
+FAR = 4.0
+"""Commands at which the line of the limit is looked at, in multiples of the largest. Any that is
+beyond it everywhere would do. Arithmetic."""
+MOST_POINTS = 4000
+"""Points of a cloud, at most. More make larger files, fewer thin it out. Chosen by hand."""
 
 
 def plot_lag(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
@@ -97,6 +109,47 @@ def plot_acting_command(subject: AxisSignals, found: FoundEffect, path: Path) ->
         force_scale(panel, subject)
         legend_above(panel)
     return path
+
+
+def plot_limit(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
+    """Draw commands against velocity, and the line beyond which they do not act."""
+    traces, unit = subject.traces, subject.command_unit
+    scale, length = subject.place
+    lost = subject.partial(found.name)
+    most = float(np.max(np.abs(traces.command), initial=0.0))
+    if not most > 0.0:
+        most = 1.0
+    beyond = np.abs(lost) > BEYOND * most
+    fastest = float(np.max(np.abs(traces.velocity), initial=0.0))
+    v = np.linspace(-fastest, fastest, CURVE_POINTS)
+    with figure_in_file(path, ["a"], 4.2) as panels:
+        panel = panels["a"]
+        for rows, values, colour, size, label in (
+            (~beyond, traces.command, DATA, 2.0, "command"),
+            (beyond, traces.command, BEFORE, 3.0, "command beyond the limit"),
+            (beyond, traces.command - lost, NOISE, 3.0, "what of it acts"),
+        ):
+            shown = _thinned(np.flatnonzero(rows))
+            panel.plot(
+                traces.velocity[shown] * scale, values[shown], ".", color=colour, ms=size,
+                label=label,
+            )  # fmt: skip
+        for side in (-1.0, 1.0):
+            given = np.full(len(v), side * FAR * most)
+            limit = given - subject.force_over(found, velocity=v, command=given)
+            line = "model" if side > 0.0 else None
+            panel.plot(v * scale, limit, color=AFTER, lw=1.4, label=line)
+        panel.set_ylim(-1.15 * most, 1.15 * most)
+        zero_line(panel)
+        panel.set_xlabel(f"velocity [{length}/s]")
+        panel.set_ylabel(f"command [{unit}]")
+        force_scale(panel, subject)
+        legend_above(panel)
+    return path
+
+
+def _thinned(rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    return rows[:: max(1, len(rows) // MOST_POINTS)]
 
 
 def _response(subject: AxisSignals, source: Array, answer: Array, bins: int = 24) -> Response:
