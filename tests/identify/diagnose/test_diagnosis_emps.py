@@ -17,6 +17,7 @@ TURN_M = 2.5e-3
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.timeout(900),  # two recordings of many effects, maybe on a busy machine
     pytest.mark.skipif(
         not DATA.is_dir(),
         reason="the EMPS recordings are not beside the project (../shared/data/emps)",
