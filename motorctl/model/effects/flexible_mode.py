@@ -101,12 +101,7 @@ class FlexibleMode(Effect):
         share = theta[0]
         f = share / (1.0 + share) if share > -LARGEST_PART else 0.0
         f = min(max(f, -LARGEST_PART), LARGEST_PART)
-        narrower = math.sqrt(1.0 - f)
-        mode = self.with_options(
-            frequency_hz=self.options.frequency_hz * narrower,
-            damping_ratio=self.options.damping_ratio * narrower,
-        )
-        return mode, (f,)
+        return self._shifted(math.sqrt(1.0 - f)), (f,)
 
     def on_rigid_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
         """Return the mode as it acts on what the machine would do if it were rigid.
@@ -114,12 +109,13 @@ class FlexibleMode(Effect):
         The reverse of `on_own_acceleration`: a = r/(1 - f G) = r + f/(1 - f) G' r.
         """
         f = min(max(theta[0], -LARGEST_PART), LARGEST_PART)
-        wider = 1.0 / math.sqrt(1.0 - f)
-        mode = self.with_options(
-            frequency_hz=self.options.frequency_hz * wider,
-            damping_ratio=min(self.options.damping_ratio * wider, 0.99),
+        return self._shifted(1.0 / math.sqrt(1.0 - f)), (f / (1.0 - f),)
+
+    def _shifted(self, by: float) -> Effect:
+        return self.with_options(
+            frequency_hz=self.options.frequency_hz * by,
+            damping_ratio=min(self.options.damping_ratio * by, 0.99),
         )
-        return mode, (f / (1.0 - f),)
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:

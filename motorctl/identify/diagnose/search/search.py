@@ -137,6 +137,11 @@ class Found:
     """What smooth functions take away of the squared residual that the final model leaves."""
 
 
+def declared_alone(found: Found) -> Found:
+    """Return a search's outcome with nothing added to the declared model."""
+    return replace(found, final=found.base, rival_gains=rival_gains(found.base))
+
+
 def whitened(
     signals: Signals,
     declared: EffectList,

@@ -33,15 +33,19 @@ from motorctl.identify.diagnose.search.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.search.physics import is_physical
-from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
-from motorctl.identify.diagnose.verdict.confidence import TOLD, confidence, without_doubtful
+from motorctl.identify.diagnose.verdict.confidence import (
+    TOLD,
+    Support,
+    confidence,
+    support_of,
+    without_doubtful,
+)
 from motorctl.identify.diagnose.verdict.errors import (
     REPORT_HZ,
     Split,
-    alternatives,
-    ambiguous_with,
     explained,
     held_out_rms,
     in_plain_band,
@@ -50,7 +54,7 @@ from motorctl.identify.diagnose.verdict.errors import (
     per_command,
     split_rows,
 )
-from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, outside_family
+from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
@@ -119,9 +123,11 @@ def assemble(
         if effect.name not in judged.kept:
             found = replace(found, final=found.final.without(effect.name))
     found = replace(found, final=found.final.refreshed())
-    if judged.verdict == "unknown_structure" and judged.kept and not _is_sure(found):
+    supports = {effect.name: support_of(found, effect) for effect in found.final.added}
+    unsure = all(support.sure < TOLD for support in supports.values())
+    if judged.verdict == "unknown_structure" and judged.kept and unsure:
         # the family of what is left says more than a name that shares it with others
-        found = replace(found, final=found.base, rival_gains=rival_gains(found.base))
+        found, supports = declared_alone(found), {}
         judged = _beside_twin(found, judge(found))
     extra = compensation(found, judged)
     if extra is not None and not is_physical(found.final, extra):
@@ -135,7 +141,7 @@ def assemble(
     tested: list[str] = []
     if test is not None:
         error, tested = error_on(*test, found, error)
-    effects = _effects(found, values, split, error)
+    effects = _effects(found, values, split, error, supports)
     sign = sign_of(declared.effects)
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
@@ -208,16 +214,14 @@ def _without_useless(found: Found, split: Split) -> tuple[Found, tuple[str, ...]
         return found, ()
     names = " and ".join(effect.name for effect in final.added)
     why = f"{names}: the error on held-out rows is no smaller with it than without"
-    return replace(found, final=found.base, rival_gains=rival_gains(found.base)), (why,)
+    return declared_alone(found), (why,)
 
 
 def _beside_twin(found: Found, judged: Judged) -> Judged:
     """Take structure without a name back where the machine's clean twin leaves the like."""
     if judged.verdict != "unknown_structure" or judged.kept:
         return judged
-    alone = found
-    if found.final.added:
-        alone = replace(found, final=found.base, rival_gains=rival_gains(found.base))
+    alone = declared_alone(found) if found.final.added else found
     noisy = _over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
     twin = clean_twin(alone) if noisy else None
     if twin is None:
@@ -248,17 +252,12 @@ def _drowned(found: Found, judged: Judged) -> str | None:
     )
 
 
-def _is_sure(found: Found) -> bool:
-    """Return whether any name of the final model is sure enough to be told."""
-    for added in found.final.added:
-        grounds = evidence_of(found, added, alternatives(found, added.name))
-        if confidence(grounds, len(ambiguous_with(found, added))) >= TOLD:
-            return True
-    return False
-
-
 def _effects(
-    found: Found, values: FittedModel, split: Split, error: ModelError
+    found: Found,
+    values: FittedModel,
+    split: Split,
+    error: ModelError,
+    supports: Mapping[str, Support],
 ) -> tuple[FoundEffect, ...]:
     shares = own_shares(found, [e.name for e in found.final.added])
     effects = []
@@ -267,27 +266,26 @@ def _effects(
         theta, std_error = theta_of(values, effect)
         rest = found.final.without(added.name)
         score = gain(rest, found.final.held_out)
-        others = alternatives(found, added.name)
-        twins = tuple(ambiguous_with(found, added))
-        grounds = evidence_of(found, added, others)
-        strangers = outside_family(found, effect, list(twins))
+        support = supports[added.name]
+        strangers = outside_family(found, effect, list(support.twins))
         without = held_out_rms(found, rest.problem, split)
         own = explained(without, error.held_out_after_rms, error.noise_floor_rms)
-        sure = confidence(grounds, len(twins))
         effects.append(
             FoundEffect(
                 effect=effect,
                 theta=theta,
                 std_error=std_error,
                 option_errors=option_errors(found.final, added, found.spans),
-                confidence=sure,
-                family_confidence=max(sure, confidence(grounds, len(strangers), of_family=True)),
-                grounds=grounds.document(),
+                confidence=support.sure,
+                family_confidence=max(
+                    support.sure, confidence(support.grounds, len(strangers), of_family=True)
+                ),
+                grounds=support.grounds.document(),
                 explained_fraction=shares[added.name] if len(found.final.added) > 1 else own,
                 score=score,
                 evidence=tuple(_evidence(found, added, score, without, error)),
-                indistinguishable_from=twins,
-                alternatives=others,
+                indistinguishable_from=support.twins,
+                alternatives=support.others,
             )
         )
     return tuple(sorted(effects, key=lambda e: -shares[e.name]))

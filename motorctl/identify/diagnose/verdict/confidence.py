@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
 from scipy.special import expit
 
+from motorctl.identify.diagnose.result import Alternative
 from motorctl.identify.diagnose.search.search import Found, rival_gains
-from motorctl.identify.diagnose.verdict.errors import alternatives
+from motorctl.identify.diagnose.verdict.errors import alternatives, ambiguous_with
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
+from motorctl.model import Effect
 
 HIGHEST = 0.99
 """Highest confidence that is given. Larger claims more than simulated machines can show, smaller
@@ -63,6 +65,28 @@ def sure_by(learned: Mapping[str, float], shown: Mapping[str, float], alike: int
     """Return the confidence that weights give to features; `alike` effects would do as well."""
     score = learned["intercept"] + sum(learned[name] * value for name, value in shown.items())
     return float(np.clip(expit(score) * SHARED ** min(alike, 3), LOWEST, HIGHEST))
+
+
+@dataclass(frozen=True)
+class Support:
+    """What the name of an effect rests on, and what else would do."""
+
+    others: tuple[Alternative, ...]
+    twins: tuple[str, ...]
+    """Effects that it cannot be told from."""
+    grounds: Evidence
+
+    @property
+    def sure(self) -> float:
+        """The confidence in the name."""
+        return confidence(self.grounds, len(self.twins))
+
+
+def support_of(found: Found, added: Effect) -> Support:
+    """Return what the name of an effect of the final model rests on."""
+    others = alternatives(found, added.name)
+    twins = tuple(ambiguous_with(found, added))
+    return Support(others, twins, evidence_of(found, added, others))
 
 
 def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:

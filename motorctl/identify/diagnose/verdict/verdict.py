@@ -212,7 +212,10 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         return judged("complete", (), None)
     smooth_left = side == "command" and gain > SMOOTH_LEFT * final
     rough = _rough(found, explainable)
-    told = rough or _prominent(found, explainable)
+
+    def beside(by: str | None) -> Judged:
+        return judged("unknown_structure", rough or _prominent(found, explainable), by)
+
     if structured and (rival_share > RIVAL_SHARE[side] or smooth_left):
         standing = {*_standing(found, rival, names), *rough}
         kept = tuple(name for name in names if name in standing)
@@ -222,11 +225,11 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
         return judged("effect", kept, rival)
     shaped = structured or coloured > most_coloured or bursting > most_bursts
     if named_share < NAMED_ENOUGH[side] and shaped and not noisy:
-        return judged("unknown_structure", told, rival if structured else None)
+        return beside(rival if structured else None)
     if named_share < BARELY_NAMED and final > DOWN_TO_NOISE * noise * more:
-        return judged("unknown_structure", told, None)
+        return beside(None)
     if 1.0 - named_share > LEFT_OVER[side] and coloured > most_coloured and not noisy:
-        return judged("unknown_structure", told, None)
+        return beside(None)
     return judged("effect", names, None)
 
 
