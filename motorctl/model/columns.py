@@ -94,6 +94,27 @@ def error_columns(effect: Effect, x: Array) -> Array:
     return out
 
 
+def form_key(effect: Effect) -> tuple[str, str]:
+    """Name a form of an effect: equal for equal options, and so for equal columns."""
+    return effect.name, effect.options.model_dump_json()
+
+
+def uses_acceleration(effect: Effect) -> bool:
+    """Return whether a state effect's columns depend on the acceleration."""
+    cls = type(effect)
+    if cls not in _USES:
+        x = np.linspace(0.0, 1.0, 64)
+        others = np.zeros((64, len(effect.other_axes), 3))
+        t = np.linspace(0.0, 1e6, 64)
+        still = state_columns(effect, x, x, np.zeros(64), x, t, others)
+        moved = state_columns(effect, x, x, np.sin(37.0 * x), x, t, others)
+        _USES[cls] = bool(np.any(still != moved))
+    return _USES[cls]
+
+
+_USES: dict[type[Effect], bool] = {}
+
+
 def _signals(*signals: Array) -> list[Array]:
     shapes = {np.shape(signal) for signal in signals}
     if len(shapes) > 1 or np.ndim(signals[0]) != 1:

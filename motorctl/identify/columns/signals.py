@@ -9,7 +9,7 @@ are tried, from smoothed signals at the rate of the rows, which is quicker and n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from scipy import fft
 from motorctl.errors import DataError
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
+from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import (
     position_noise_density,
@@ -40,14 +41,17 @@ from motorctl.identify.columns.stretches import (
     smoothed,
 )
 from motorctl.model import Effect, Spans
-from motorctl.model.columns import error_columns, input_columns, state_columns
+from motorctl.model.columns import (
+    error_columns,
+    form_key,
+    input_columns,
+    state_columns,
+    uses_acceleration,
+)
 
 Array = NDArray[np.float64]
 Response = Callable[[Array], Array]
 """Gain of a zero-phase filter at frequencies [Hz]."""
-
-Spectra = tuple[tuple[NDArray[np.complex128], int], ...]
-"""For each stretch the spectra of columns, (p, f), and the number of rows they stand for."""
 
 WIDEST_BAND_HZ = 200.0
 """Widest band of the rows [Hz]. Larger shows stiffer modes but also more of the encoder's noise,
@@ -73,12 +77,6 @@ finely than is needed. Chosen by hand."""
 STUCK_PERIODS = 0.5
 """Rows dropped on each side of where an axis sticks, in periods of the band's end. Larger loses the
 reversal itself, smaller keeps what the filter smears out of it. Chosen by hand."""
-PIECE_S = 3.0
-"""Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
-more rows to trimming. Chosen by hand."""
-PIECE_TRIMS = 6
-"""They are at least so many times what is dropped at one end: two of six parts are lost. Larger
-sees fewer places, smaller loses more. Arithmetic."""
 SHORTEST_S = 0.3
 """Shortest stretch without a gap that is used [s]. Smaller leaves nothing after trimming, larger
 loses recordings with many gaps. Chosen by hand."""
@@ -110,9 +108,12 @@ class Signals:
     """Rows at each end of a stretch that are never used."""
     repeats_s: float = 0.0
     """After what time the recording's one move begins again; 0 where it does not."""
+    quiet_hz: float = math.inf
+    """Band of the velocity that friction depends on [Hz]."""
     _gains: dict[tuple[int, CommandPath], NDArray[Any]] = field(default_factory=dict, repr=False)
     _quiet: dict[float, list[Array]] = field(default_factory=dict, repr=False)
     """The velocity that friction depends on, of each stretch, by its band [Hz]."""
+    _spectra: KeptSpectra = field(default_factory=KeptSpectra, repr=False)
 
     @property
     def rows(self) -> int:
@@ -138,6 +139,10 @@ class Signals:
         """Return the same signals behind another filter."""
         return replace(self, response=response, _gains={})
 
+    def with_stretches(self, stretches: tuple[Stretch, ...]) -> Signals:
+        """Return other stretches behind the same filter."""
+        return replace(self, stretches=stretches, _gains={}, _quiet={}, _spectra=KeptSpectra())
+
     def turning_over(self, slope_s_m: float | None) -> Signals:
         """Return the same signals with the velocity on which a friction of this slope depends."""
         quiet_hz = quiet_band_hz(self.position_noise, self.band_hz, slope_s_m)
@@ -149,7 +154,7 @@ class Signals:
             replace(s, quiet=quiet)
             for s, quiet in zip(self.stretches, self._quiet[quiet_hz], strict=True)
         )
-        return replace(self, stretches=stretches)
+        return replace(self, stretches=stretches, quiet_hz=quiet_hz)
 
     def picked(self, signal: Callable[[Stretch], Array]) -> Array:
         """Return an unfiltered signal at the rows, (m,)."""
@@ -228,38 +233,79 @@ class Signals:
         return self.rows_of(self.state_spectra(effect, acceleration, step))
 
     def state_spectra(
-        self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
+        self,
+        effect: Effect,
+        acceleration: Sequence[Array] | None = None,
+        step: int | None = None,
+        *,
+        keep: bool = False,
     ) -> Spectra:
-        """Return the spectra of the same columns."""
-        d = self.motion_step if step is None else step
-        columns = []
-        for k, s in enumerate(self.stretches):
-            x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
-            a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
-            columns.append(state_columns(effect, x, v, a, quiet, t, s.beside(effect, d)))
-        return self.spectra(columns, d)
+        """Return the spectra of the same columns.
 
-    def inputs(self, effects: Sequence[Effect], path: CommandPath) -> Array:
+        keep has them kept, for a form that will be asked for again.
+        """
+        d = self.motion_step if step is None else step
+
+        def form() -> Spectra:
+            columns = []
+            for k, s in enumerate(self.stretches):
+                x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
+                a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
+                columns.append(state_columns(effect, x, v, a, quiet, t, s.beside(effect, d)))
+            return self.spectra(columns, d)
+
+        if not keep:
+            return form()
+        seen = acceleration if uses_acceleration(effect) else None
+        return self._kept((form_key(effect), d), form, seen)
+
+    def inputs(self, effects: Sequence[Effect], path: CommandPath, *, keep: bool = False) -> Array:
         """Return the command and the columns of input effects at the rows, (1 + p, m)."""
+        command = self._kept(("command", path), lambda: self._acting(path, lambda u, _: u[None]))
+        return np.concatenate(
+            [self.rows_of(command), *(self.input(effect, path, keep=keep) for effect in effects)]
+        )
+
+    def input(self, effect: Effect, path: CommandPath, *, keep: bool = False) -> Array:
+        """Return the columns of an input effect at the rows, (p, m)."""
+
+        def form() -> Spectra:
+            return self._acting(path, lambda u, s: input_columns(effect, u, s.x, s.quiet, s.time_s))
+
+        return self.rows_of(self._kept((form_key(effect), path), form) if keep else form())
+
+    def _acting(self, path: CommandPath, of: Callable[[Array, Stretch], Array]) -> Spectra:
+        """Return the spectra of a function of the command that acts behind a path."""
         columns = []
         for s in self.stretches:
-            total = np.zeros((1 + sum(len(e.parameters) for e in effects), len(s.x)))
-            for weight, u in held_parts(s.command, path, self.period_s):
-                total += weight * np.concatenate([u[None], *(_columns(e, u, s) for e in effects)])
-            columns.append(total)
-        return self.filtered(columns)
+            parts = held_parts(s.command, path, self.period_s)
+            columns.append(np.asarray(sum(weight * of(u, s) for weight, u in parts)))
+        return self.spectra(columns)
 
-    def measurement_spectra(self, effect: Effect) -> Spectra:
+    def measurement_spectra(self, effect: Effect, *, keep: bool = False) -> Spectra:
         """Return what an error of the measured position adds to its acceleration: the spectra.
 
         A column for each of the effect's amplitudes. They are formed on the smoothed position:
         functions of the quantised one correlate with its own noise.
         """
-        columns = []
-        for s in self.stretches:
-            errors = error_columns(effect, s.x)
-            columns.append(np.stack([second_difference(e, self.period_s) for e in errors]))
-        return self.spectra(columns)
+
+        def form() -> Spectra:
+            columns = []
+            for s in self.stretches:
+                errors = error_columns(effect, s.x)
+                columns.append(np.stack([second_difference(e, self.period_s) for e in errors]))
+            return self.spectra(columns)
+
+        return self._kept(form_key(effect), form) if keep else form()
+
+    def _kept(
+        self,
+        key: Hashable,
+        form: Callable[[], Spectra],
+        acceleration: Sequence[Array] | None = None,
+    ) -> Spectra:
+        """Return spectra that are kept: behind any filter of this band, for this slope at rest."""
+        return self._spectra.of((key, self.band_hz, self.quiet_hz), form, acceleration)
 
     def row_variance(self, force_noise: float) -> float:
         """Return the variance of the rows' noise where the filter whitens noise of this density."""
@@ -290,16 +336,19 @@ class Signals:
         margin = 2 * math.ceil(TRIM_PERIODS / self.band_hz / self.row_period_s)
         rows = fft.next_fast_len(-(-n // step) + margin, real=True)
         padded = np.zeros((columns.shape[0], rows * step))
-        padded[:, :n] = columns * self._fading(n, self.trim * step)
+        padded[:, :n] = columns
+        fades = self._fading_in(self.trim * step)[:n]
+        padded[:, : len(fades)] *= fades
+        padded[:, n - len(fades) : n] *= fades[::-1]
         return fft.rfft(padded, axis=1)[:, : rows // 2 + 1] / step, rows
 
-    def _fading(self, samples: int, trim: int) -> Array:
-        """Return what fades a stretch in and out over the ends that no row uses, (N,).
+    def _fading_in(self, samples: int) -> Array:
+        """Return what fades a stretch in, and out, over the ends that no row uses, (samples,).
 
         Smoothed signals are wrong at the ends, and a whitening filter would carry that far inside.
         Every column fades alike, so the equation between them holds all the same.
         """
-        inside = np.minimum(np.arange(samples), np.arange(samples)[::-1]) / max(trim, 1)
+        inside = np.arange(samples) / max(samples, 1)
         place = np.clip((inside - FADES_FROM) / (1.0 - FADES_FROM), 0.0, 1.0)
         return np.asarray(0.5 * (1.0 - np.cos(np.pi * place)))
 
@@ -397,53 +446,8 @@ def make_signals(
         position_noise=density,
         trim=trim,
         repeats_s=period_of(max((s.v for s in stretches), key=len), data.period_s),
+        quiet_hz=quiet_hz,
     )
-
-
-def without(signals: Signals, begin_s: float, end_s: float) -> Signals:
-    """Return the rows that lie not between two times."""
-    kept = []
-    for s, used in zip(signals.stretches, signals.kept, strict=True):
-        time_s = s.time_s[:: signals.decimation]
-        kept.append(used & ~((time_s >= begin_s) & (time_s < end_s)))
-    return replace(signals, kept=tuple(kept), _gains={})
-
-
-def shortened(signals: Signals, longest_s: float) -> Signals:
-    """Return pieces of a long recording, spread evenly over it, that last about `longest_s`."""
-    total_s = sum(len(s.x) for s in signals.stretches) * signals.period_s
-    every = int(total_s / longest_s)
-    if every < 2:
-        return signals
-    trim = math.ceil(TRIM_PERIODS / signals.band_hz / signals.row_period_s)
-    length = max(round(PIECE_S / signals.row_period_s), PIECE_TRIMS * trim)
-    d = signals.decimation
-    stretches, kept = [], []
-    count = 0
-    for s, used in zip(signals.stretches, signals.kept, strict=True):
-        for first in range(0, max(len(used) - length, 0) + 1, length):
-            count += 1
-            if count % every:
-                continue
-            rows = slice(first * d, (first + length) * d)  # all of what is shorter
-            stretches.append(
-                Stretch(
-                    s.time_s[rows],
-                    s.position[rows],
-                    s.x[rows],
-                    s.v[rows],
-                    s.command[rows],
-                    {name: motion[rows] for name, motion in s.others.items()},
-                    s.quiet[rows],
-                )
-            )
-            inner = used[first : first + length].copy()
-            inner[:trim] = False
-            inner[len(inner) - trim :] = False
-            kept.append(inner[: -(-len(stretches[-1].x) // d)])
-    if not stretches:  # few rows over a long time
-        return signals
-    return replace(signals, stretches=tuple(stretches), kept=tuple(kept), _gains={}, _quiet={})
 
 
 def spans_of(signals: Signals) -> Spans:
@@ -469,7 +473,3 @@ def spans_of(signals: Signals) -> Spans:
         rotary=signals.data.position_unit == "rad",
         reversal_m_s2=min(filter(None, turns), default=0.0),
     )
-
-
-def _columns(effect: Effect, u: Array, s: Stretch) -> Array:
-    return input_columns(effect, u, s.x, s.quiet, s.time_s)

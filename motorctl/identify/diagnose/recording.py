@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, beside, check_usable, counterpart, measured
-from motorctl.identify.columns.signals import make_signals, without
+from motorctl.identify.columns.pieces import without
+from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.hypothesis import Catalogue

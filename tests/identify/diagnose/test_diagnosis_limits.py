@@ -8,8 +8,9 @@ from diagnosis_cases import diagnosed, moving, names, recorded
 
 from motorctl.config import load
 from motorctl.identify.columns.measured import measured
+from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.columns.repetition import period_of
-from motorctl.identify.columns.signals import make_signals, shortened
+from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import read_recording
@@ -29,6 +30,7 @@ def test_on_smooth_motion_the_feedback_of_noise_is_no_effect(tmp_path, seed):
     assert names(found) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "seed"),
     [("input_delay", 23), pytest.param("input_lag", 23, marks=pytest.mark.slow)],
@@ -95,6 +97,7 @@ def test_moves_that_differ_are_not_one_repeated():
     assert period_of(velocity, 0.001) == 0.0
 
 
+@pytest.mark.slow
 def test_a_coupled_axis_is_judged_on_another_recording_too(tmp_path):
     case = draw_case(14, effects=("cross_axis",))
     first, second = tmp_path / "first", tmp_path / "second"

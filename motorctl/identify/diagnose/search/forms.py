@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
@@ -71,6 +71,9 @@ misses forms with a coarse scan. Chosen by hand."""
 SIMPLEX_STEPS = 30
 """Steps of the simplex search (Nelder and Mead) over a form's options. More takes time, fewer
 leaves options short of their best. Chosen by hand."""
+LINE_STEPS = 12
+"""Steps of the line search (Brent) over a single option, at most, once it is between two others.
+More takes time, fewer leaves the option short of its best. Chosen by hand."""
 EDGE = 0.02
 """Relative distance to an end of an option's range within which it counts as standing there. Larger
 refuses forms near it, smaller accepts ones that are something else. Chosen by hand."""
@@ -115,7 +118,7 @@ def best_form(
         forms = [*forms, *_lines(hypothesis, cls, spans)]
     best: Form | None = None
     for form in forms:
-        found = measure(hypothesis, with_sign(form, sign), coarse=cls.kind == "state")
+        found = measure(hypothesis, with_sign(form, sign), scan=True)
         if found is not None and (best is None or found.sse < best.sse):
             best = found
     if best is not None and not best.effect.steps(spans):
@@ -156,9 +159,9 @@ def refined(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     return by_simplex(hypothesis, _richest(hypothesis, best, spans), spans)
 
 
-def measure(hypothesis: Hypothesis, effect: Effect, coarse: bool = False) -> Form | None:
+def measure(hypothesis: Hypothesis, effect: Effect, scan: bool = False) -> Form | None:
     """Fit an effect beside the hypothesis; None where it adds no column or nothing finite."""
-    problem = hypothesis.extended(effect, coarse)
+    problem = hypothesis.extended(effect, scan)
     if not np.all(np.isfinite(problem.gram)):
         return None
     if effect.kind != "command" and not problem.gram[:, -2, -2].any():
@@ -200,6 +203,14 @@ def by_simplex(
         return float(np.log(found.sse / form.sse))
 
     n = len(names)
+    if n == 1:
+        minimize_scalar(
+            lambda place: cost(np.array([place - 1.0])),
+            bracket=(1.0, 1.5),
+            method="brent",
+            options={"xtol": 3e-4, "maxiter": min(most_steps, LINE_STEPS)},
+        )
+        return best
     simplex = np.vstack([np.zeros(n), 0.5 * np.eye(n)])
     minimize(
         cost,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,12 +61,22 @@ class BlockedRegression:
     """Products of the columns [X, y] in each block: all that least squares needs."""
 
     blocks: Blocks
-    columns: Array
-    """(b, p + 1, q), the left side last."""
+    parts: tuple[Array, ...]
+    """The columns in order, (b, p_i, q) each: the left side last."""
     gram: Array
     """(b, p + 1, p + 1)"""
     soft: NDArray[np.bool_]
     """(p,) columns of splines, which are held near zero where rows say little of them."""
+
+    @cached_property
+    def columns(self) -> Array:
+        """The columns together, (b, p + 1, q): most forms are judged by their products alone."""
+        return self.parts[0] if len(self.parts) == 1 else np.concatenate(self.parts, axis=1)
+
+    @cached_property
+    def total(self) -> Array:
+        """The products over all blocks, (p + 1, p + 1)."""
+        return np.asarray(self.gram.sum(axis=0))
 
     @property
     def size(self) -> int:
@@ -83,7 +94,7 @@ def make_problem(
     """Form the products of X (p, m) and y (m,)."""
     columns = blocks.split(np.vstack([X, y[None]]))
     held = np.zeros(len(X), dtype=np.bool_) if soft is None else soft
-    return BlockedRegression(blocks, columns, columns @ columns.swapaxes(1, 2), held)
+    return BlockedRegression(blocks, (columns,), columns @ columns.swapaxes(1, 2), held)
 
 
 def with_columns(problem: BlockedRegression, added: Array, soft: bool = False) -> BlockedRegression:
@@ -92,16 +103,17 @@ def with_columns(problem: BlockedRegression, added: Array, soft: bool = False) -
     cross = problem.columns @ extra.swapaxes(1, 2)
     own = extra @ extra.swapaxes(1, 2)
     n, p2 = problem.size, len(added)
+    old, new = slice(n), slice(n, n + p2)
     gram = np.empty((len(own), n + p2 + 1, n + p2 + 1))
-    order = [*range(n), n + p2]
-    gram[np.ix_(range(len(own)), order, order)] = problem.gram
-    new = list(range(n, n + p2))
-    gram[np.ix_(range(len(own)), order, new)] = cross
-    gram[np.ix_(range(len(own)), new, order)] = cross.swapaxes(1, 2)
-    gram[np.ix_(range(len(own)), new, new)] = own
-    columns = np.concatenate([problem.columns[:, :n], extra, problem.columns[:, n:]], axis=1)
-    held = np.append(problem.soft, np.full(p2, soft))
-    return BlockedRegression(problem.blocks, columns, gram, held)
+    gram[:, old, old] = problem.gram[:, :n, :n]
+    gram[:, old, -1] = gram[:, -1, old] = problem.gram[:, :n, n]
+    gram[:, -1, -1] = problem.gram[:, n, n]
+    gram[:, old, new], gram[:, -1, new] = cross[:, :n], cross[:, n]
+    gram[:, new, old], gram[:, new, -1] = cross[:, :n].swapaxes(1, 2), cross[:, n]
+    gram[:, new, new] = own
+    parts = (problem.columns[:, :n], extra, problem.columns[:, n:])
+    held = np.concatenate([problem.soft, np.full(p2, soft)])
+    return BlockedRegression(problem.blocks, parts, gram, held)
 
 
 @dataclass(frozen=True)
@@ -122,8 +134,8 @@ def solve(problem: BlockedRegression, whole: BlockedRegression | None = None) ->
     `whole` is the problem of which these rows are a part: what is near zero in them alone, as
     knots where they hardly come, is then held near zero and not blown up.
     """
-    total = problem.gram.sum(axis=0)
-    A, g, scale = _scaled(total, None if whole is None else whole.gram.sum(axis=0))
+    total = problem.total
+    A, g, scale = _scaled(total, None if whole is None else whole.total)
     inverse = np.linalg.inv(A + np.diag(np.where(problem.soft, SMOOTHING, RIDGE)))
     b = inverse @ g
     sse = float(total[-1, -1] - 2.0 * b @ g + b @ A @ b)
@@ -135,9 +147,7 @@ def held_out_sse(problem: BlockedRegression) -> Array:
 
     A fold is every third block, so that what only one block shows is not taken for knowledge.
     """
-    total = problem.gram.sum(axis=0)
-    _, _, scale = _scaled(total)
-    unit = np.append(scale, 1.0)
+    unit = np.append(_lengths(problem.total), 1.0)
     folds = [problem.gram[k::FOLDS].sum(axis=0) for k in range(FOLDS)]
     gram = np.stack(folds) / np.outer(unit, unit)
     rest = gram.sum(axis=0) - gram
@@ -150,9 +160,14 @@ def held_out_sse(problem: BlockedRegression) -> Array:
 
 
 def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
-    diagonal = np.diag(gram if by is None else by)[:-1]
-    scale = np.sqrt(np.where(diagonal > NOTHING, diagonal, 1.0))
+    scale = _lengths(gram if by is None else by)
     return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
+
+
+def _lengths(gram: Array) -> Array:
+    """Return the lengths of the columns on the right side, (p,)."""
+    squares = gram.diagonal()[:-1]
+    return np.asarray(np.sqrt(np.where(squares > NOTHING, squares, 1.0)))
 
 
 def residual(problem: BlockedRegression, b: Array) -> Array:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
-from motorctl.identify.columns.signals import Signals, Spectra
+from motorctl.identify.columns.kept_spectra import Spectra
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
@@ -24,7 +25,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, basic_effects, known_effects
-from motorctl.model.columns import input_columns, state_columns
+from motorctl.model.columns import form_key, input_columns, state_columns, uses_acceleration
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -106,7 +107,7 @@ class Regressors:
         """Return the command and the columns of input effects, (1 + p, m)."""
         key = (path, tuple(map(form_key, effects)))
         if key not in self._columns:
-            self._columns[key] = self.signals.inputs(effects, path)
+            self._columns[key] = self.signals.inputs(effects, path, keep=True)
         return self._columns[key]
 
     def measured_acceleration(self, undo: CommandPath) -> Array:
@@ -254,23 +255,23 @@ class Hypothesis:
         forms = tuple(effect if old.name == effect.name else old for old in self.added)
         return Hypothesis(self.regressors, forms, self.acceleration)
 
-    def extended(self, effect: Effect, coarse: bool = False) -> BlockedRegression:
+    def extended(self, effect: Effect, scan: bool = False) -> BlockedRegression:
         """Return the regression with an effect added, formed from that without it where possible.
 
-        coarse forms the columns of state effects at the rate of the rows.
+        scan is for a form that each round tries anew: its columns are kept, and those of a state
+        effect formed at the rate of the rows.
         """
         if effect.kind == "command":
             return self.plus(effect).problem
         signals, undo = self.regressors.signals, self.undone
         if effect.kind == "measurement":
-            return with_columns(
-                self.problem, signals.rows_of(signals.measurement_spectra(effect), undo)
-            )
+            spectra = signals.measurement_spectra(effect, keep=scan)
+            return with_columns(self.problem, signals.rows_of(spectra, undo))
         if effect.kind == "input":
-            return with_columns(self.problem, signals.inputs([effect], self.applied)[1:])
-        step = signals.decimation if coarse else None
-        columns = signals.rows_of(signals.state_spectra(effect, self.acceleration, step), undo)
-        return with_columns(self.problem, columns, is_loose(effect))
+            return with_columns(self.problem, signals.input(effect, self.applied, keep=scan))
+        step = signals.decimation if scan else None
+        spectra = signals.state_spectra(effect, self.acceleration, step, keep=scan)
+        return with_columns(self.problem, signals.rows_of(spectra, undo), is_loose(effect))
 
     def refreshed(self) -> Hypothesis:
         """Let effects that act on the acceleration see the one that this hypothesis predicts.
@@ -339,24 +340,3 @@ def acceleration_form(b: Array, side: Side) -> Array:
 def is_loose(effect: Effect) -> bool:
     """Return whether an effect is a spline of so many parts that rows may say little of some."""
     return effect.is_spline and len(effect.parameters) > MOST_PHYSICAL
-
-
-def form_key(effect: Effect) -> tuple[str, str]:
-    """Name a form of an effect: equal for equal options."""
-    return effect.name, effect.options.model_dump_json()
-
-
-_USES: dict[type[Effect], bool] = {}
-
-
-def uses_acceleration(effect: Effect) -> bool:
-    """Return whether a state effect's columns depend on the acceleration."""
-    cls = type(effect)
-    if cls not in _USES:
-        x = np.linspace(0.0, 1.0, 64)
-        others = np.zeros((64, len(effect.other_axes), 3))
-        t = np.linspace(0.0, 1e6, 64)
-        still = state_columns(effect, x, x, np.zeros(64), x, t, others)
-        moved = state_columns(effect, x, x, np.sin(37.0 * x), x, t, others)
-        _USES[cls] = bool(np.any(still != moved))
-    return _USES[cls]

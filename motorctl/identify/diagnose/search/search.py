@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.signals import Signals, shortened, spans_of
+from motorctl.identify.columns.pieces import shortened
+from motorctl.identify.columns.signals import Signals, spans_of
 from motorctl.identify.diagnose.search.acceptance import (
     AS_WELL,
     LEAST_GAIN,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from motorctl.identify.diagnose.search.forms import Form, by_simplex, finer
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, uses_acceleration
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect, Spans
+from motorctl.model.columns import uses_acceleration
 
 SETTLING_STEPS = 14
 """Steps of the simplex search when options settle among other effects. More takes time, fewer

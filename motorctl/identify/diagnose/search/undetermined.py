@@ -53,8 +53,7 @@ def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict
         if effect.electromagnetic:
             unit = np.zeros(len(declared))
             unit[starts[effect.name] + j] = 1.0
-            memory = np.zeros(declared.context_size)
-            bend[i] = declared.kernels.input_map(largest, 0.0, 0.0, 0.0, memory, unit) - largest
+            bend[i] = declared.input_over(np.array([largest]), unit)[0][0] - largest
     error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
     if error > UNSURE * largest:
         why = (

@@ -153,4 +153,4 @@ def _with_others(signals: Signals, real: Signals) -> Signals:
     stretches = tuple(
         replace(s, others=by_time.get(float(s.time_s[0]), {})) for s in signals.stretches
     )
-    return replace(signals, stretches=stretches, _gains={})
+    return signals.with_stretches(stretches)

@@ -80,7 +80,7 @@ def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
     weights = problem.blocks.split(chosen[None].astype(np.float64))
     columns = problem.columns * weights
     gram = columns @ columns.swapaxes(1, 2)
-    return solve(BlockedRegression(problem.blocks, columns, gram, problem.soft), problem)
+    return solve(BlockedRegression(problem.blocks, (columns,), gram, problem.soft), problem)
 
 
 def columns_of(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:

@@ -96,5 +96,4 @@ def _shift(hypothesis: Hypothesis, signals: Signals) -> float:
 
 
 def _shifted(signals: Signals, shift: float) -> Signals:
-    stretches = tuple(replace(s, x=s.x + shift) for s in signals.stretches)
-    return replace(signals, stretches=stretches, _gains={})
+    return signals.with_stretches(tuple(replace(s, x=s.x + shift) for s in signals.stretches))

@@ -55,7 +55,7 @@ def unexplained(hypothesis: Hypothesis, effect: Effect) -> float:
         order = [*range(n), column]
         gram = problem.gram[:, order][:, :, order]
         soft = problem.soft[:n]
-        left = solve(type(problem)(problem.blocks, problem.columns[:, order], gram, soft)).sse
+        left = solve(type(problem)(problem.blocks, (problem.columns[:, order],), gram, soft)).sse
         parts.append(float(np.sqrt(max(left, 0.0) / own)))
     return max(parts, default=0.0)
 
