@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from motorctl.hal import Channel, Status
 from motorctl_sim.options import Fault, Plant, SimOptions
@@ -259,6 +258,8 @@ def _harmonics(record: Any, pitch_m: float, terms: Sequence[tuple[int, float, fl
 def _profile(record: Any, profile: Profile | None) -> None:
     if profile is None:
         return
+    from scipy.interpolate import CubicSpline  # long to load, and few gantries have a profile
+
     spline = CubicSpline(profile.position_m, profile.force_v)
     nodes, cell = np.linspace(
         profile.position_m[0], profile.position_m[-1], PROFILE_CELLS + 1, retstep=True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
 from motorctl.control.law_records import MAX_HALF_PLANES
@@ -85,6 +84,8 @@ def voltage_points(model: EffectList, u_max: float) -> list[float]:
 
 def _can_fall_below(row: Array, limit: float, rows: Array, limits: Array) -> bool:
     """Return whether row . s < limit is possible in the unit box while rows . s >= limits."""
+    from scipy.optimize import linprog  # long to load, and the loop never asks
+
     scale = np.abs(row).max()
     lengths = np.abs(rows).max(axis=1, initial=0.0)
     result = linprog(

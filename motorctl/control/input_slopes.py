@@ -124,9 +124,9 @@ def _slopes(
 
     place is x, vs and t.
     """
-    slope, unit = model.kernels.input_slope, np.eye(len(model))
+    commands, unit = np.asarray(u, np.float64), np.eye(len(model))
     found = np.zeros((len(u), len(indices)))
     for column, i in enumerate(indices):
-        theta = unit[i]
-        found[:, column] = [slope(value, *place, context, theta) - 1.0 for value in u]
+        _, slope = model.input_over(commands, unit[i], context, place)
+        found[:, column] = slope - 1.0
     return found

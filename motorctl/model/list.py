@@ -141,6 +141,36 @@ class EffectList:
         self.kernels.regressor_over(*signals, beside, np.zeros(self.context_size), out)
         return out
 
+    def input_over(
+        self,
+        u: Array,
+        theta: Array,
+        context: Array | None = None,
+        place: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> tuple[Array, Array]:
+        """Return the input map and its slope over commands.
+
+        Parameters
+        ----------
+        u
+            Commands [V], (N,).
+        theta
+            Parameters, (n,).
+        context
+            What the effects remember, (context_size,); by default nothing.
+        place
+            Position [m], velocity [m/s] and time [s] at which it is looked at.
+
+        Returns
+        -------
+        tuple of Array
+            v(u) [V] and dv/du, (N,) each.
+        """
+        memory = np.zeros(self.context_size) if context is None else context
+        v, slope = np.empty(len(u)), np.empty(len(u))
+        self.kernels.input_over(np.asarray(u, np.float64), *place, memory, theta, v, slope)
+        return v, slope
+
     @cached_property
     def _source(self) -> str:
         lines = [f'"""Model of an axis: {", ".join(self.names)}. Generated; do not edit."""', ""]
@@ -185,6 +215,11 @@ class EffectList:
         inputs = self._input_calls("column", "uk", ("xk", "vsk", "tk"))
         lines += [f"        row[{i}] = -({c})" for i, c in inputs]
         lines += ["        advance_inputs(uk, dt, context)"]
+        lines += ["", "", "@njit(cache=True)"]
+        lines += ["def input_over(u, x, vs, t, context, theta, v, slope):"]
+        lines += ["    for k in range(u.size):"]
+        lines += ["        v[k] = input_map(u[k], x, vs, t, context, theta)"]
+        lines += ["        slope[k] = input_slope(u[k], x, vs, t, context, theta)"]
         return "\n".join(lines) + "\n"
 
     def _places(self) -> list[tuple[int, Effect, int]]:

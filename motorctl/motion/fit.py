@@ -7,7 +7,6 @@ bounded, and it can start and end at rest in velocity *and* acceleration, which 
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from motorctl.errors import ConfigError, UsageError
 from motorctl.motion.segments import Array, Segments, derivatives, hermite_segments
@@ -58,6 +57,8 @@ def fit_points(table: PointTable, axis: str, ease_s: float | None = None) -> Tra
 
 def _join(table: PointTable, axis: str, ends: _Ends | None) -> Segments:
     """Return the quintic spline through the points as a table."""
+    from scipy.interpolate import make_interp_spline  # half of what a start would load
+
     t, x = table.time_s, table.position_m[axis]
     try:
         spline = make_interp_spline(t, x, k=5, bc_type=ends)  # type: ignore[arg-type]

@@ -40,12 +40,10 @@ def required_command(
     each = [effect for effect in model.effects for _ in effect.parameters]
     state = np.where([e.kind == "state" and not e.memory_size for e in each], theta, 0.0)
     varying = np.where([e.kind == "input" and e.varies for e in each], theta, 0.0)
-    context = np.zeros(model.context_size)
     u = np.linspace(-u_max, u_max, MAP_POINTS)
     fixed = theta - varying
-    input_map, input_slope = model.kernels.input_map, model.kernels.input_slope
-    mapped = np.array([input_map(float(value), 0.0, 0.0, 0.0, context, fixed) for value in u])
-    low, high = (float(input_slope(end, 0.0, 0.0, 0.0, context, fixed)) for end in (u[0], u[-1]))
+    mapped, slope = model.input_over(u, fixed)
+    low, high = float(slope[0]), float(slope[-1])
     slopes = low, high
     inverse_slopes = 1.0 / max(low, LEAST_SLOPE), 1.0 / max(high, LEAST_SLOPE)
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
@@ -126,6 +124,8 @@ class _DelayedPlant:
 
 def _held(theta1: float, theta2: float, lag_s: float, duration_s: float) -> tuple[Array, Array]:
     """Return transition and input vector of the plant over a held command."""
+    from scipy.linalg import expm  # long to load, and the loop never asks
+
     states = 3 if lag_s else 2
     system = np.zeros((states + 1, states + 1))
     system[0, 1] = 1.0
@@ -168,5 +168,7 @@ def _closed_loop(
 
 def _zeros(x: Array, y: Array, function: Callable[[float], float]) -> list[float]:
     """Refine every change of sign of samples y(x)."""
+    from scipy.optimize import brentq  # long to load, and the loop never asks
+
     changes = np.nonzero(np.signbit(y[:-1]) != np.signbit(y[1:]))[0]
     return [float(brentq(function, x[i], x[i + 1])) for i in changes]
