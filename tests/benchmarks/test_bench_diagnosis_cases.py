@@ -212,6 +212,7 @@ def command_changes(name: str, seed: int, folder: Path, seconds: float) -> tuple
     return rms(with_it - without), rms(again - without)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cogging", "presliding", "input_delay", "cross_axis"])
 def test_an_effect_changes_what_the_loop_does(name, tmp_path):
     change, noise = command_changes(name, 1, tmp_path, 6.0)

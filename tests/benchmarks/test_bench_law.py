@@ -35,6 +35,7 @@ def _assert_numpy_agrees(data: LawData) -> None:
         np.testing.assert_allclose(law.theta, data.theta_hat[k], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["C1", "C2"])
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_the_numpy_law_gives_the_commands_and_estimates_of_the_compiled_one(controller, axis):

@@ -50,6 +50,7 @@ def need(name):
         pytest.skip(f"{name}: what it needs is not installed")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), CHEAP)
 def test_the_same_kind_and_seed_make_the_same_finite_recording(name, kind):
     need(name)

@@ -104,6 +104,7 @@ WITHOUT = "import sys; sys.modules['{0}'] = None; from motorctl.cli import main;
 """The command line where a library is not installed."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bus", "module"), [("can", "can"), ("serial", "serial"), ("modbus", "pymodbus")]
 )
@@ -116,6 +117,7 @@ def test_a_bus_without_its_library_is_one_line_that_says_how_to_install_it(bus, 
     assert f"pip install 'motorctl[{bus}]'" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_library_of_one_bus_is_not_missed_by_another():
     command = [sys.executable, "-c", WITHOUT.format("can"), "check", "serial_gantry"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

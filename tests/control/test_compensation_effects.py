@@ -56,6 +56,9 @@ CASES = {
     ),
 }
 
+QUICK = ("cogging", "dead_zone")
+"""One effect of the motion and one of the command; each compiles a tick of its own."""
+
 
 @cache
 def oracle() -> Tracking:
@@ -63,7 +66,9 @@ def oracle() -> Tracking:
     return track(machine({}, {}))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in CASES]
+)
 def test_declaring_an_effect_takes_away_what_it_adds_to_the_error(name: str) -> None:
     plant, estimates = CASES[name]
     undeclared = track(machine({name: plant}, {})).rms_um - oracle().rms_um

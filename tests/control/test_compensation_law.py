@@ -116,6 +116,7 @@ def learn(law: Stepper, ticks: int) -> np.ndarray:
     return theta
 
 
+@pytest.mark.slow
 def test_with_the_timing_declared_the_adaptation_finds_every_parameter() -> None:
     truth = np.array(list(TRUTH.values()))
     aligned, late = learn(stepper(), 15000), learn(stepper(NO_TIME_S, NO_TIME_S), 15000)
@@ -187,6 +188,7 @@ LOW = np.array([-0.05, -0.005, -0.1, -0.1, 0.0, -0.05, 0.0])
 HIGH = np.array([0.05, 0.005, 0.1, 0.1, 0.06, 0.05, 0.1])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_no_admitted_estimate_folds_the_map_at_any_place_speed_or_time(seed: int) -> None:

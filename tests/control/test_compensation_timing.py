@@ -24,6 +24,7 @@ def oracle() -> Tracking:
     return track(machine({}, {}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("timing", "worse"),
     [

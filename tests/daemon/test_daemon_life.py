@@ -74,6 +74,7 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
         assert json.loads(table.schema.metadata[b"motorctl"])["rows_lost"] == 0
 
 
+@pytest.mark.slow
 def test_an_emergency_stop_is_taken_while_the_daemon_stops(tmp_path: Path) -> None:
     slow = bench_config().replace("max_velocity_m_s: 1.0", "max_velocity_m_s: 0.4")
     slow = slow.replace("stop: {acceleration_m_s2: 2,", "stop: {acceleration_m_s2: 0.4,")
@@ -92,6 +93,7 @@ def test_an_emergency_stop_is_taken_while_the_daemon_stops(tmp_path: Path) -> No
         assert table["x.fault"][-1].as_py() == FaultCause.ESTOP
 
 
+@pytest.mark.slow
 def test_a_mistake_of_the_supervisor_ramps_the_axes_down(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,6 +177,7 @@ def test_a_killed_supervisor_leaves_no_loop_and_a_recoverable_log(tmp_path: Path
         assert pq.read_metadata(found.path).num_rows == found.rows
 
 
+@pytest.mark.slow
 def test_a_stop_before_the_first_tick_forgets_nothing(tmp_path: Path) -> None:
     kept = tmp_path / "state" / "motorctl" / "bench.json"
     kept.parent.mkdir(parents=True)
@@ -189,6 +192,7 @@ def test_a_stop_before_the_first_tick_forgets_nothing(tmp_path: Path) -> None:
     assert not starting or kept.read_text() == "what an earlier run left"
 
 
+@pytest.mark.slow
 def test_a_refusal_of_the_loop_is_shown_in_one_line(tmp_path: Path) -> None:
     # A CPU that does not exist cannot be pinned to, whatever rights the test has.
     config = bench_config(without_realtime="refuse").replace("loop: {", "loop: {cpu: 4000, ")
@@ -200,6 +204,7 @@ def test_a_refusal_of_the_loop_is_shown_in_one_line(tmp_path: Path) -> None:
     assert not list(daemon.logs.iterdir())
 
 
+@pytest.mark.slow
 def test_what_cannot_work_is_told_before_anything_starts(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     daemon = Daemon(tmp_path)

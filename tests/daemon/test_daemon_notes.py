@@ -25,6 +25,7 @@ class Noting(SimDriver):
         self.notes = ("port /dev/ttyX: low_latency is refused;\n 16 ms", "and it is old")
 
 
+@pytest.mark.slow
 def test_a_note_is_one_line_of_the_daemon_and_stands_in_the_status(tmp_path: Path) -> None:
     config = bench_config().replace("type: sim", "type: 'test_daemon_notes:Noting'")
     path = os.pathsep.join((str(HERE), str(SUPPORT), os.environ.get("PYTHONPATH", "")))

@@ -97,6 +97,7 @@ def test_the_page_tells_what_was_found_beside_what_is_there_and_what_it_gives(
     assert loop.refined.is_file()
 
 
+@pytest.mark.slow
 def test_the_page_needs_no_other_file_to_be_looked_at(stage_story: Story) -> None:
     page = stage_story.page.read_text()
     sources = re.findall(r'(?:src|srcset)="([^"]*)"', page)
@@ -110,6 +111,7 @@ def test_the_page_needs_no_other_file_to_be_looked_at(stage_story: Story) -> Non
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_refined_model_stands_beside_c1_and_c2_on_the_same_trajectory(
     stage_story: Story,
 ) -> None:

@@ -241,6 +241,7 @@ def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None
     assert not link.is_symlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("serve", [{"serial": {}}, TCP], ids=["serial", "modbus"])
 def test_without_json_the_endpoint_is_on_stdout_and_no_bus_needs_the_libraries_of_can(
     tmp_path, serve
@@ -256,6 +257,7 @@ def test_without_json_the_endpoint_is_on_stdout_and_no_bus_needs_the_libraries_o
     assert (process.returncode, out, err) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_without_the_libraries_of_can_its_device_says_how_to_install_them(tmp_path) -> None:
     path = write_device(tmp_path, _can())
     with _start(path, main=NO_CAN) as process:

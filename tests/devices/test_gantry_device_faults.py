@@ -340,6 +340,7 @@ def test_can_bit_errors_hit_the_data_that_the_bus_lets_through(tmp_path) -> None
         assert _fired(device) == [10]
 
 
+@pytest.mark.slow
 def test_babbling_on_a_serial_line_hides_no_answer(tmp_path) -> None:
     data = _with(SERIAL, {"kind": "babbling", "at_s": 0.0, "rate_hz": 300})
     with running(tmp_path, data) as device, SerialPeer(device.endpoint.address) as peer:

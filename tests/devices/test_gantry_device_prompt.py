@@ -35,6 +35,7 @@ def workers() -> dict[int, int]:
     return found
 
 
+@pytest.mark.slow
 @capable
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGKILL])
 def test_the_kernels_workers_are_raised_while_the_device_runs_and_put_back(tmp_path, ending):
@@ -55,6 +56,7 @@ def test_the_kernels_workers_are_raised_while_the_device_runs_and_put_back(tmp_p
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 @capable
 def test_without_the_right_to_raise_them_the_device_says_so_and_does_not_start(tmp_path):
     path = write_device(tmp_path, device_data({"serial": {}}, watchdog_s=0.1))

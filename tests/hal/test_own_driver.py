@@ -162,6 +162,7 @@ def test_its_example_does_not_take_a_full_queue_for_a_lost_box(at_hand):
     assert inputs.status.tolist() == [int(Status.STALE)] * 2
 
 
+@pytest.mark.slow
 def test_a_box_that_is_not_there_is_named(installed, tmp_path):
     daemon = Daemon(tmp_path, box_config(9), PYTHONPATH=str(installed))
     assert daemon.process.wait(120) == 1
@@ -169,6 +170,7 @@ def test_a_box_that_is_not_there_is_named(installed, tmp_path):
     assert "Traceback" not in daemon.said
 
 
+@pytest.mark.slow
 def test_c2_follows_a_circle_through_it_in_real_time(installed, box, tmp_path):
     environment = {"PYTHONPATH": str(installed)}
     with Daemon(tmp_path, box_config(box), **environment) as daemon:
@@ -220,12 +222,14 @@ def follow_the_page(tmp_path):
     return run_shown
 
 
+@pytest.mark.slow
 def test_a_driver_that_is_not_installed_is_found_as_the_page_says(follow_the_page):
     told = follow_the_page("motorctl check")
     assert (told.returncode, told.stderr) == (0, "")
     assert "motorctl_box:BoxDriver" in told.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named", ["--driver", "--driver-rig"])
 def test_what_is_not_installed_is_found_by_the_suite_as_the_page_says(follow_the_page, named):
     told = follow_the_page(named, "--collect-only -q -p no:cacheprovider")

@@ -76,6 +76,7 @@ def test_two_seconds_give_a_log_with_every_tick_and_a_verdict(tmp_path, monkeypa
     assert (out / "latency.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_terminal_shows_verdict_histograms_and_whether_every_tick_is_there(monkeypatch):
     monkeypatch.setenv("PATH", os.devnull)
     monkeypatch.setenv("COLUMNS", "120")
@@ -109,6 +110,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_runs(tmp_
         measure_latency(load("published_gantry"), options, _ignore)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("move", [False, True])
 def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, monkeypatch, move):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
@@ -153,6 +155,7 @@ def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatc
     assert axes["x"].command[-1] == 0.0
 
 
+@pytest.mark.slow
 def test_a_trip_of_a_simulated_axis_is_told_and_the_measurement_goes_on(tmp_path):
     fault = {"kind": "amplifier_fault", "at_s": 1.0, "channel": 1, "duration_s": 0.01}
     options = LatencyOptions(3.0, tmp_path / "ticks.parquet", beside_cyclictest=False)

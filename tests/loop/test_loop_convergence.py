@@ -55,6 +55,7 @@ def worst_of_map(theta: np.ndarray, truth: np.ndarray) -> float:
     return np.abs(input_map(theta) - input_map(truth)).max() / input_map(truth).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, DELAY_S])
 def test_the_estimate_converges_to_the_truth(rich_motion, delay_s):
     theta_hat = learned(rich_motion, delay_s=delay_s, known_s=delay_s)

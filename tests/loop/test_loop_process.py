@@ -121,6 +121,7 @@ def test_the_loop_ends_by_itself_when_the_supervisor_falls_silent():
         assert samples["command_v"][-1, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_without_real_time_the_loop_refuses_where_it_shall():
     # No machine has this CPU, so it cannot be pinned to it.
     machine = slow_gantry()

@@ -63,6 +63,7 @@ def rows_of_a_move(machine, per_second: float):
         return rig.rows("x"), rig.ticks_seen
 
 
+@pytest.mark.slow
 def test_an_axis_at_a_part_of_the_rate_is_controlled_as_in_a_loop_of_that_rate():
     slow, _ = rows_of_a_move(alone(500.0, 1), 500.0)
     part, ticks = rows_of_a_move(alone(5000.0, N), 5000.0)

@@ -179,6 +179,7 @@ def test_the_example_of_an_own_effect_passes_as_the_guide_says(tmp_path):
     assert run.returncode == 0, run.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -56,6 +56,7 @@ def test_parameters_have_names_of_their_own_and_sensible_defaults(effect):
         assert parameter.unit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", EVERY, ids=named(EVERY))
 def test_an_effect_that_is_added_changes_nothing_until_its_parameters_do(effect):
     start = np.array([p.initial for p in effect.parameters])

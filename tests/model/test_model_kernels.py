@@ -195,6 +195,7 @@ def test_a_package_that_changes_without_its_version_gives_another_digest(plant):
     assert digest_of_source(source) != before
 
 
+@pytest.mark.slow
 def test_a_fresh_copy_of_the_same_sources_is_not_compiled(plant, tmp_path):
     assert plant.pull() == "7.0 0"
     copy = tmp_path / "elsewhere"
@@ -210,6 +211,7 @@ def test_a_generated_module_has_another_name_where_it_does_something_else():
     assert source_digest(SOURCE) == source_digest(SOURCE.replace("A generated", "Another"))
 
 
+@pytest.mark.slow
 def test_a_changed_option_is_compiled_and_what_nobody_used_for_a_month_removed(plant, tmp_path):
     assert plant.pull() == "7.0 0"
     (used,) = (tmp_path / "motorctl" / "compiled").iterdir()

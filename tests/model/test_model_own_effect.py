@@ -90,6 +90,7 @@ def test_a_file_in_the_folder_of_effects_is_found_by_its_name(known_by_its_file)
     assert catalog.effect_class("tilted_way").title == "Force that grows along the way"
 
 
+@pytest.mark.slow
 def test_the_configuration_knows_the_effects_names_options_and_bounds(recorded):
     machine, _ = recorded
     axis = machine.axes["x"]

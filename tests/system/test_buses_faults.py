@@ -116,16 +116,15 @@ PROMISES: dict[str, Mapping[str, Promise]] = {
     "unplug": _each(PORT_GONE, can_udp_multicast=BY_WATCHDOG),
     "short unplug": {name: PORT_GONE for name in EVERY if name != "can udp_multicast"},
 }
-IN_THE_DEFAULT_RUN = {("silence", "serial poll")}
 
 
 def _cases() -> Iterator[Any]:
     for fault, promises in PROMISES.items():
         for bus in promises:
-            marks = () if (fault, bus) in IN_THE_DEFAULT_RUN else pytest.mark.slow
-            yield pytest.param(fault, bus, marks=marks, id=f"{fault}-{bus}")
+            yield pytest.param(fault, bus, id=f"{fault}-{bus}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "bus_name"), list(_cases()))
 def test_a_fault_that_stays_trips_the_axis_as_promised(
     tmp_path: Path, fault: str, bus_name: str

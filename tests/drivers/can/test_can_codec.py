@@ -116,6 +116,7 @@ def whole(value, bits, signed):
     return value - (1 << bits) if signed and value >> (bits - 1) else value
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(layouts(), st.booleans(), st.data())
 def test_what_cantools_encodes_is_read_and_what_is_written_cantools_decodes(layout, dbc, data):

@@ -168,6 +168,7 @@ def test_samples_that_come_again_are_never_taken_for_new_ones(width, phase, deed
     assert taken == sorted(set(taken))
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_over_many_exchanges():
     with opened() as bench:
 

@@ -347,6 +347,7 @@ def test_a_restart_shows_in_the_boot_id_and_stays_until_open():
     bench.close()
 
 
+@pytest.mark.slow
 def test_transactions_and_sequence_numbers_wrap(bench):
     seen = set()
     for k in range(66_000):

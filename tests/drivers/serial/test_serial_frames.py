@@ -334,6 +334,7 @@ def fuzz_frames(total, seed):
     assert deaf == 0
 
 
+@pytest.mark.slow
 def test_random_frames_are_no_sample_and_hide_none():
     fuzz_frames(200_000, 4)
 

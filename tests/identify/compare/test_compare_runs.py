@@ -140,6 +140,7 @@ def test_the_command_gives_one_json_document_and_pictures(invoke, pair, tmp_path
         assert Path(path).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_for_many_runs_and_for_poor_ones(invoke, tmp_path):
     paths = [log(tmp_path / f"r{k}.parquet", 1e-5 * k) for k in range(5)]
     still = {name: np.zeros(64) for name in columns()} | {"time_s": columns()["time_s"]}

@@ -193,6 +193,7 @@ def answered(recording):
     return found.axes["x"].verdict
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     SIGNALS,

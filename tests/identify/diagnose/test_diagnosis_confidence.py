@@ -77,6 +77,7 @@ def test_a_name_that_is_hardly_ever_right_is_not_given(with_chance, monkeypatch)
     assert without_doubtful(with_chance) == (with_chance, {})
 
 
+@pytest.mark.slow
 def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
     pulled = OtherPlant(shape="tanh", width_m_s=5e-3, cogging=0.3).run(seed=4, duration_s=10.0)
     sure = diagnose_axis(pulled, C1)

@@ -88,6 +88,7 @@ def test_csv_in_millimetres_with_a_reference(tmp_path, run):
     assert inertia["value"] == pytest.approx(LINEAR[0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_mat_of_a_rotary_axis_in_degrees_and_amperes(tmp_path, run):
     columns = {
         "angle": np.degrees(RAD_PER_M * run.position)[:, None],
@@ -131,6 +132,7 @@ def test_electromagnetic_effects_are_dropped_with_a_word_where_the_command_is_no
     the_cogging(document)
 
 
+@pytest.mark.slow
 def test_electromagnetic_effects_are_dropped_where_commands_are_too_small(tmp_path):
     run = simulate(
         seed=4,
@@ -149,6 +151,7 @@ def test_electromagnetic_effects_are_dropped_where_commands_are_too_small(tmp_pa
     assert "do not determine the bend" in told["dropped"]["em_quadratic"]
 
 
+@pytest.mark.slow
 def test_many_axes_of_which_one_stands(tmp_path, run):
     other = plant(1000.0, seed=9)
     columns = {

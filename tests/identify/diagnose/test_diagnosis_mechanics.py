@@ -21,6 +21,7 @@ def named(plant, seed=3, duration_s=12.0):
     return diagnose_axis(plant.run(seed=seed, duration_s=duration_s), C1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [0.1, 0.3])
 def test_friction_that_grows_with_the_motors_force_is_named_and_measured(loss):
     found = named(OtherPlant(loss=loss, width_m_s=4e-3))
@@ -39,6 +40,7 @@ def test_a_stop_of_rubber_is_no_friction_of_place():
     assert list(stop.theta) == pytest.approx([60.0, 90.0], rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("load_hz", "damping"), [(4.0, 0.05), (18.0, 0.3)])
 def test_a_slow_or_a_well_damped_load_is_named(load_hz, damping):
     found = named(OtherPlant(load=0.4, load_hz=load_hz, load_damping=damping, bandwidth_hz=3.0))

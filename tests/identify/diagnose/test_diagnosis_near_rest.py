@@ -63,6 +63,7 @@ def test_an_encoder_too_coarse_to_tell_slow_motion_from_rest_drops_nothing():
 GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 2e-5), ("clip", 0.05, 5e-6)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "width_m_s", "resolution"), GENTLE)
 def test_the_width_of_a_gentle_friction_is_found_through_a_coarse_encoder(
     shape, width_m_s, resolution

@@ -59,11 +59,13 @@ JOINT = OtherPlant(
 )  # fmt: skip
 
 
+@SLOW
 def test_a_joint_that_is_nearly_all_friction_is_a_joint_and_no_mistake():
     found = diagnose_axis(JOINT.run(seed=5), C1)
     assert found.theta[2] == pytest.approx(0.6, rel=0.1)
 
 
+@SLOW
 def test_gravity_that_outweighs_inertia_is_no_reversed_sign():
     hanging = replace(JOINT, gravity=-4.0, coulomb=0.1)
     found = diagnose_axis(hanging.run(seed=6), C1)
@@ -85,6 +87,7 @@ def test_another_axis_command_is_told():
         diagnose_axis(replace(data, command=other.command), C1)
 
 
+@SLOW
 def test_declaring_what_was_mended_leaves_nothing_to_mend():
     data = OtherPlant(width_m_s=5e-3).run(seed=1)
     found = diagnose_axis(data, C1)

@@ -183,6 +183,7 @@ def test_a_line_over_position_shows_at_its_pitch():
     assert gain.max() == pytest.approx(hypothesis.solution.sse, rel=0.5)
 
 
+@pytest.mark.slow
 def test_what_chance_gains_on_a_clean_twin_grows_with_how_long_its_noise_lasts():
     run = simulate(seed=3, duration_s=8.0, delay_samples=0.0, force_noise=0.1, theta=X_THETA[:4])
     white, _ = hypothesis_of(run, whiten=True)

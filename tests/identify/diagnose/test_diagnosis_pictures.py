@@ -58,6 +58,7 @@ def test_every_picture_that_an_effect_may_ask_for_can_be_drawn():
     assert set(DRAWERS) == set(get_args(PictureKind))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["presliding", "input_lag"])
 def test_an_effect_is_drawn_beside_residual_and_spectrum(tmp_path, name):
     pictures = plot_diagnosis(bench.recording(x=bench.axis_diagnosis(name)), tmp_path)

@@ -74,6 +74,7 @@ def test_the_traces_fit_together(cogging):
     assert traces.residual_after.std() < 0.3 * traces.residual_before.std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effect", ["friction_bump", pytest.param("wandering_force", marks=pytest.mark.slow)]
 )
@@ -84,6 +85,7 @@ def test_what_no_list_has_is_called_unknown(tmp_path, effect):
     assert found.unknown.sentence in found.sentence
 
 
+@pytest.mark.slow
 def test_too_poor_a_motion_is_told_with_a_program_that_loads(tmp_path):
     one_way = [(0.1 + 0.05 * k, 0.03, 0.2, 0.0) for k in range(1, 17)]
     found = diagnosed(moving(clean_case(27), 0.1, one_way), tmp_path)
@@ -98,6 +100,7 @@ def test_too_poor_a_motion_is_told_with_a_program_that_loads(tmp_path):
     assert missing.effects[0] in found.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "effects"),
     [

@@ -9,6 +9,7 @@ from other_plant import OtherPlant
 from motorctl.identify.diagnose.recording import diagnose_axis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["tanh", "clip"])
 @pytest.mark.parametrize("resolution", [5e-6, 5e-5])
 def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
@@ -24,6 +25,7 @@ def test_cogging_behind_a_coarse_encoder_is_still_found():
     assert [effect.name for effect in axis.effects][:1] == ["cogging"]
 
 
+@pytest.mark.slow
 def test_the_weight_of_an_arm_is_named_with_its_family():
     plant = OtherPlant(inertia=0.05, gravity=2.0, travel=2.5, peak_velocity=1.5, resolution=1e-5)
     data = plant.run(seed=2, duration_s=16.0)

@@ -203,6 +203,7 @@ def test_an_input_map_that_turns_back_is_drawn_in_until_it_can_be_inverted(log, 
     assert "not monotonic" in refined.text
 
 
+@pytest.mark.slow
 def test_ripple_and_dead_zone_can_be_started_with(log, tmp_path):
     def rippled(axis):
         ripple = effect("force_ripple", pitch_m=PITCH_M, orders=(1, 2))
