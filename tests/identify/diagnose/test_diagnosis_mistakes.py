@@ -48,6 +48,22 @@ def test_an_encoder_that_freezes_in_motion_is_told_with_its_time(run, share):
     assert told == pytest.approx(run.time_s[at], abs=2e-3)
 
 
+@pytest.mark.parametrize(("still_s", "told"), [(0.3, False), (1.5, True)])
+def test_an_encoder_that_freezes_in_slow_motion_is_told_once_it_is_no_rest(run, still_s, told):
+    omega = 2.0 * np.pi * 2.0
+    position = 0.1 * np.sin(omega * run.time_s)
+    # 3 ms of this speed is three times what such a swing changes in 3 ms
+    at_s = (2.0 * np.pi * 4.0 + np.arccos(3.0 * omega * 3e-3)) / omega
+    first, last = np.searchsorted(run.time_s, (at_s, at_s + still_s))
+    position[first:last] = position[first]
+    data = replace(run, position=position, reference=None)
+    if told:
+        with pytest.raises(DataError, match=r"the position freezes at"):
+            check_columns(data)
+    else:
+        check_columns(data)
+
+
 def test_a_reference_of_the_other_sign_is_told(run):
     with pytest.raises(DataError, match=r"runs against the position .* scale: -1"):
         check_columns(replace(run, reference=-run.reference))
