@@ -88,6 +88,7 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
     )
     described = _mapping(config.get("axes"))
     finite = [n for n in columns if n.partition(".")[2] in _FINITE.values()]
+    notes = (*grid.notes, *_blank_notes(columns, finite))
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,
@@ -99,7 +100,7 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
         lateness_s=_measured(grid, columns.get("lateness_s")),
         turnaround_s=_measured(grid, columns.get("turnaround_s")),
         rows_filled=grid.rows_filled,
-        notes=(*grid.notes, *_blank_notes(columns, finite)),
+        notes=notes,
     )
 
 
@@ -113,27 +114,27 @@ def _wanted(table: Table, axes: list[str]) -> list[str]:
 
 
 def _axis(
-    table: Table, columns: Mapping[str, Array], axis: str, grid: Grid, config: Mapping[str, Any]
+    table: Table, columns: dict[str, Array], axis: str, grid: Grid, config: Mapping[str, Any]
 ) -> AxisRecording:
+    """Bring an axis' columns onto the grid, and let go of them: a long log's take gigabytes."""
     found: dict[str, Any] = {}
     blanks: list[NDArray[np.bool_] | None] = []
     for field, signal in _FINITE.items():
-        if (values := columns.get(f"{axis}.{signal}")) is not None:
+        if (values := columns.pop(f"{axis}.{signal}", None)) is not None:
             values, blank = table.without_blanks(f"{axis}.{signal}", values)
             found[field] = read_only(grid.floats(values, held=field == "command"))
             blanks.append(blank)
     for field, signal in _FLOATS.items():
-        if (values := columns.get(f"{axis}.{signal}")) is not None:
+        if (values := columns.pop(f"{axis}.{signal}", None)) is not None:
             found[field] = read_only(grid.floats(values))
     for code in _CODES:
-        if (values := columns.get(f"{axis}.{code}")) is not None:
+        if (values := columns.pop(f"{axis}.{code}", None)) is not None:
             table.require_finite(f"{axis}.{code}", values)
             found[code] = read_only(grid.integers(values))
     start = f"{axis}.{THETA}_"
     theta = {
-        name.removeprefix(start): read_only(grid.floats(values))
-        for name, values in columns.items()
-        if name.startswith(start)
+        name.removeprefix(start): read_only(grid.floats(columns.pop(name)))
+        for name in [name for name in columns if name.startswith(start)]
     }
     resolution = _number(_mapping(config.get("encoder")).get("resolution_m"))
     recorded = grid.recorded_without(blanks)

@@ -37,15 +37,15 @@ class ParquetTable(Table):
                 raise DataError(f"{self.path}: column '{name}' holds {kind}, not numbers")
         try:
             with pq.ParquetFile(self.path, memory_map=True) as file:
-                table = file.read(columns=list(names))
-                return {name: _floats(table.column(name)) for name in names}
+                # one at a time: a long log's columns would all be held twice
+                return {name: _floats(file.read(columns=[name]).column(0)) for name in names}
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             raise _damaged(self.path, error) from error
 
 
 def _floats(column: pa.ChunkedArray[Any]) -> Array:
-    numbers = pc.cast(column, pa.float64(), safe=False)
-    return np.array(numbers.to_numpy(), dtype=np.float64)
+    numbers = pc.cast(column, pa.float64(), safe=False).to_numpy()
+    return np.require(numbers, np.float64, "W")
 
 
 def _damaged(path: Path, error: Exception) -> DataError:

@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, beside, check_usable, counterpart, measured
-from motorctl.identify.columns.pieces import without
+from motorctl.identify.columns.pieces import shortened, without
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
-from motorctl.identify.diagnose.search.search import both_ways, nothing_sought, over_all
+from motorctl.identify.diagnose.search.search import (
+    LONGEST_SEARCH_S,
+    both_ways,
+    nothing_sought,
+    over_all,
+)
 from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.late_command import late_command
@@ -157,9 +162,10 @@ def diagnose_axis(
     parts = {str(part): span for part, span in (segments or {}).items()}
     signals = make_signals(data, moving, slope_s_m=slope)
     check_motion(data, signals)
-    model, dropped = carried(signals, declared)
+    pieces = shortened(signals, LONGEST_SEARCH_S)
+    model, dropped = carried(pieces, declared)
     plain = too_plain(signals)
-    heard = check_explains(data, signals, model, bool(plain), moving)
+    heard = check_explains(data, pieces, model, bool(plain), moving)
     hint = late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     if band_hz < signals.band_hz:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from other_plant import OtherPlant
 
 from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.diagnose.search import search
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
@@ -93,3 +94,21 @@ def test_friction_that_is_lower_at_low_speed_is_refuted_as_stribeck():
     assert not kept.final.added
     assert "is refuted: stribeck would be -" in why[0]
     assert "less than 0 makes no physical sense" in why[0]
+
+
+def test_pieces_of_a_long_recording_tell_its_noise_and_what_smooth_functions_gain(monkeypatch):
+    plant = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0, cogging=0.05)
+    signals = make_signals(plant.run(seed=6, duration_s=24.0), slope_s_m=900.0)
+
+    def told():
+        regressors, noise = whitened(signals, C1, ())
+        base = Hypothesis(regressors).refreshed()
+        return noise, rival_gains(base)["position"] / base.held_out
+
+    whole_noise, whole_share = told()
+    monkeypatch.setattr(search, "LONGEST_SEARCH_S", 8.0)
+    noise, share = told()
+    assert noise != whole_noise
+    assert noise == pytest.approx(whole_noise, rel=0.3)
+    assert whole_share > 0.5
+    assert share == pytest.approx(whole_share, rel=0.1)

@@ -29,6 +29,7 @@ from motorctl.identify.diagnose.search.forms import (
     refined,
 )
 from motorctl.identify.diagnose.search.held_out_blocks import (
+    Blocks,
     held_out_sse,
     make_blocks,
     with_columns,
@@ -153,17 +154,33 @@ def whitened(
     """Return regressors whose rows have nearly white noise, and the noise's density.
 
     With the command on the left nothing is whitened: it is for machines whose unexplained forces
-    drown any noise of the measurement.
+    drown any noise of the measurement. The noise is that of pieces, where a recording is long.
     """
-    blocks = make_blocks(signals.rows, signals.row_period_s, BLOCK_S[side])
-    plain = Hypothesis(Regressors(signals, declared, blocks), added)
+    pieces = shortened(signals, LONGEST_SEARCH_S)
+    plain = Hypothesis(Regressors(pieces, declared, _blocks(pieces, side)), added)
     if any(effect.kind == "state" for effect in added):
         plain = plain.refreshed()
-    noise = force_noise_density(signals, saturated_residual(plain, SmoothFunctions(signals)))
+    noise = force_noise_density(pieces, saturated_residual(plain, SmoothFunctions(pieces)))
+    blocks = _blocks(signals, side)
     if side == "command":
         return Regressors(signals.plain(COMMAND_BAND_HZ), declared, blocks, side, catalogue), noise
     white = signals.with_response(whitening_response(signals, noise))
     return Regressors(white, declared, blocks, side, catalogue), noise
+
+
+def on_pieces(hypothesis: Hypothesis) -> Hypothesis:
+    """Return the hypothesis on pieces that stand for a long recording; itself where it is short."""
+    old = hypothesis.regressors
+    signals = shortened(old.signals, LONGEST_SEARCH_S)
+    if signals is old.signals:
+        return hypothesis
+    blocks = _blocks(signals, old.side)
+    regressors = Regressors(signals, old.declared, blocks, old.side, old.catalogue)
+    return Hypothesis(regressors, hypothesis.added).refreshed()
+
+
+def _blocks(signals: Signals, side: Side) -> Blocks:
+    return make_blocks(signals.rows, signals.row_period_s, BLOCK_S[side])
 
 
 def search(
@@ -436,12 +453,17 @@ def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:
 
 
 def rival_gains(hypothesis: Hypothesis) -> dict[str, float]:
-    """Return what each smooth function takes away of the held-out squared residual."""
+    """Return what each smooth function takes away of the held-out squared residual.
+
+    Of a long recording pieces are asked which part of theirs that is.
+    """
+    whole, hypothesis = hypothesis, on_pieces(hypothesis)
+    scale = whole.held_out / max(hypothesis.held_out, 1e-300)
     rivals = SmoothFunctions(hypothesis.regressors.signals)
     gains = {}
     for name, variables in VARIABLES.items():
         if hypothesis.regressors.side == "command" and {"command", "history"} & set(variables):
             continue
         problem = with_columns(hypothesis.problem, rivals.columns(name), soft=True)
-        gains[name] = hypothesis.held_out - float(held_out_sse(problem).sum())
+        gains[name] = scale * (hypothesis.held_out - float(held_out_sse(problem).sum()))
     return gains

@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.search.search import (
     DOWN_TO_NOISE,
     Found,
     explained_share,
+    on_pieces,
     rival_gains,
 )
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
@@ -287,7 +288,8 @@ def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[
     """Keep the names that still explain what they explained once the smooth function is there."""
     if rival is None:
         return names
-    columns = SmoothFunctions(found.final.regressors.signals).columns(rival)
+    final = on_pieces(found.final)
+    columns = SmoothFunctions(final.regressors.signals).columns(rival)
 
     def left(hypothesis: Hypothesis, beside: bool) -> float:
         if not beside:
@@ -296,9 +298,9 @@ def _standing(found: Found, rival: str | None, names: tuple[str, ...]) -> tuple[
 
     kept = []
     for name in names:
-        rest = found.final.without(name)
-        alone = left(rest, False) - left(found.final, False)
-        beside = left(rest, True) - left(found.final, True)
+        rest = final.without(name)
+        alone = left(rest, False) - left(final, False)
+        beside = left(rest, True) - left(final, True)
         if beside > KEPT * alone:
             kept.append(name)
     return tuple(kept)
