@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Spectra = tuple[tuple[NDArray[np.complex128], int], ...]
 """For each stretch the spectra of columns, (p, f), and the number of rows they stand for."""
 
-MOST_BYTES = 400_000_000
+MOST_BYTES = 250_000_000
 """Memory that is used at most [B]. Larger leaves less to the columns themselves, smaller forms
 columns of long recordings anew in every round. Measured: a search of 24 s keeps 120 MB."""
 
