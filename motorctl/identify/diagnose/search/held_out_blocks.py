@@ -41,12 +41,18 @@ class Blocks:
     count: int
     length: int
 
-    def split(self, columns: Array) -> Array:
-        """Return columns (p, m) as (b, p, q), zero where the last block is short."""
-        p, m = columns.shape
-        padded = np.zeros((p, self.count * self.length))
-        padded[:, :m] = columns
-        return np.ascontiguousarray(padded.reshape(p, self.count, self.length).swapaxes(0, 1))
+    def split(self, *parts: Array) -> Array:
+        """Return columns, (p_i, m) each, as (b, p, q), zero where the last block is short."""
+        m, p = parts[0].shape[1], 0
+        blocks = np.zeros((self.count, sum(map(len, parts)), self.length))
+        whole = m // self.length
+        for part in parts:
+            here = slice(p, p := p + len(part))
+            full = part[:, : whole * self.length].reshape(len(part), whole, self.length)
+            blocks[:whole, here] = full.swapaxes(0, 1)
+            if whole < self.count:
+                blocks[whole, here, : m - whole * self.length] = part[:, whole * self.length :]
+        return blocks
 
 
 def make_blocks(rows: int, row_period_s: float, block_s: float = BLOCK_S) -> Blocks:
@@ -92,7 +98,7 @@ def make_problem(
     blocks: Blocks, X: Array, y: Array, soft: NDArray[np.bool_] | None = None
 ) -> BlockedRegression:
     """Form the products of X (p, m) and y (m,)."""
-    columns = blocks.split(np.vstack([X, y[None]]))
+    columns = blocks.split(X, y[None])
     held = np.zeros(len(X), dtype=np.bool_) if soft is None else soft
     return BlockedRegression(blocks, (columns,), columns @ columns.swapaxes(1, 2), held)
 
