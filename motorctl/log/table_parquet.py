@@ -38,7 +38,7 @@ class ParquetTable(Table):
         try:
             with pq.ParquetFile(self.path, memory_map=True) as file:
                 # one at a time: a long log's columns would all be held twice
-                return {name: _floats(file.read(columns=[name]).column(0)) for name in names}
+                return {name: _floats(file.read(columns=[name]).column(name)) for name in names}
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             raise _damaged(self.path, error) from error
 
