@@ -12,26 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-REPOSITORIES = (
-    "shamilmamedov/dynamic_calibration",
-    "heitor-andrade/laas_anti_cogging",
-    "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators",
-    "nicolazande/camber-control",
-    "marcocognetti/FrankaEmikaPandaDynModel",
-    "lucafalcone/Inverted_pendulum_sys_ID_and_control",
-    "dfki-ric-underactuated-lab/torque_limited_simple_pendulum",
-    "dfki-ric-underactuated-lab/double_pendulum",
-    "JonasWeigand/Robot_Identification",
-    "ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash",
-    "gergelytakacs/AutomationShield",
-    "ryanGT/systemid",
-    "malik-robert/HSM150-data",
-)
-
-
-def folder_of(recordings: Path, repository: str) -> Path:
-    """Return where a repository's files are."""
-    return recordings / repository.replace("/", "+")
+from motorctl_benchmarks.real_machines.readers import REPOSITORIES, folder_of
 
 
 def main() -> int:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.measure import Options, Result
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
+    from motorctl_benchmarks.real_machines.findings import RecordingsOptions
 
 MISTAKES_SHOWN = 60
 WIDTH_OF_A_FILE = 120
@@ -30,7 +31,8 @@ class SizeChoice(StrEnum):
 
 def bench(
     subject: Annotated[
-        str, typer.Argument(help="What to measure: speed, diagnosis, buses, machines.")
+        str,
+        typer.Argument(help="What to measure: speed, diagnosis, buses, machines, recordings."),
     ] = "speed",
     cases: Annotated[
         int | None,
@@ -49,22 +51,32 @@ def bench(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="diagnosis, machines: processes; by default one a CPU."),
+        typer.Option(
+            min=1, help="diagnosis, machines, recordings: processes; by default one a CPU."
+        ),
     ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
-            "machines: GENERATOR:KIND:SEED.",
+            "machines: GENERATOR:KIND:SEED. recordings: the axis' name.",
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="diagnosis, machines: every case as a line of JSON."),
+        typer.Option(metavar="FILE", help="Every case or axis as a line of JSON."),
     ] = None,
     logs: Annotated[
         Path | None, typer.Option(metavar="DIR", help="diagnosis: keep the cases' logs here.")
+    ] = None,
+    recordings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            envvar="MOTORCTL_RECORDINGS",
+            help="recordings: where tools/fetch_recordings.py has put them.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -75,7 +87,8 @@ def bench(
     these are installed; what was wrong is listed with the key that runs it again. buses: C2 in
     wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
     simulation. machines: the diagnosis judged by machines of three generators that were written
-    apart and share no code with motorctl; one of them needs MuJoCo.
+    apart and share no code with motorctl; one of them needs MuJoCo. recordings: the position that
+    each model predicts of real machines, beside PySINDy and SysIdentPy where these are installed.
 
     The exit status is 0 whether or not the targets are met: what is not met is told.
 
@@ -98,6 +111,10 @@ def bench(
         if size is not None or logs is not None:
             raise UsageError("bench machines takes no --size and keeps no --logs: see --cases")
         options = _machines(cases, seed, workers, only, out)
+    elif subject == "recordings":
+        if any(value is not None for value in (cases, size, seed, logs)):
+            raise UsageError("bench recordings takes no --cases, --size, --seed or --logs")
+        options = _recordings(recordings, workers, only, out)
     elif subject == "diagnosis" or any(value is not None for value in asked):
         options = _campaign(cases, size, seed, workers, only, out, logs)
     with showing_progress("measuring; the first run compiles the kernels") as progress:
@@ -111,7 +128,7 @@ def bench(
     console.print(host_line(result.host), highlight=False)
     console.print(_table(result))
     for note in result.notes:
-        console.print(note, highlight=False, markup=False)
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
     _print_mistakes(console, result)
     for sentence in result.missed:
         console.print(f"[yellow]not met[/yellow]  {sentence}", highlight=False)
@@ -170,6 +187,14 @@ def _machines(
         out=out,
         only=tuple(parse_machine_key(key) for key in only or ()),
     )
+
+
+def _recordings(
+    recordings: Path | None, workers: int | None, only: list[str] | None, out: Path | None
+) -> RecordingsOptions:
+    from motorctl_benchmarks.real_machines.findings import RecordingsOptions
+
+    return RecordingsOptions(recordings, workers, out, tuple(only or ()))
 
 
 def _finite(value: object) -> object:

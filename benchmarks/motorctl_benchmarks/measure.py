@@ -18,8 +18,9 @@ from motorctl_benchmarks.virtual_figures import virtual_figures
 if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
+    from motorctl_benchmarks.real_machines.findings import RecordingsOptions
 
-    Options = CampaignOptions | MachinesOptions
+    Options = CampaignOptions | MachinesOptions | RecordingsOptions
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
@@ -54,6 +55,14 @@ def _machines(progress: Progress, options: Options | None) -> Findings:
     return machine_findings(progress, asked)
 
 
+def _recordings(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.real_machines.findings import RecordingsOptions, recordings_findings
+
+    asked = options or RecordingsOptions()
+    assert isinstance(asked, RecordingsOptions)
+    return recordings_findings(progress, asked)
+
+
 def _buses(progress: Progress, _options: Options | None) -> Findings:
     from motorctl_benchmarks.buses.figures import bus_findings
 
@@ -65,8 +74,9 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "diagnosis": _diagnosis,
     "buses": _buses,
     "machines": _machines,
+    "recordings": _recordings,
 }
-WITH_CASES = ("diagnosis", "machines")
+WITH_CASES = ("diagnosis", "machines", "recordings")
 """Subjects that take options."""
 
 
@@ -111,7 +121,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, or of the subject machines.
+        Of the subject diagnosis, machines or recordings.
 
     Raises
     ------

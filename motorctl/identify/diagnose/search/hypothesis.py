@@ -19,6 +19,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedRegression,
     Blocks,
     held_out_sse,
+    make_blocks,
     make_problem,
     solve,
     with_columns,
@@ -284,6 +285,16 @@ class Hypothesis:
         else:
             acceleration = self.predicted_acceleration(rigid=True)
         return Hypothesis(self.regressors, self.added, tuple(acceleration))
+
+    def on(self, signals: Signals) -> Hypothesis:
+        """Return the hypothesis on other signals, with the parameters that were fitted here."""
+        old, blocks = self.regressors, make_blocks(signals.rows, signals.row_period_s)
+        regressors = Regressors(signals, old.declared, blocks, old.side, old.catalogue)
+        moved = Hypothesis(regressors, self.added)
+        moved.__dict__["solution"] = self.solution
+        moved = moved.refreshed()
+        moved.__dict__["solution"] = self.solution
+        return moved
 
     def predicted_acceleration(self, *, rigid: bool = False) -> list[Array]:
         """Return the acceleration that the model gives the recorded command.

@@ -17,10 +17,14 @@ from scipy.optimize import minimize_scalar
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.diagnose.result import ModelError
-from motorctl.identify.diagnose.search.held_out_blocks import make_blocks, residual
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.held_out_blocks import residual
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained, per_command
+from motorctl.identify.diagnose.verdict.simulated_position import (
+    judge_by_simulation,
+    simulated_position,
+)
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -38,7 +42,8 @@ def error_on(
     others are the other axes of the same recording.
     """
     declared = found.final.regressors.declared
-    signals = make_signals(test, dict(others), None, slope_of(declared.effects)).plain(REPORT_HZ)
+    moved = make_signals(test, dict(others), None, slope_of(declared.effects))
+    signals = moved.plain(REPORT_HZ)
     unit_left = per_command(found)
     before, command = _rms(found.base, signals, unit_left)
     after, _ = _rms(found.final, signals, unit_left)
@@ -54,6 +59,10 @@ def error_on(
                 f"without this shift the error would be {after:.3g} {error.unit}"
             )
             after = shifted
+            moved = _shifted(moved, shift)
+    simulated = judge_by_simulation(
+        moved, *(simulated_position(each.on(moved)) for each in (found.base, found.final))
+    )
     gain = abs(float(found.final.b[0]))
     floor = min(float(np.sqrt(signals.noise_variance(found.force_noise))) / gain, before, after)
     changed = replace(
@@ -63,18 +72,19 @@ def error_on(
         noise_floor_rms=floor,
         explained_fraction=explained(before, after, floor),
         command_rms=command,
+        simulated_position_before_rms=None if simulated is None else simulated.before_rms,
+        simulated_position_after_rms=None if simulated is None else simulated.after_rms,
+        window_s=None if simulated is None else simulated.window_s,
     )
     return changed, notes
 
 
 def _rms(hypothesis: Hypothesis, signals: Signals, unit_left: float = 1.0) -> tuple[float, float]:
     """Return what the parameters leave on other rows, and those rows' command."""
-    blocks = make_blocks(signals.rows, signals.row_period_s)
-    old = hypothesis.regressors
-    regressors = Regressors(signals, old.declared, blocks, old.side)
-    problem = Hypothesis(regressors, hypothesis.added).refreshed().problem
-    left = residual(problem, hypothesis.solution.b)[: signals.rows]
-    command = problem.columns[:, regressors.command_column].ravel()[: signals.rows]
+    moved = hypothesis.on(signals)
+    problem = moved.problem
+    left = residual(problem, moved.solution.b)[: signals.rows]
+    command = problem.columns[:, moved.regressors.command_column].ravel()[: signals.rows]
     return float(np.sqrt(np.mean(left**2))) / unit_left, float(np.sqrt(np.mean(command**2)))
 
 

@@ -9,7 +9,7 @@ one is told at which the declared model's error first stands clear of the noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,8 +94,21 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
     dict
         Without lengths of which no window is whole.
     """
-    signals = hypothesis.regressors.signals
-    predicted = hypothesis.predicted_acceleration()
+    return missed_by(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
+
+
+def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
+    """Return what any prediction of the acceleration misses of the position [m, rms].
+
+    Parameters
+    ----------
+    predicted
+        The acceleration at every sample of each stretch, (N,).
+    signals
+        The motion.
+    held
+        Which rows are asked, (m,); all by default.
+    """
     chosen = _samples(signals, held)
     lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in WINDOWS_S}
     found = {}

@@ -1,0 +1,114 @@
+"""The axes of public recordings, and what may be said of each.
+
+What each machine is was found by an analysis apart from `diagnose` (docs/real_machines.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+    actuator,
+    arm,
+    beam,
+    brushless,
+    cart,
+    damper,
+    double,
+    joint,
+    kuka,
+    panda,
+    pendulum,
+    two_motors,
+)
+
+
+@dataclass(frozen=True)
+class RealAxis:
+    """One axis of a recording, and what may be said of it."""
+
+    name: str
+    read: Read
+    """Gives time_s, position, command and, where there is one, reference."""
+    unit: str
+    may_name: tuple[str, ...] = ()
+    """Effects that the machine has; none other may be named."""
+    position_unit: str = "rad"
+    scale: int = 1
+    """Of the command; -1 where its sign is known to be the other one."""
+
+
+LIN_A = actuator("LinA/data/pp-sine-sweep-10mm-0.5Hz.txt")
+LIN_B = actuator("LinB/data/no-load-square-wave-half-travel-3Hz.txt")
+LIN_D = actuator("LinD/data/no-pp-sine-sweep-10mm-0.5Hz.txt")
+ECC_A = actuator("EccA/data/load-square-wave-full-travel-1Hz.txt")
+CART_CHIRP = cart("chirp2_20260608_113318.mat")
+CART_LINES = cart("multisin_20260506_191743.mat")
+IN_A = "design_A.0/20220815/sys_id/trajectory_03.csv"
+IN_C = "design_C.1/sys_id/20230629/20230629-143601/trajectory.csv"
+GRAVITY = ("gravity",)
+CARRIED = ("gravity", "position_force", "cross_axis")
+"""What a joint may be said to have that another joint carries."""
+TURNS_IN_GEAR = ("cogging", "force_ripple", "gravity", "cross_axis", "stribeck")
+"""The motors of an arm have eight poles' torque a turn, the gears their friction."""
+SWINGING = ("flexible_mode", "dead_zone", "input_lag", "input_delay", "cross_axis", "stribeck")
+"""The cart's: its authors found a dead zone, and the pendulum swings at 0.8 Hz."""
+HYSTERESIS = ("presliding", "stribeck")
+SWING_UP = pendulum("control_method_ddp/data_measured.csv")
+SWING_UP_SHORT = pendulum("control_method_direct_collocation/data_measured.csv")
+SWING_UP_SLOW = pendulum("control_method_ilqr/data_measured.csv")
+SWINGING_ROD = pendulum("filter_method_fft/measured_data.csv")
+BY_HAND = pendulum("control_method_gravity_compensation/data_measured.csv")
+HELD_BY_TORQUE = pendulum("control_method_pd/1nm_torque_limited_swingup_failure/data_measured.csv")
+BAND_BRAKE = damper("0.5Hz30lbtension1amplitude.json")
+AXES: tuple[RealAxis, ...] = (
+    RealAxis("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
+    RealAxis("UR10e joint 1", joint(1), "A"),
+    RealAxis("UR10e joint 2", joint(2), "A", (*GRAVITY, "position_dependent_friction")),
+    RealAxis("UR10e joint 3", joint(3), "A", GRAVITY),
+    RealAxis("UR10e joint 4", joint(4), "A", (*GRAVITY, "position_force", "presliding")),
+    RealAxis("UR10e joint 5", joint(5), "A"),
+    RealAxis("UR10e joint 6", joint(6), "A"),
+    RealAxis("OpenArm joint 1", arm(1), "N*m", GRAVITY),
+    RealAxis("OpenArm joint 3", arm(3), "N*m"),
+    RealAxis("OpenArm joint 6", arm(6), "N*m"),
+    RealAxis("OpenArm joint 7", arm(7), "N*m"),
+    RealAxis("screw actuator A", LIN_A, "mA", position_unit="mm"),
+    RealAxis("screw actuator B", LIN_B, "A", position_unit="mm", scale=-1),
+    RealAxis("screw actuator D", LIN_D, "mA", position_unit="mm"),
+    RealAxis("eccentric actuator A", ECC_A, "A", position_unit="deg", scale=-1),
+    *(RealAxis(f"Panda joint {k}", panda(k), "N*m") for k in (1, 2, 3, 5, 7)),
+    RealAxis("cart, chirp", CART_CHIRP, "%", SWINGING, position_unit="m"),
+    RealAxis("cart, many sines", CART_LINES, "%", SWINGING, position_unit="m"),
+    RealAxis("pendulum, swing-up of 6 s", SWING_UP, "N*m", GRAVITY),
+    RealAxis("pendulum, swing-up of 3.5 s", SWING_UP_SHORT, "N*m", GRAVITY),
+    RealAxis("pendulum, swinging", SWINGING_ROD, "N*m", GRAVITY),
+    *(RealAxis(f"two joints A, joint {k}", double(IN_A, k), "N*m", CARRIED) for k in (1, 2)),
+    *(RealAxis(f"two joints C, joint {k}", double(IN_C, k), "N*m", CARRIED) for k in (1, 2)),
+    *(
+        RealAxis(f"KR 300 axis {k}", kuka(k), "N*m", TURNS_IN_GEAR, position_unit="deg")
+        for k in range(1, 7)
+    ),
+    RealAxis("band brake", BAND_BRAKE, "N", HYSTERESIS, position_unit="mm"),
+    RealAxis("ruler on a motor", beam, "%", ("flexible_mode", "input_lag", "input_delay")),
+    RealAxis("motor against a motor", two_motors, "N*m"),
+)
+
+
+def described(axis: RealAxis, columns: Columns, folder: Path) -> Path:
+    """Write columns with the times that were recorded, and their description; return its path."""
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
+    text = "file: r.csv\ntime: {column: time_s}\naxes:\n  x:\n"
+    text += f"    position: {{column: position, unit: {axis.position_unit}}}\n"
+    text += f"    command: {{column: command, unit: '{axis.unit}', scale: {axis.scale}}}\n"
+    if "reference" in columns:
+        text += f"    reference: {{column: reference, unit: {axis.position_unit}}}\n"
+    path = folder / "r.yaml"
+    path.write_text(text)
+    return path
