@@ -37,7 +37,14 @@ RIDGE = 0.3
 """Weight of the squared weights, of features scaled to unit spread: some names' worth of doubt."""
 CAMPAIGN = "simulated gantry"
 FOR, AGAINST = (0.0, None), (None, 0.0)
-MAY_BE = {"lead": FOR, "strength": FOR, "unexplained": AGAINST, "over_noise": AGAINST}
+MAY_BE = {
+    "lead": FOR,
+    "strength": FOR,
+    "unexplained": AGAINST,
+    "over_noise": AGAINST,
+    "reduction": FOR,
+    "unsteady": AGAINST,
+}
 """Signs that a weight may have: what speaks for a name never makes it less sure."""
 
 

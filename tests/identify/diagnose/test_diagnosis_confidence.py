@@ -29,11 +29,13 @@ evidences = st.builds(
     stranger_share=shares,
     unexplained=shares,
     over_noise=st.floats(1.0, 1e3),
+    reduction=st.floats(0.1, 1e3),
+    unsteady=st.floats(0.0, 1e3),
 )
 
 
 def test_the_table_has_a_weight_for_every_figure_that_is_asked():
-    figures = features(Evidence(1.0, 0.0, 0.0, 0.0, 1.0).document())
+    figures = features(Evidence(1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0).document())
     for table in weights().values():
         assert set(table) == {"intercept", *figures}
         assert np.all(np.isfinite(list(table.values())))
@@ -97,9 +99,21 @@ def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
 
 def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
     clear = Evidence(
-        gain=100.0, rival_share=0.1, stranger_share=0.1, unexplained=0.0, over_noise=1.0
+        gain=100.0,
+        rival_share=0.1,
+        stranger_share=0.1,
+        unexplained=0.0,
+        over_noise=1.0,
+        reduction=5.0,
+        unsteady=0.01,
     )
-    for doubt in ({"gain": 3.0}, {"over_noise": 10.0}, {"gain": 3.0, "unexplained": 0.5}):
+    for doubt in (
+        {"gain": 3.0},
+        {"over_noise": 10.0},
+        {"gain": 3.0, "unexplained": 0.5},
+        {"reduction": 1.0},
+        {"unsteady": 1.0},
+    ):
         assert confidence(replace(clear, **doubt)) < confidence(clear)
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from other_plant import OtherPlant
 
 from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search import search
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
@@ -85,6 +86,18 @@ def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signa
 def test_an_effect_that_is_there_is_not_refuted(signals):
     found = outcome(signals, late("input_delay", 4.0 / 5000.0))
     assert without_refuted(found) == (found, ())
+
+
+def test_the_simulated_position_is_that_of_the_second_recording():
+    first = OtherPlant(cogging=0.05).run(seed=4, duration_s=10.0)
+    stronger = OtherPlant(cogging=0.15).run(seed=4, duration_s=10.0)
+    own = diagnose_axis(first, C1).error
+    told = diagnose_axis(first, C1, test=(stronger, {})).error
+    # a third of the cogging is compensated there, and two thirds are left
+    assert told.simulated_position_before_rms > 2.0 * own.simulated_position_before_rms
+    assert told.simulated_position_after_rms == pytest.approx(
+        2.0 / 3.0 * told.simulated_position_before_rms, rel=0.2
+    )
 
 
 def test_friction_that_is_lower_at_low_speed_is_refuted_as_stribeck():

@@ -165,6 +165,13 @@ def held_out_sse(problem: BlockedRegression) -> Array:
     return np.maximum(gram[:, -1, -1] - 2.0 * cross + fitted, 0.0)  # rounding
 
 
+def fit_of_fold(problem: BlockedRegression, fold: int) -> BlockedFit:
+    """Fit the blocks of one fold alone."""
+    parts = tuple(part[fold::FOLDS] for part in problem.parts)
+    alone = BlockedRegression(problem.blocks, parts, problem.gram[fold::FOLDS], problem.soft)
+    return solve(alone, problem)
+
+
 def _scaled(gram: Array, by: Array | None = None) -> tuple[Array, Array, Array]:
     scale = _lengths(gram if by is None else by)
     return gram[:-1, :-1] / np.outer(scale, scale), gram[:-1, -1] / scale, scale
