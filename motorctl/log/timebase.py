@@ -34,6 +34,13 @@ SIGNIFICANT_DIGITS = 9
 HIGHEST_RATE_HZ = 1e8
 LONGEST_PERIOD_S = 1e5
 LARGEST_TICK = 1 << 53
+FEW_PAUSES = 0.01
+"""Holes over samples up to which they are pauses between tests. Larger takes samples that come with
+events for a time base, smaller refuses tests that were recorded one after the other. Chosen by
+hand."""
+PAUSED_TIMES = 50
+"""How many times longer than the recording its pauses may be. Larger takes memory, smaller refuses
+short tests with long pauses between them. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -216,15 +223,18 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
     ticks = counted_ticks(time_s, usual)
     rate = _rate(table, time_s, ticks, None)
     missing = int(ticks[-1]) + 1 - len(ticks)
-    if missing > len(ticks):
+    pauses = int(np.count_nonzero(np.diff(ticks) > 1))
+    most = PAUSED_TIMES if pauses <= FEW_PAUSES * len(ticks) else 1
+    if missing > most * len(ticks):
         _refuse_uneven(table, name, time_s)
     exact = _is_uniform(time_s, ticks, rate)
     if exact or is_even_by_index(ticks, time_s, usual, motion):
         notes = []
         if not exact:
+            single = steps / np.diff(ticks)
             notes.append(
-                f"the times step by {1e3 * usual * steps.min():.3g} to "
-                f"{1e3 * usual * steps.max():.3g} ms, which the position does not show: its "
+                f"the times step by {1e3 * usual * single.min():.3g} to "
+                f"{1e3 * usual * single.max():.3g} ms a sample, which the position does not show: its "
                 f"samples are taken as uniform, at {rate:g} Hz"
             )
         if missing:

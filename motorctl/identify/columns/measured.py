@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any
@@ -39,6 +39,10 @@ FEW_REVERSALS = 20
 """A command at its extremes with fewer reversals is saturated, with more it is a binary test
 signal. Larger refuses short test signals, smaller accepts a command that is stuck at its limits.
 Chosen by hand."""
+STEPPED = 0.99
+"""Share of samples at the extremes, of both signs, from which the command is a test in steps: a
+saturated controller leaves its limits between them. Larger refuses steps with rounded edges,
+smaller accepts a command that is stuck at its limits. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,14 @@ class Measured:
             pieces = -(-(stop - start) // max(LONGEST_STRETCH, shortest))
             edges = np.linspace(start, stop, pieces + 1).astype(int)
             yield from (slice(int(a), int(b)) for a, b in pairwise(edges))
+
+
+def within(data: Measured, spans: Sequence[tuple[float, float]]) -> Measured:
+    """Return an axis of which nothing but the samples between these times [s] are usable."""
+    inside = np.zeros(len(data.time_s), dtype=np.bool_)
+    for begin_s, end_s in spans:
+        inside |= (data.time_s >= begin_s) & (data.time_s < end_s)
+    return replace(data, usable=data.usable & inside)
 
 
 def measured(recording: Recording, axis: str) -> Measured:
@@ -233,7 +245,7 @@ def _check_command(data: Measured) -> None:
     share = float(np.mean(at_limit))
     if data.saturated is not None:
         share = float(np.mean(data.saturated[data.usable]))
-    elif reversals >= FEW_REVERSALS:
+    elif reversals >= FEW_REVERSALS or (reversals and share > STEPPED):
         return
     if share > SATURATED_SHARE:
         raise DataError(

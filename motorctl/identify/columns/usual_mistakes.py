@@ -93,7 +93,8 @@ def _check_encoder(data: Measured) -> None:
                     f"{data.place}: the position freezes at {at_s:.4g} s: it moved at "
                     f"{speed:.3g} {data.position_unit}/s and stands still "
                     f"from one sample to the next, for {length / data.sample_rate_hz:.3g} s: the "
-                    "encoder or its line was stuck; cut this part out"
+                    "encoder or its line was stuck; cut this part out (in a description: "
+                    f"segments: {{fit: [{data.time_s[0]:.4g}, {at_s:.4g}]}})"
                 )
 
 

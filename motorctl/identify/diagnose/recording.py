@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError, UsageError
-from motorctl.identify.columns.measured import Measured, beside, check_usable, counterpart, measured
+from motorctl.identify.columns.measured import (
+    Measured,
+    beside,
+    check_usable,
+    counterpart,
+    measured,
+    within,
+)
 from motorctl.identify.columns.pieces import shortened, without
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
@@ -153,13 +160,15 @@ def diagnose_axis(
     """
     began = time.monotonic()
     tell = tell or (lambda _: None)
+    parts = {str(part): span for part, span in (segments or {}).items()}
+    if "fit" in parts:
+        data = within(data, list(parts.values()))
     check_usable(data)
     check_columns(data)
     check_magnitude(data)
     tell("reading its motion")
     moving = beside(data, others or {})
     slope = slope_of(declared.effects)
-    parts = {str(part): span for part, span in (segments or {}).items()}
     signals = make_signals(data, moving, slope_s_m=slope)
     check_motion(data, signals)
     pieces = shortened(signals, LONGEST_SEARCH_S)

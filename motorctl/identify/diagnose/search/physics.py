@@ -21,6 +21,10 @@ BEYOND = 3.0
 """Force of an effect over the largest command, from which it is extrapolated from a corner of its
 own shape and cannot be. Larger lets such pass, smaller refutes forces that cancel others. Chosen by
 hand."""
+WHOLE = 1.2
+"""A part of the command or of a force, from which it is more than all of it. Larger lets forms pass
+that are not what they are named for, smaller refutes true ones whose limit is rounded off. Chosen by
+hand."""
 SEEN = 0.05
 """Part of the command that inertia must ask for to be seen: below it, its sign says nothing.
 Larger lets models pass that could not move, smaller refutes weights that are held. Chosen by
@@ -43,6 +47,11 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                 return own, (
                     f"{effect.name} is refuted: {name} would be {value:.3g} {parameter.unit}, and "
                     "less than 0 makes no physical sense"
+                )
+            if parameter.unit == "1" and value - SURELY * sigma > WHOLE:
+                return own, (
+                    f"{effect.name} is refuted: {effect.full_name(parameter)} would be "
+                    f"{value:.3g}, and no more than all of it, 1, can be lost"
                 )
             if parameter.unit == "V" and abs(value) > BEYOND * largest:
                 return own, (

@@ -7,12 +7,16 @@ import numpy as np
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import whitened
-from motorctl.model import EffectList
+from motorctl.model import EffectList, basic_effects
 
 UNSURE = 0.02
 """Standard error of the input map at the largest command, in parts of the command, beyond which an
 electromagnetic term is left out. Larger keeps terms that bend other estimates, smaller drops useful
 ones. Chosen by hand."""
+ONE_WAY = 1e-4
+"""How much of the direction's column is no constant, up to which the motion is one-way. Larger
+drops an offset that a few reversals show, smaller keeps two parameters of which only the sum is
+known. Chosen by hand."""
 
 
 def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
@@ -31,7 +35,27 @@ def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[st
     if alone:
         declared = EffectList([e for e in declared.effects if e.name not in alone])
     declared, dropped = _with_bend(signals, declared)
-    return declared, alone | dropped
+    declared, mimicked = _with_offset(signals, declared)
+    return declared, alone | dropped | mimicked
+
+
+def _with_offset(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+    """Drop the constant force where the motion is one-way: friction by direction is one there."""
+    names = [basic_effects()[signal].name for signal in ("direction", "one")]
+    if not set(names) <= set(declared.names):
+        return declared, {}
+    regressors, _ = whitened(signals, declared, ())
+    hypothesis = Hypothesis(regressors)
+    direction, constant = (hypothesis.names.index(name) for name in names)
+    gram = hypothesis.problem.total
+    lengths = float(np.sqrt(gram[direction, direction] * gram[constant, constant]))
+    if lengths <= 0.0 or 1.0 - abs(float(gram[direction, constant])) / lengths > ONE_WAY:
+        return declared, {}
+    why = (
+        f"the axis moves one way only, where it cannot be told from {names[0]}: that one stands "
+        "for the sum of both"
+    )
+    return EffectList([e for e in declared.effects if e.name != names[1]]), {names[1]: why}
 
 
 def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
