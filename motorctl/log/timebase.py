@@ -234,8 +234,8 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
             single = steps / np.diff(ticks)
             notes.append(
                 f"the times step by {1e3 * usual * single.min():.3g} to "
-                f"{1e3 * usual * single.max():.3g} ms a sample, which the position does not show: its "
-                f"samples are taken as uniform, at {rate:g} Hz"
+                f"{1e3 * usual * single.max():.3g} ms a sample, which the position does not show: "
+                f"its samples are taken as uniform, at {rate:g} Hz"
             )
         if missing:
             notes.append(

@@ -22,9 +22,9 @@ BEYOND = 3.0
 own shape and cannot be. Larger lets such pass, smaller refutes forces that cancel others. Chosen by
 hand."""
 WHOLE = 1.2
-"""A part of the command or of a force, from which it is more than all of it. Larger lets forms pass
-that are not what they are named for, smaller refutes true ones whose limit is rounded off. Chosen by
-hand."""
+"""A part of the command or of a force, from which it is more than all of it. Larger lets forms
+pass that are not what they are named for, smaller refutes true ones whose limit is rounded off.
+Chosen by hand."""
 SEEN = 0.05
 """Part of the command that inertia must ask for to be seen: below it, its sign says nothing.
 Larger lets models pass that could not move, smaller refutes weights that are held. Chosen by

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -41,6 +40,7 @@ from motorctl.identify.diagnose.verdict.confidence import (
     Support,
     confidence,
     support_of,
+    sure_family,
     without_doubtful,
 )
 from motorctl.identify.diagnose.verdict.errors import (
@@ -60,6 +60,7 @@ from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
+from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
 from motorctl.identify.diagnose.verdict.verdict import (
     LOW_HZ,
@@ -85,10 +86,6 @@ LIKE_TWIN = 0.5
 Larger calls the feedback of an encoder's counts structure, smaller calls structure noise. Chosen by
 hand: machines that lack nothing have 0.6 to 2, real ones with a weight that was missed 0.09 and
 0.17."""
-DROWNED = 0.1
-"""Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
-shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
-coarse encoders. Chosen by hand."""
 UNNAMED = 0.3
 """Confidence below which the most important name is no answer. Larger refuses more names, smaller
 gives poor ones. Chosen by hand."""
@@ -113,6 +110,7 @@ def assemble(
     split = split_rows(found.final, segments)
     found, refuted = without_refuted(found, split.held_out)
     found, shown = without_shown(found)
+    fitted = found.final.added
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
     found, useless = _without_useless(found, split)
@@ -124,9 +122,9 @@ def assemble(
             found = replace(found, final=found.final.without(effect.name))
     found = replace(found, final=found.final.refreshed())
     supports = {effect.name: support_of(found, effect) for effect in found.final.added}
-    unsure = all(support.sure < TOLD for support in supports.values())
-    if judged.verdict == "unknown_structure" and judged.kept and unsure:
-        # the family of what is left says more than a name that shares it with others
+    if supports and all(confidence(support.grounds) < TOLD for support in supports.values()):
+        # the family of what is left says more than a name that is hardly ever right
+        doubted |= {name: support.grounds for name, support in supports.items()}
         found, supports = declared_alone(found), {}
         judged = _beside_twin(found, judge(found))
     extra = compensation(found, judged)
@@ -146,13 +144,13 @@ def assemble(
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
-    drowned = _drowned(found, judged)
+    drowned = why_undetermined(found, judged, error)
     if drowned:
         missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)
     if too_plain:
         missing = (_missing_motion(ordinary(catalogue), too_plain, data, found),)
     verdict = judged.verdict
-    if verdict == "complete" and missing:
+    if (verdict == "complete" and missing) or drowned:
         verdict = "insufficient_data"
     if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
         verdict = "insufficient_data"
@@ -166,7 +164,10 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    unknown = unknown_structure(judged, extra, values) if verdict == "unknown_structure" else None
+    kin = sure_family(fitted, doubted)
+    unknown = None
+    if verdict == "unknown_structure":
+        unknown = unknown_structure(judged, extra, values, None if effects else kin)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -222,11 +223,11 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     if judged.verdict != "unknown_structure" or judged.kept:
         return judged
     alone = declared_alone(found) if found.final.added else found
-    noisy = _over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
+    noisy = over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
     twin = clean_twin(alone) if noisy else None
     if twin is None:
         return judged
-    if _over_command(twin, twin.final.held_out) < LIKE_TWIN * _over_command(
+    if over_command(twin, twin.final.held_out) < LIKE_TWIN * over_command(
         alone, alone.final.held_out
     ):
         return judged
@@ -234,22 +235,6 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     if again.verdict == "complete" or no_further_than_twin(alone, twin):
         return replace(judged, verdict="complete", rival=None, as_twin=True)
     return judged
-
-
-def _over_command(found: Found, squared: float) -> float:
-    """Return the rms of what has this sum of squares over the command's."""
-    return math.sqrt(squared / max(found.final.regressors.command_energy, 1e-300))
-
-
-def _drowned(found: Found, judged: Judged) -> str | None:
-    """Return why a measurement too coarse proves no model complete, or None."""
-    left = _over_command(found, found.base.held_out)
-    if not judged.as_twin or left < DROWNED:
-        return None
-    return (
-        f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
-        "missing would behind this encoder and at this rate"
-    )
 
 
 def _effects(
@@ -366,6 +351,8 @@ def _sentence(
     if verdict == "unknown_structure":
         assert unknown is not None
         beside = f" Beside it, {names} was found." if effects else ""
+        if unknown.family is not None and unknown.compensation is None:
+            return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
         return (
             f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"
         )
@@ -395,7 +382,7 @@ def _notes(
     if not split.stated:
         notes.append("every third block of rows was held out of the fit to measure the errors")
     if judged.faint:
-        left = _over_command(found, found.final.held_out)
+        left = over_command(found, found.final.held_out)
         notes.append(
             f"what is left is {100.0 * left:.1f} % of the command, more than the measurement's "
             "noise; it depends on nothing that was measured, and counts as the machine's own noise"

@@ -8,7 +8,7 @@ whom it has not seen. `motorctl bench machines` prints how many names were right
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -21,6 +21,7 @@ from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.verdict.errors import alternatives, ambiguous_with
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
 from motorctl.model import Effect
+from motorctl.model.knowledge import Family
 
 HIGHEST = 0.99
 """Highest confidence that is given. Larger claims more than simulated machines can show, smaller
@@ -31,6 +32,12 @@ TOLD = 0.33
 """Confidence from which an effect is named at all. Larger hides right names of machines that leave
 much above their noise, smaller gives names that are wrong twice as often as right. Convention: one
 in three."""
+FAMILY_TOLD = 0.67
+"""Confidence from which the family of an effect is told whose name is doubted. Larger hides
+families that a recording shows, smaller gives wrong ones. Convention: two in three."""
+TAKES_MOST = 0.5
+"""Part of the squared error that such an effect must take. Larger hides families, smaller speaks of
+small parts. Chosen by hand: more than all else."""
 SHARED = 0.5
 """Factor on the confidence for each effect, up to three, that it cannot be told from: with one
 other, each has half. Larger trusts such names more. Arithmetic for one."""
@@ -87,6 +94,43 @@ def support_of(found: Found, added: Effect) -> Support:
     others = alternatives(found, added.name)
     twins = tuple(ambiguous_with(found, added))
     return Support(others, twins, evidence_of(found, added, others))
+
+
+@dataclass(frozen=True)
+class SureFamily:
+    """A kind of physics that is sure where its member is not."""
+
+    family: Family
+    member: str
+    """The effect that was fitted."""
+    sure: float
+    """The confidence in the family, 0 to 1."""
+    share: float
+    """Part of the squared error on held-out rows that the member takes away, 0 to 1."""
+
+
+def sure_family(added: Sequence[Effect], doubted: Mapping[str, Evidence]) -> SureFamily | None:
+    """Return the surest family of effects that were fitted and not named, or None.
+
+    Parameters
+    ----------
+    added
+        Every effect that was fitted.
+    doubted
+        Those that are not named, with what they rest on.
+    """
+    found = [
+        SureFamily(
+            effect.family(),
+            effect.name,
+            confidence(doubted[effect.name], of_family=True),
+            1.0 - 1.0 / max(doubted[effect.name].reduction, 1.0) ** 2,
+        )
+        for effect in added
+        if effect.name in doubted
+    ]
+    told = [each for each in found if each.sure >= FAMILY_TOLD and each.share > TAKES_MOST]
+    return max(told, key=lambda each: each.sure, default=None)
 
 
 def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:

@@ -7,6 +7,7 @@ import numpy as np
 from motorctl.identify.diagnose.result import UnknownStructure
 from motorctl.identify.diagnose.search.parameters import Compensation, FittedModel, theta_of
 from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.confidence import SureFamily
 from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,
@@ -16,6 +17,7 @@ from motorctl.identify.diagnose.verdict.verdict import (
     Judged,
     depends_on,
 )
+from motorctl.model.knowledge import Family
 
 FAMILY_SHARE = 0.5
 """Part of the explainable error that a smooth function must take for the kind of physics to be
@@ -40,14 +42,26 @@ def unknown_structure(
     judged: Judged,
     extra: Compensation | None,
     values: FittedModel,
+    kin: SureFamily | None = None,
 ) -> UnknownStructure:
-    """Say what unknown structure depends on, and of which kind it is."""
+    """Say what unknown structure depends on, and of which kind it is.
+
+    `kin` is the family of an effect that was fitted and is too unsure to be named.
+    """
     variables = depends_on(judged.rival)
     share = min(judged.rival_share, 1.0)
-    family = None
+    family: Family | None = None
     if extra is not None and share > FAMILY_SHARE:
         family = extra[0].family()
-    if variables:
+    if kin is not None and family is None:
+        family = kin.family
+        share = max(share, kin.share)
+        sentence = (
+            f"{family.replace('_', ' ')} (confidence {kin.sure:.2f}): {kin.member} takes "
+            f"{100 * kin.share:.0f} % of the squared error away, but is not sure enough to be "
+            "named, for others of its kind do as well"
+        )
+    elif variables:
         kind = "no known effect" if family is None else f"no known {family.replace('_', ' ')}"
         sentence = (
             f"the residual depends on {' and '.join(variables)}: a smooth function of "
@@ -71,6 +85,6 @@ def unknown_structure(
         )
     if extra is None:
         nothing = np.zeros(0)
-        return UnknownStructure(variables, sentence, None, None, nothing, nothing, share)
+        return UnknownStructure(variables, sentence, None, family, nothing, nothing, share)
     theta, std_error = theta_of(values, extra[0])
     return UnknownStructure(variables, sentence, extra[0], family, theta, std_error, share)

@@ -1,0 +1,48 @@
+"""Recordings that do not determine even the declared model, whatever is left."""
+
+from __future__ import annotations
+
+import math
+
+from motorctl.identify.diagnose.result import ModelError
+from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.verdict import Judged
+
+DROWNED = 0.1
+"""Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
+shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
+coarse encoders. Chosen by hand."""
+TINY = 1e-300
+"""Least command that anything is divided by. Convention."""
+
+
+def why_undetermined(found: Found, judged: Judged, error: ModelError) -> str | None:
+    """Return why no model can be told complete or lacking from a recording, or None."""
+    return _drowned(found, judged) or _worse_than_nothing(error)
+
+
+def _drowned(found: Found, judged: Judged) -> str | None:
+    """Return why a measurement too coarse proves no model complete, or None."""
+    left = over_command(found, found.base.held_out)
+    if not judged.as_twin or left < DROWNED:
+        return None
+    return (
+        f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
+        "missing would behind this encoder and at this rate"
+    )
+
+
+def _worse_than_nothing(error: ModelError) -> str | None:
+    """Return why a recording does not determine even the declared parameters, or None."""
+    if error.held_out_after_rms <= error.command_rms:
+        return None
+    part = 100.0 * error.held_out_after_rms / max(error.command_rms, TINY)
+    return (
+        f"fitted to one part of the recording, the model is {part:.0f} % of the command off on "
+        "the rest, more than no model at all: the motion does not determine its parameters"
+    )
+
+
+def over_command(found: Found, squared: float) -> float:
+    """Return the rms of what has this sum of squares over the command's."""
+    return math.sqrt(squared / max(found.final.regressors.command_energy, 1e-300))
