@@ -70,6 +70,13 @@ def bench(
     logs: Annotated[
         Path | None, typer.Option(metavar="DIR", help="diagnosis: keep the cases' logs here.")
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="diagnosis, machines: draw how often names were right over their confidence.",
+        ),
+    ] = None,
     recordings: Annotated[
         Path | None,
         typer.Option(
@@ -106,17 +113,17 @@ def bench(
     from motorctl_benchmarks.measure import measure
 
     options: Options | None = None
-    asked = (cases, size, seed, workers, only, out, logs)
+    asked = (cases, size, seed, workers, only, out, logs, plot)
     if subject == "machines":
         if size is not None or logs is not None:
             raise UsageError("bench machines takes no --size and keeps no --logs: see --cases")
-        options = _machines(cases, seed, workers, only, out)
+        options = _machines(cases, seed, workers, only, out, plot)
     elif subject == "recordings":
-        if any(value is not None for value in (cases, size, seed, logs)):
-            raise UsageError("bench recordings takes no --cases, --size, --seed or --logs")
+        if any(value is not None for value in (cases, size, seed, logs, plot)):
+            raise UsageError("bench recordings takes no --cases, --size, --seed, --logs or --plot")
         options = _recordings(recordings, workers, only, out)
     elif subject == "diagnosis" or any(value is not None for value in asked):
-        options = _campaign(cases, size, seed, workers, only, out, logs)
+        options = _campaign(cases, size, seed, workers, only, out, logs, plot)
     with showing_progress("measuring; the first run compiles the kernels") as progress:
         result = measure(subject, progress, options)
     if as_json:
@@ -144,6 +151,7 @@ def _campaign(
     only: list[str] | None,
     out: Path | None,
     logs: Path | None,
+    plot: Path | None,
 ) -> CampaignOptions:
     """Put the options together. Raises UsageError where they contradict each other."""
     from motorctl.errors import UsageError
@@ -161,6 +169,7 @@ def _campaign(
         workers=workers,
         out=out,
         logs=logs,
+        plot=plot,
         only=tuple(parse_key(key) for key in only or ()),
     )
 
@@ -171,6 +180,7 @@ def _machines(
     workers: int | None,
     only: list[str] | None,
     out: Path | None,
+    plot: Path | None,
 ) -> MachinesOptions:
     """Put the options together. Raises UsageError where they contradict each other."""
     from motorctl.errors import UsageError
@@ -185,6 +195,7 @@ def _machines(
         first_seed=HELD_OUT_SEED if seed is None else seed,
         workers=workers,
         out=out,
+        plot=plot,
         only=tuple(parse_machine_key(key) for key in only or ()),
     )
 

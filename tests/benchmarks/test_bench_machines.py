@@ -316,7 +316,10 @@ def test_options_that_say_nothing_of_machines_are_refused(arguments, words):
 def test_a_machine_of_each_generator_is_answered(tmp_path):
     keys = tuple(MachineKey(name, "cogging", 50_000) for name in usable_generators())
     out, shares = tmp_path / "machines.jsonl", []
-    result = measure("machines", shares.append, MachinesOptions(workers=2, out=out, only=keys))
+    plot = tmp_path / "reliability.png"
+    options = MachinesOptions(workers=2, out=out, plot=plot, only=keys)
+    result = measure("machines", shares.append, options)
+    assert plot.read_bytes().startswith(b"\x89PNG")
     assert shares[-1] == 1.0
     rows = [json.loads(line) for line in out.read_text().splitlines()]
     assert {row["generator"] for row in rows} == set(usable_generators())

@@ -129,6 +129,24 @@ def test_a_hole_among_uneven_samples_is_marked(tmp_path):
     np.testing.assert_allclose(axis.position[good], np.sin(6.0 * recording.time_s[good]), atol=6e-4)
 
 
+def test_pauses_between_tests_are_holes_and_no_reason_to_refuse(tmp_path):
+    even = 0.005 * np.arange(1000)
+    late = np.random.default_rng(1).uniform(0.0, 1e-3, 1000)
+    table = sines(even) | {"time_s": even + late + np.where(np.arange(1000) < 600, 0.0, 120.0)}
+    recording = read_recording(write_table(tmp_path / "a.csv", table))
+    axis = recording.axes["x"]
+    good = np.flatnonzero(axis.recorded)
+    assert len(good) == pytest.approx(1000, abs=4)
+    assert np.diff(good).max() * recording.period_s == pytest.approx(120.0, rel=0.01)
+
+
+def test_samples_that_come_with_events_are_refused(tmp_path):
+    random = np.random.default_rng(2)
+    steps = np.where(random.random(1000) < 0.9, 0.005, random.uniform(0.1, 0.3, 1000))
+    with pytest.raises(DataError, match="more samples are missing than there are"):
+        read_recording(write_table(tmp_path / "a.csv", sines(np.cumsum(steps))))
+
+
 def test_a_clock_that_alternates_while_the_motion_does_not_is_taken_as_uniform(tmp_path):
     time_s = np.arange(1000) * 0.011
     late = time_s + np.where(np.arange(1000) % 2, 0.0, 0.004)

@@ -33,6 +33,8 @@ class CampaignOptions:
     """A file to which every case is written as a line of JSON."""
     logs: Path | None = None
     """A folder in which the logs are kept."""
+    plot: Path | None = None
+    """A picture of how often names were right over their confidence."""
     only: tuple[CaseKey, ...] = ()
     """Nothing but these cases."""
 

@@ -11,6 +11,7 @@ from motorctl_benchmarks.diagnosis.outcome_report import (
     mistakes,
 )
 from motorctl_benchmarks.diagnosis.peers import MODULES, installed_peers
+from motorctl_benchmarks.diagnosis.reliability_picture import draw_reliability
 from motorctl_benchmarks.diagnosis.speed import speed_figures
 from motorctl_benchmarks.findings import Findings
 
@@ -46,6 +47,8 @@ def diagnosis_findings(progress: Progress, options: CampaignOptions) -> Findings
         figures += more
         notes += remarks
     groups = {name: [str(o.key) for o in cases] for name, cases in by_group(outcomes).items()}
+    if options.plot is not None:
+        draw_reliability(options.plot, by_group(outcomes))
     answers = [f"{o.key}: {o.title}: {o.answer}" for o in outcomes] if options.only else []
     return Findings(
         figures=tuple(figures),

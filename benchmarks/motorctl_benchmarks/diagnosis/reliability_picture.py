@@ -38,7 +38,7 @@ def draw_reliability(path: Path, outcomes: Mapping[str, Sequence[Scored]]) -> No
     try:
         with panels_in_file(2, path, height=3.4) as (_, (shares, counts)):
             shares.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=1.0, linestyle="--")
-            shares.text(0.02, 0.06, "as stated", color="0.45", rotation=0)
+            shares.text(0.13, 0.08, "as stated", color="0.45")
             for k, (name, group) in enumerate(groups.items()):
                 bins, error = calibration([(o.truth, o.answer) for o in group])
                 if not bins:

@@ -10,6 +10,7 @@ from pathlib import Path
 from motorctl.latency.progress import Progress
 from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED
 from motorctl_benchmarks.diagnosis.outcome_report import calibration_document, calibration_lines
+from motorctl_benchmarks.diagnosis.reliability_picture import draw_reliability
 from motorctl_benchmarks.findings import Findings
 from motorctl_benchmarks.other_machines.figures import (
     judgements,
@@ -38,6 +39,8 @@ class MachinesOptions:
     """As many as there are CPUs for this process, if not given."""
     out: Path | None = None
     """A file to which every case is written as a line of JSON."""
+    plot: Path | None = None
+    """A picture of how often names were right over their confidence."""
     only: tuple[MachineKey, ...] = ()
     """Nothing but these machines."""
 
@@ -51,6 +54,11 @@ def machine_findings(progress: Progress, options: MachinesOptions) -> Findings:
     outcomes = run_tasks(run_machine, keys, progress, options.workers, options.out)
     scored = [outcome for outcome in outcomes if outcome.result != "not recorded"]
     sound = [outcome for outcome in scored if not outcome.kind.mistake]
+    if options.plot is not None:
+        authors = dict.fromkeys(outcome.key.generator for outcome in sound)
+        draw_reliability(
+            options.plot, {name: [o for o in sound if o.key.generator == name] for name in authors}
+        )
     answers = [f"{o.key}: {o.story}: {o}" for o in outcomes] if options.only else []
     return Findings(
         figures=tuple(machine_figures(scored)),

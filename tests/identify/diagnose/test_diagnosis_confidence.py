@@ -97,6 +97,25 @@ def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
     )
 
 
+def test_the_family_of_a_doubted_name_is_told_where_it_takes_most(with_chance):
+    (effect,) = with_chance.final.added
+    strong = Evidence(
+        gain=9.0,
+        rival_share=1.0,
+        stranger_share=0.1,
+        unexplained=0.02,
+        over_noise=3.0,
+        reduction=7.0,
+        unsteady=1.0,
+    )
+    kin = judging.sure_family((effect,), {effect.name: strong})
+    assert (kin.family, kin.member) == ("force_of_position", "cogging")
+    assert kin.share == pytest.approx(1.0 - 1.0 / 49.0)
+    for less in ({"reduction": 1.2}, {"stranger_share": 5.0, "gain": 1.0, "unexplained": 0.9}):
+        assert judging.sure_family((effect,), {effect.name: replace(strong, **less)}) is None
+    assert judging.sure_family((effect,), {}) is None
+
+
 def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
     clear = Evidence(
         gain=100.0,

@@ -10,6 +10,7 @@ from fit_plant import C1
 from other_plant import SHAPES, OtherPlant
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.recording import diagnose_axis
@@ -48,6 +49,20 @@ def test_an_encoder_that_freezes_in_motion_is_told_with_its_time(run, share):
     assert told == pytest.approx(run.time_s[at], abs=2e-3)
 
 
+def test_what_lies_outside_the_segments_is_not_looked_at(run):
+    freezes = run.position.copy()
+    at = int(0.8 * len(freezes))
+    at += int(np.argmax(np.abs(np.diff(freezes[at:]))))
+    freezes[at:] = freezes[at]
+    damaged, at_s = replace(run, position=freezes), run.time_s[at]
+    with pytest.raises(DataError, match=r"segments: \{fit: \[") as refusal:
+        diagnose_axis(damaged, C1)
+    end_s = float(str(refusal.value).rpartition(", ")[2].partition("]")[0])
+    assert end_s == pytest.approx(at_s, abs=2e-2)
+    parts = {"fit": (run.time_s[0], end_s - 0.01)}
+    assert diagnose_axis(damaged, C1, segments=parts).verdict == "complete"
+
+
 @pytest.mark.parametrize(("still_s", "told"), [(0.3, False), (1.5, True)])
 def test_an_encoder_that_freezes_in_slow_motion_is_told_once_it_is_no_rest(run, still_s, told):
     omega = 2.0 * np.pi * 2.0
@@ -62,6 +77,25 @@ def test_an_encoder_that_freezes_in_slow_motion_is_told_once_it_is_no_rest(run, 
             check_columns(data)
     else:
         check_columns(data)
+
+
+def test_friction_and_offset_of_one_way_motion_are_told_as_their_sum():
+    random = np.random.default_rng(1)
+    time_s = np.arange(10_000) / 1000.0
+    tones = [(f, random.uniform(0.0, 6.3)) for f in (0.7, 1.3, 2.9, 4.1)]
+    x = 0.8 * time_s + sum(0.01 / f * np.sin(2 * np.pi * f * time_s + p) for f, p in tones)
+    v = np.gradient(x, 1e-3)
+    assert v.min() > 0.1
+    u = 0.2 * np.gradient(v, 1e-3) + 0.3 * v + 0.15 + 0.4 + 0.01 * random.standard_normal(10_000)
+    turned = Measured(
+        source="one way", axis="x", sample_rate_hz=1000.0, time_s=time_s, usable=time_s >= 0.0,
+        position=0.5e-6 * np.round(x / 0.5e-6), command=u, resolution=0.5e-6,
+    )  # fmt: skip
+    told = diagnose_axis(turned, C1)
+    assert "one way" in told.dropped["offset"]
+    fitted = dict(zip(told.declared.names, told.declared_theta, strict=True))
+    assert fitted["coulomb_friction"] == pytest.approx(0.55, abs=0.05)
+    assert fitted["viscous_friction"] == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_reference_of_the_other_sign_is_told(run):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fit_plant import C1, simulate
@@ -98,6 +100,20 @@ def test_the_simulated_position_is_that_of_the_second_recording():
     assert told.simulated_position_after_rms == pytest.approx(
         2.0 / 3.0 * told.simulated_position_before_rms, rel=0.2
     )
+
+
+def test_a_supply_that_would_take_more_than_all_is_refuted():
+    plain = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(seed=4, duration_s=10.0)
+    limit = 1.05 * float(np.abs(plain.command).max())
+    # every other second, what pushes forward is recorded as what twice the excess would leave of it
+    mirrored = (plain.command > 0.0) & (np.floor(plain.time_s) % 2.0 == 0.0)
+    command = np.where(mirrored, 2.0 * limit - plain.command, plain.command)
+    signals = make_signals(replace(plain, command=command), slope_s_m=900.0)
+    form = make_effect(effect_class("voltage_clipping"), {"limit_v": limit, "no_load_m_s": 1e6})
+    kept, why = without_refuted(outcome(signals, form))
+    assert not kept.final.added
+    assert "and no more than all of it, 1, can be lost" in why[0]
+    assert float(why[0].partition("would be ")[2].split(",")[0]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_friction_that_is_lower_at_low_speed_is_refuted_as_stribeck():
