@@ -21,6 +21,10 @@ FAINT_RIVAL = 0.1
 """Share of the gain below which a rival counts as one of it: much smaller ones say no more. Larger
 does not tell close rivals from far ones, smaller lets a lead alone make a name sure. Chosen by how
 well the weights hold on authors left out, of 0.001, 0.01, 0.03 and 0.1."""
+MOST_UNSTEADY = 1.0
+"""Disagreement beyond which parts of the recording say nothing of an effect at all, as where none
+of its events falls into one of them. Larger doubts what acts in few places, smaller does not tell
+chance from such. Arithmetic: as large as the effect itself."""
 FAINTEST = 1e-3
 """Shares and parts below it count as it: their logarithms would run away. Convention."""
 
@@ -109,5 +113,5 @@ def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str,
         "unexplained": figures["unexplained"],
         "over_noise": math.log(figures["over_noise"]),
         "reduction": math.log(max(figures["reduction"], 1.0)),
-        "unsteady": math.log(max(figures["unsteady"], FAINTEST)),
+        "unsteady": math.log(min(max(figures["unsteady"], FAINTEST), MOST_UNSTEADY)),
     }
