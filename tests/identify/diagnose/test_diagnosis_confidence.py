@@ -130,7 +130,6 @@ def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
         {"gain": 3.0},
         {"over_noise": 10.0},
         {"gain": 3.0, "unexplained": 0.5},
-        {"reduction": 1.0},
         {"unsteady": 1.0},
     ):
         assert confidence(replace(clear, **doubt)) < confidence(clear)

@@ -68,4 +68,4 @@ def test_the_second_recording_is_predicted_better(diagnosis):
 def test_the_fitted_recording_is_explained_to_under_two_hundredths(diagnosis):
     traces = diagnosis.traces
     left = np.linalg.norm(traces.residual_after) / np.linalg.norm(traces.command)
-    assert left <= 0.018
+    assert left <= 0.02

@@ -32,9 +32,9 @@ TOLD = 0.33
 """Confidence from which an effect is named at all. Larger hides right names of machines that leave
 much above their noise, smaller gives names that are wrong twice as often as right. Convention: one
 in three."""
-FAMILY_TOLD = 0.67
+FAMILY_TOLD = 0.5
 """Confidence from which the family of an effect is told whose name is doubted. Larger hides
-families that a recording shows, smaller gives wrong ones. Convention: two in three."""
+families that a recording shows, smaller gives wrong ones. Convention: rather right than wrong."""
 TAKES_MOST = 0.5
 """Part of the squared error that such an effect must take. Larger hides families, smaller speaks of
 small parts. Chosen by hand: more than all else."""

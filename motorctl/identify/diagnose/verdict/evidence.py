@@ -103,8 +103,9 @@ def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:
 def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str, float]:
     """Return what the logistic score is linear in, from the figures of an `Evidence`.
 
-    Shares of the command or of what is explained, and how many other names are given, were tried
-    too: they learn how many effects a machine has, which differs from author to author.
+    Shares of the command or of what is explained, the reduction of what is left, and how many other
+    names are given, were tried too: they learn how many effects a machine has, which differs from
+    author to author.
     """
     rival = figures["stranger_share" if of_family else "rival_share"]
     return {
@@ -112,6 +113,5 @@ def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str,
         "strength": math.log(max(figures["gain"], 1.0)),
         "unexplained": figures["unexplained"],
         "over_noise": math.log(figures["over_noise"]),
-        "reduction": math.log(max(figures["reduction"], 1.0)),
         "unsteady": math.log(min(max(figures["unsteady"], FAINTEST), MOST_UNSTEADY)),
     }
