@@ -27,7 +27,7 @@ _WITHOUT_LIMIT = {
 
 _DEVICE = {
     Status.BUS_OFF: "the bus or the port is gone",
-    Status.DEVICE_RESTARTED: "the device restarted",
+    Status.DEVICE_RESTARTED: "the device restarted, or was silent for so long that it may have",
     Status.CORRUPT: "a message was refused (checksum, length or sequence), or the bus had no room",
 }
 """What a driver may add to the cause."""
