@@ -70,12 +70,17 @@ class Device:
         due_ns = NEVER
         while not self._stopping:
             now_ns = endpoint.now_ns = clock()
-            if now_ns - due_ns > self.longest_pause_ns and machine.any_enabled:
-                self.longest_pause_ns = now_ns - due_ns
+            if now_ns > due_ns and machine.any_enabled:
+                self.longest_pause_ns = max(self.longest_pause_ns, now_ns - due_ns)
+                if newest := schedule.newest:
+                    newest.longest_pause_ns = max(newest.longest_pause_ns, now_ns - due_ns)
             if now_ns >= schedule.next_change_ns:
                 self._change(now_ns)
             if now_ns >= machine.due_ns:
+                trips = machine.watchdog_trips
                 machine.check_watchdog(now_ns)
+                if newest := schedule.newest:
+                    newest.watchdog_trips += machine.watchdog_trips - trips
             if now_ns >= endpoint.due_ns:
                 endpoint.on_due()
             endpoint.flush()

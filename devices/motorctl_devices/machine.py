@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections import deque
 from collections.abc import Sequence
 
 from motorctl.hal import Driver, Inputs, Outputs, Status
@@ -18,6 +19,9 @@ FOLLOW = 1 / 256
 """Gain of the synchronisation: the share of the difference that one request corrects."""
 MOST_PERIODS = 1000
 """Bound on the work of one catching up; what is beyond it is dropped."""
+REST_NS = 300_000_000
+"""Amplifiers that are off for so long are off, and do not flicker. Convention."""
+MOST_RESTS = 1000
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 
 
@@ -69,6 +73,8 @@ class Machine:
         """When the first watchdog fires."""
         self.off_ns: int | None = 0
         """Since when every amplifier is off; None while one is on."""
+        self.rests_ns: deque[tuple[int, int]] = deque(maxlen=MOST_RESTS)
+        """From when to when every amplifier was off, for REST_NS at least."""
         self.set_watchdog(watchdog_s)
 
     def open(self) -> None:
@@ -224,6 +230,9 @@ class Machine:
             outputs.volts[i] = self.volts[i]
             outputs.enable[i] = self.enabled[i]
         if True in self.enabled:
+            off_ns, on_ns = self.off_ns, time.monotonic_ns()
+            if off_ns is not None and on_ns - off_ns >= REST_NS:
+                self.rests_ns.append((off_ns, on_ns))
             self.off_ns = None
         elif self.off_ns is None:
             self.off_ns = time.monotonic_ns()

@@ -13,6 +13,7 @@ from typing import Any
 
 from motorctl_devices.device import Device
 from motorctl_devices.load import load_device
+from motorctl_devices.machine import Machine
 from motorctl_devices.prompt_ptys import prompt_ptys
 from motorctl_devices.schedule import NS, Fault
 
@@ -96,7 +97,9 @@ def report(device: Device) -> dict[str, Any]:
                 "kind": f.order.kind,
                 "at_s": f.order.at_s,
                 "fired": f.fired,
-                "off_after_s": _off_after_s(f, machine.off_ns),
+                "off_after_s": _off_after_s(f, machine),
+                "watchdog_trips": f.watchdog_trips,
+                "longest_pause_s": round(f.longest_pause_ns / NS, 6),
             }
             for f in device.schedule.faults
         ],
@@ -105,8 +108,13 @@ def report(device: Device) -> dict[str, Any]:
     }
 
 
-def _off_after_s(fault: Fault, off_ns: int | None) -> float | None:
-    """Tell how long after a fault's begin the last amplifier went off, not to come back."""
-    if fault.began_ns is None or off_ns is None:
+def _off_after_s(fault: Fault, machine: Machine) -> float | None:
+    """Tell how long after a fault's begin the last amplifier went off, to stay off for a while."""
+    if fault.began_ns is None:
         return None
-    return max(0.0, round((off_ns - fault.began_ns) / NS, 6))
+    for off_ns, on_ns in machine.rests_ns:
+        if on_ns > fault.began_ns:
+            return max(0.0, round((off_ns - fault.began_ns) / NS, 6))
+    if machine.off_ns is None:
+        return None
+    return max(0.0, round((machine.off_ns - fault.began_ns) / NS, 6))

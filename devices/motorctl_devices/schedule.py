@@ -20,11 +20,13 @@ class Fault:
         "amount_ns",
         "began_ns",
         "fired",
+        "longest_pause_ns",
         "order",
         "random",
         "start_ns",
         "stop_ns",
         "to_device",
+        "watchdog_trips",
     )
 
     def __init__(self, order: FaultOrder, seed: int, number: int) -> None:
@@ -38,6 +40,10 @@ class Fault:
         self.began_ns: int | None = None
         """When it came into force, None where it has not yet."""
         self.fired = 0
+        self.watchdog_trips = 0
+        """From its begin to that of the next fault; so is `longest_pause_ns`."""
+        self.longest_pause_ns = 0
+        """As `Device.longest_pause_ns`."""
         self.to_device = False
         """The direction of the message that is passing: `every` counts each by itself."""
         self._counts = [0, 0]
@@ -64,6 +70,8 @@ class Schedule:
             if order.kind != "counter_wrap"
         )
         self.next_change_ns = NEVER
+        self.newest: Fault | None = None
+        """The one that began last."""
         self._zero_ns: int | None = None
 
     @property
@@ -90,6 +98,7 @@ class Schedule:
                 fault.active = active
                 if active:
                     fault.began_ns = now_ns
+                    self.newest = fault
                 changed.append(fault)
             for edge in (fault.start_ns, fault.stop_ns):
                 if elapsed < edge < upcoming:

@@ -22,7 +22,6 @@ BEFORE_SYNC, AFTER_SYNC, FREE = 0, 1, 2
 FLAG, COUNTS, INDEX_COUNTS, INDEX_LATCHED, BOOT, VOLTS, ENABLE, WATCHDOG = (int(k) for k in Kind)
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 EVENT = int(Status.INDEX_LATCHED)
-ENCODER_LOST = int(Status.ENCODER_LOST)
 RESTARTED = int(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
 ALL_ONES = np.uint64(0xFFFFFFFFFFFFFFFF)
 
@@ -97,7 +96,7 @@ def take(
         frame.known = 0
         for channel in channels:
             if channel.needs >> number & 1 and not channel.boots:
-                channel.latched |= ENCODER_LOST
+                channel.latched |= RESTARTED
     if frame.sequence >= 0:
         sequence = get_raw(signals[frame.sequence], row) & frame.mask
         if frame.known:

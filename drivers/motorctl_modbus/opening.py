@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ConnectionException
+from pymodbus.logging import Log
 from pymodbus.pdu import ModbusPDU
 
 from motorctl.hal import RunError
@@ -217,6 +218,7 @@ def complaints() -> Iterator[list[str]]:
         def emit(self, record: logging.LogRecord) -> None:
             heard.append(record.getMessage().partition("\n")[0])
 
+    Log.last_log_text = ""  # else it says "Repeating....", and nothing the third time
     logger = logging.getLogger("pymodbus.logging")
     ear, propagates = Ear(logging.WARNING), logger.propagate
     logger.addHandler(ear)

@@ -152,13 +152,18 @@ def program(
 def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
     """Clear an axis' fault once its cause is gone.
 
+    A driver that lost its bus or port, or whose device restarted, is closed and opened anew; its
+    axes have to be homed again.
+
     Example: motorctl reset x
     """
     from motorctl.daemon.client import Client
 
     with Client(socket) as client:
-        _ask(client, "reset", axis=axis)
-    _say(axis, "off")
+        answer = _ask(client, "reset", axis=axis)
+    driver = answer.get("opened")
+    home = "" if answer["homed"] else f"; `motorctl home {axis}` comes next"
+    _say(axis, f"off; driver {driver} was opened anew{home}" if driver else "off")
 
 
 def estop(socket: SocketOption = None) -> None:

@@ -24,6 +24,7 @@ from motorctl.daemon.protocol import (
     Request,
     StatusCommand,
 )
+from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.log.sample import AxisState
@@ -70,8 +71,15 @@ class _Motion:
 class Commander:
     """Handles one request at a time for motions, any number at once for everything else."""
 
-    def __init__(self, machine: Machine, memory: LoopMemory, report: Report) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        memory: LoopMemory,
+        report: Report,
+        reopening: Reopening | None = None,
+    ) -> None:
         self._machine = machine
+        self._reopening = reopening
         self._memory = memory
         self._report = report
         self._names = list(machine.axes)
@@ -130,6 +138,8 @@ class Commander:
             case AxisCommand(do="start"):
                 async with self._ordering:
                     return await self._start(self._machine.axes[request.axis], request.hold)
+            case AxisCommand(do="reset"):
+                return await self._reset(request.axis)
             case AxisCommand():
                 await self._order(Verb[request.do.upper()], request.axis)
                 return {"axis": request.axis, "state": self._state(request.axis).name.lower()}
@@ -148,6 +158,15 @@ class Commander:
             for name, motion in self._motions.items()
         }
         return self._report.document([axis] if axis else self._names, motions)
+
+    async def _reset(self, name: str) -> dict[str, Any]:
+        """Clear a fault; where the driver says that its bus is gone, open it anew before."""
+        answer: dict[str, Any] = {"axis": name, "state": "off"}
+        if self._reopening is not None and self._reopening.is_needed(name):
+            answer["opened"] = await self._reopening.open_anew(name)
+        if "opened" not in answer or self._state(name) is AxisState.FAULT:
+            await self._order(Verb.RESET, name)
+        return {**answer, "state": self._state(name).name.lower(), "homed": self._homed(name)}
 
     async def _start(self, axis: Axis, hold: bool) -> dict[str, Any]:
         """Enable the axis; then its program, as soon as every axis of it is enabled."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import signal
 import subprocess
 import threading
@@ -34,6 +35,7 @@ class LoopProcess:
         self.machine = machine
         parameters = machine.most_parameters
         self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
+        self._bell_fd = os.eventfd(0)
         self._process: subprocess.Popen[bytes] | None = None
         self._tick = -1
         self._progress_at = time.monotonic()
@@ -80,9 +82,19 @@ class LoopProcess:
             Where it does not start.
         """
         try:
-            self._process = spawn(self.machine, self.memory, learned=learned, keep_open=keep_open)
+            self._process = spawn(
+                self.machine,
+                self.memory,
+                learned=learned,
+                keep_open=keep_open,
+                bell_fd=self._bell_fd,
+            )
         except OSError as error:
             raise RunError(f"the loop process did not start: {error.strerror}") from error
+
+    def ring(self) -> None:
+        """Wake the thread of the process that opens drivers anew."""
+        os.eventfd_write(self._bell_fd, 1)
 
     @property
     def ticks(self) -> bool:
@@ -160,6 +172,7 @@ class LoopProcess:
 
     def close(self) -> None:
         """Release the memory."""
+        os.close(self._bell_fd)
         self.memory.close()
 
     def _why_it_ended(self) -> str:

@@ -17,7 +17,7 @@ from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, reasons
-from motorctl.loop.faults import device_message, fault_message
+from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message
 
 
 def fault_of(axis: str, status: np.void, period_s: float) -> dict[str, str] | None:
@@ -39,6 +39,10 @@ def fault_of(axis: str, status: np.void, period_s: float) -> dict[str, str] | No
     word = int(status["fault_status"])
     message = fault_message(cause, value, limit, time_s, period_s=period_s, status=word)
     remedy = f"`motorctl reset {axis}` clears the fault"
+    if word & UNTIL_OPENED:
+        remedy = (
+            f"once the device is back, `motorctl reset {axis}` opens it anew and clears the fault"
+        )
     return {"cause": cause.name.lower(), "message": f"{message}; {remedy}"}
 
 

@@ -25,6 +25,7 @@ from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.daemon.paths import daemon_socket, state_file
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import MotorctlError, RunError, UsageError
@@ -82,7 +83,8 @@ class Supervisor:
         self._state = state_file(machine.name)
         self._loop = LoopProcess(machine)
         self._report = Report(machine, self._loop.memory, control.path)
-        self._commander = Commander(machine, self._loop.memory, self._report)
+        reopening = Reopening(machine, self._loop.memory, self._loop.ring)
+        self._commander = Commander(machine, self._loop.memory, self._report, reopening)
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
         self._recorder: Recorder | None = None

@@ -71,10 +71,12 @@ class Status(IntFlag):
     """Something came and was refused: checksum, length, or sequence; or could not be sent, as the
     bus had no room. Tells the cause of STALE."""
     BUS_OFF = 1 << 10
-    """The controller is off the bus, or the port is gone. With COMMUNICATION_LOST."""
+    """The controller is off the bus, or the port is gone. With COMMUNICATION_LOST. `motorctl reset`
+    then opens the driver anew, as it does with DEVICE_RESTARTED on any channel that is to be reset,
+    and with COMMUNICATION_LOST on all channels."""
     DEVICE_RESTARTED = 1 << 11
-    """The device began anew: its count and its enables are not what they were. With
-    ENCODER_LOST."""
+    """The device began anew, or was silent for so long that it may have: its count and its enables
+    are not what they were. With ENCODER_LOST. It stays until the driver is opened again."""
 
 
 FAULT_BITS = Status.ENCODER_LOST | Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST | Status.ESTOP
@@ -154,6 +156,12 @@ class Driver(ABC):
     `close`. They fill and read slices of arrays that other drivers share. Trouble is told through
     `Inputs.status`. `open` may raise `motorctl.errors.RunError` with one clear message that names
     the device; the driver may then be opened again, as after `close`.
+
+    A driver that lost its device is opened anew while the daemon runs: `safe`, `close`, `prepare`
+    and `open` of the same object, as at the start, but in a thread beside the ticks of other
+    drivers. No `read` or `write` of this one runs meanwhile. Whatever `open` checks of the device
+    is so checked again. What it does there may wait, but shares Python's lock with the ticks: long
+    computations that keep the lock belong into the first `prepare`.
     """
 
     Options: ClassVar[type[DriverOptions]] = DriverOptions
@@ -170,8 +178,11 @@ class Driver(ABC):
     drivers of one machine may not have the same."""
     notes: tuple[str, ...] = ()
     """What the last `open` found worth knowing and no reason to refuse, such as a setting that the
-    port does not take. It is read once, after `open` and before the first tick; the daemon tells
+    port does not take. It is read once after each `open`, before the next tick; the daemon tells
     each note as it tells what the machine refuses of real time."""
+    reopens: ClassVar[bool] = True
+    """Whether it can be opened anew in the same process; where not, a device that was lost comes
+    back with the daemon's next start."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 
@@ -210,7 +221,7 @@ class Driver(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release the device. Called once after `safe`."""
+        """Release the device. Called once after `safe`, for each `open`."""
 
     @abstractmethod
     def read(self, inputs: Inputs) -> None:

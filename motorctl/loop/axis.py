@@ -27,11 +27,13 @@ from motorctl.loop.safety import (
     CAUSE_ENCODER_JUMP,
     COMMUNICATION_LOST,
     ENCODER_LOST,
+    FORGET_PLACE,
     check_device,
     check_freshness,
     check_motion,
     checked_voltage,
     count_is_ambiguous,
+    forget_place,
     set_soft_limits,
     trip,
 )
@@ -143,7 +145,9 @@ def axis_inputs(
     elapsed counts the axis' periods since its last tick, behind the loop's whole periods by which
     the read ended too late.
     """
-    axis.status = status
+    if status & FORGET_PLACE:
+        forget_place(settings, axis)
+    axis.status = status & ~FORGET_PLACE
     if settings.exchange:
         # After skipped periods one exchange a period brings what was sampled before them.
         old = elapsed > 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from motorctl.hal import Status
 from motorctl.log.sample import FaultCause
 
@@ -25,7 +27,7 @@ _WITHOUT_LIMIT = {
 
 _DEVICE = {
     Status.BUS_OFF: "the bus or the port is gone",
-    Status.DEVICE_RESTARTED: "the device restarted",
+    Status.DEVICE_RESTARTED: "the device restarted, or was silent for so long that it may have",
     Status.CORRUPT: "a message was refused (checksum, length or sequence), or the bus had no room",
 }
 """What a driver may add to the cause."""
@@ -36,8 +38,23 @@ _TROUBLES = {
     Status.ESTOP: _WITHOUT_LIMIT[FaultCause.ESTOP],
     Status.STALE: "no new sample arrives",
 }
-_UNTIL_OPENED = Status.BUS_OFF | Status.DEVICE_RESTARTED
-"""What mostly stays until the driver is opened again, which it is when the daemon starts."""
+UNTIL_OPENED = Status.BUS_OFF | Status.DEVICE_RESTARTED
+"""What mostly stays until the driver is opened again."""
+
+
+def needs_opening(status: int, all_of_driver: Sequence[int]) -> bool:
+    """Return whether only a driver that is opened anew can bring an axis' device back.
+
+    Parameters
+    ----------
+    status
+        The driver's status word for this axis: bits of `motorctl.hal.Status`.
+    all_of_driver
+        Those of all axes of the driver. One of them that is not reached may be a matter of the
+        device; where none is, the bus is gone.
+    """
+    lost = all(word & Status.COMMUNICATION_LOST for word in all_of_driver)
+    return bool(status & UNTIL_OPENED) or lost
 
 
 def device_message(status: int) -> str:
@@ -54,8 +71,8 @@ def device_message(status: int) -> str:
         Empty where it reports nothing.
     """
     told = "; ".join(words for bit, words in (_TROUBLES | _DEVICE).items() if status & bit)
-    if status & _UNTIL_OPENED:
-        told += "; if this stays, restart the daemon: it opens the device when it starts"
+    if status & UNTIL_OPENED:
+        told += "; once the device is back, `motorctl reset` opens it anew"
     return told
 
 

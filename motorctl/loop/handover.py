@@ -28,12 +28,18 @@ class Word(IntEnum):
     """Announces a command, and the program that it names."""
     MAIL_TAIL = 3
     """Announces replies."""
+    REOPEN_ASKED = 4
+    """Announces of which axis the driver is to be opened anew."""
+    REOPEN_DONE = 5
+    """Announces what came of that."""
 
 
 PHASE = int(Word.PHASE)
 RING_HEAD = int(Word.RING_HEAD)
 MAIL_HEAD = int(Word.MAIL_HEAD)
 MAIL_TAIL = int(Word.MAIL_TAIL)
+REOPEN_ASKED = int(Word.REOPEN_ASKED)
+REOPEN_DONE = int(Word.REOPEN_DONE)
 
 
 @njit(cache=True)
@@ -46,6 +52,10 @@ def look_at(status: Any, word: int) -> int:
         return load_acquire(status[0], "ring_head")  # type: ignore[no-any-return]
     if word == MAIL_HEAD:
         return load_acquire(status[0], "mail_head")  # type: ignore[no-any-return]
+    if word == REOPEN_ASKED:
+        return load_acquire(status[0], "reopen_asked")  # type: ignore[no-any-return]
+    if word == REOPEN_DONE:
+        return load_acquire(status[0], "reopen_done")  # type: ignore[no-any-return]
     return load_acquire(status[0], "mail_tail")  # type: ignore[no-any-return]
 
 
@@ -58,5 +68,9 @@ def announce(status: Any, word: int, value: int) -> None:
         store_release(status[0], "ring_head", value)
     elif word == MAIL_HEAD:
         store_release(status[0], "mail_head", value)
+    elif word == REOPEN_ASKED:
+        store_release(status[0], "reopen_asked", value)
+    elif word == REOPEN_DONE:
+        store_release(status[0], "reopen_done", value)
     else:
         store_release(status[0], "mail_tail", value)

@@ -14,14 +14,18 @@ from dataclasses import dataclass
 
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
-from motorctl.hal import Driver
 from motorctl.loop.clock import WallClock
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
+from motorctl.loop.reopening import Reopening
 from motorctl.loop.runner import run_wall
 from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Degraded, Phase
 from motorctl.loop.warm_up import warm_up
+
+SWITCH_INTERVAL_S = 20e-6
+"""How long a tick waits at most until a driver that is opened anew gives Python's lock back; its
+usual 5 ms are 25 periods of 5 kHz."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Orders:
     memory_fd: int
     learned: Mapping[str, Sequence[float]]
     """theta_hat to start from, by axis; axes that are missing start from their configuration."""
+    bell_fd: int | None = None
+    """An eventfd that is rung for each driver to open anew; None: drivers are opened once."""
 
 
 def spawn(
@@ -40,6 +46,7 @@ def spawn(
     *,
     learned: Mapping[str, Sequence[float]] | None = None,
     keep_open: Sequence[int] = (),
+    bell_fd: int | None = None,
 ) -> subprocess.Popen[bytes]:
     """Start the loop process on this memory.
 
@@ -53,18 +60,21 @@ def spawn(
         theta_hat (n,) to start from, by axis; axes that are missing start from their configuration.
     keep_open
         File descriptors that it holds as long as it lives.
+    bell_fd
+        An eventfd that this process rings when a driver shall be opened anew.
     """
+    bells = () if bell_fd is None else (bell_fd,)
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "motorctl.loop"],
         stdin=subprocess.PIPE,
-        pass_fds=(memory.fd, *keep_open),
+        pass_fds=(memory.fd, *bells, *keep_open),
     )
     assert process.stdin is not None
     # A process that died at once is found dead by whoever watches it.
     with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
         # Drivers and effects are found there wherever they were found here.
         pickle.dump(sys.path, pipe)
-        pickle.dump(Orders(machine, memory.fd, learned or {}), pipe)
+        pickle.dump(Orders(machine, memory.fd, learned or {}, bell_fd), pipe)
     return process
 
 
@@ -108,6 +118,7 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     tick.prepare()
     degraded = enter_realtime(orders.machine.loop)
     status["degraded"][0] = degraded
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     try:
         _insist(orders.machine, degraded)
         tick.open()
@@ -119,22 +130,17 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
 
 def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
     status = memory.status
+    reopening = None
     try:
-        status["notes"][0] = "\n".join(_notes(tick.drivers)).encode(errors="replace")
+        notes = [note for name in tick.drivers for note in tick.notes_of(name)]
+        status["notes"][0] = "\n".join(notes).encode(errors="replace")
+        if orders.bell_fd is not None:
+            reopening = Reopening(tick, memory, orders.bell_fd)
+            reopening.begin(orders.machine.loop)
         memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:
-        tick.close()
-
-
-def _notes(drivers: Mapping[str, Driver]) -> list[str]:
-    """Return what the drivers noted as they were opened, a line each."""
-    found = []
-    for name, driver in drivers.items():
-        notes = driver.notes
-        for note in (notes,) if isinstance(notes, str) else notes or ():
-            found.append(f"drivers.{name}: {' '.join(str(note).split())}")
-    return found
+        tick.close(busy=reopening.end() if reopening else None)
 
 
 def _insist(machine: Machine, degraded: Degraded) -> None:

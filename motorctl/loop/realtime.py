@@ -78,6 +78,21 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     return degraded
 
 
+def enter_beside(thread_id: int, settings: LoopSettings) -> None:
+    """Let another thread of this process run on the loop's CPU, where the loop does not.
+
+    It shares Python's one lock with the ticks. Below the loop's priority it never takes it from a
+    tick; above everybody else's nobody keeps it from giving it back.
+    """
+    with contextlib.suppress(OSError):
+        os.sched_setaffinity(thread_id, {chosen_cpu(settings)})
+    below = settings.priority - 1
+    real_time = os.sched_getscheduler(0) == os.SCHED_FIFO and below > 0
+    policy = os.SCHED_FIFO if real_time else os.SCHED_OTHER
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(thread_id, policy, os.sched_param(below if real_time else 0))
+
+
 def leave_priority() -> None:
     """Give up priority and CPU: what is left may take its time, other loops may not."""
     with contextlib.suppress(OSError):

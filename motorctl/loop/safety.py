@@ -25,6 +25,8 @@ HARDWARE_ESTOP = int(Status.ESTOP)
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
 DEVICE_FAULTS = int(FAULT_BITS)
+FORGET_PLACE = 1 << 31
+"""Beside a driver's bits of `Status`: it is being opened anew, and what it counted is void."""
 
 CAUSE_FOLLOWING_ERROR = int(FaultCause.FOLLOWING_ERROR)
 CAUSE_SOFT_LIMIT = int(FaultCause.SOFT_LIMIT)
@@ -55,6 +57,16 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
             axis.fault_status = axis.status | axis.held_status
         axis.state = FAULT
         axis.slot = -1
+
+
+@inner_kernel
+def forget_place(settings: Any, axis: Any) -> None:
+    """Begin as at the first sample: a device that was lost may count from anywhere.
+
+    What was learned of the axis stays.
+    """
+    axis.have_counts, axis.shift_m = 0, 0.0
+    axis.homed = settings.absolute
 
 
 @inner_kernel

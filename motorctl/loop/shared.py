@@ -25,6 +25,7 @@ with kernels_cached():
 
 HEADER_BYTES = 4096
 NOTES_BYTES = 4096
+REOPEN_TOLD_BYTES = 1024
 MAILBOX_SIZE = 64
 PROGRAM_SEGMENTS = 65536
 """Longest program of one axis, in segments."""
@@ -48,6 +49,11 @@ LOOP_STATUS = np.dtype(
         ("mail_taken", "i8"),  # commands that the loop has taken; its own
         ("message", "S512"),  # why the process failed or ended
         ("notes", f"S{NOTES_BYTES}"),  # of the drivers, when they were opened, a line each
+        ("reopen_asked", "i8"),  # drivers to open anew until now, one at a time; the supervisor's
+        ("reopen_axis", "i8"),  # an axis of the last one; the supervisor's
+        ("reopen_done", "i8"),  # orders of these that are done
+        ("reopen_failed", "i8"),  # 1: the last one is not open
+        ("reopen_told", f"S{REOPEN_TOLD_BYTES}"),  # why, or what it notes, a line each
     ],
     align=True,
 )
@@ -172,11 +178,20 @@ class LoopMemory:
     @property
     def phase(self) -> Phase:
         """How far the loop process is."""
-        return Phase(self._look_at(self.status, Word.PHASE))
+        return Phase(self.look_at(Word.PHASE))
 
     @phase.setter
     def phase(self, phase: Phase) -> None:
-        self._announce(self.status, Word.PHASE, phase)
+        self.announce(Word.PHASE, phase)
+
+    def look_at(self, word: Word) -> int:
+        """Return a word, before what it announces is read."""
+        value: int = self._look_at(self.status, word)
+        return value
+
+    def announce(self, word: Word, value: int) -> None:
+        """Write a word after what it announces."""
+        self._announce(self.status, word, value)
 
     @property
     def axis_status(self) -> NDArray[np.void]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,23 @@ with kernels_cached():
 COMPILED_S, AXIS_COMPILED_S = 12.0, 2.0
 """What compiling takes on one core of a virtual machine: the common part, and each axis' own."""
 
+T = TypeVar("T")
+Move = tuple[Callable[[T], None], T, int]
+"""A driver's read or write, its arrays, and the ticks between two of them."""
 Step = Callable[[int, int, bool, int, int], bool]
 """step(number, elapsed, overran, scheduled_ns, woke_ns) -> whether the loop may end.
 
 scheduled_ns is the deadline that was missed, `elapsed` - 1 periods ago; 0: there is no clock."""
+
+
+class Doors(Protocol):
+    """What a tick does with a driver."""
+
+    def read(self, inputs: Inputs) -> None:
+        """Fill `inputs`."""
+
+    def write(self, outputs: Outputs) -> None:
+        """Send `outputs`."""
 
 
 def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> dict[str, Driver]:
@@ -73,6 +87,9 @@ class Tick:
         self.machine = machine
         self.memory = memory
         self.drivers = make_drivers(machine, driver_class)
+        self.closed: set[str] = set()
+        """Drivers that were closed and could not be opened anew."""
+        self._doors: dict[str, Doors] = dict(self.drivers)
         axes = list(machine.axes.values())
         parameters = memory.layout["parameters"]
         self.settings = np.zeros(len(axes), AXIS_SETTINGS)
@@ -121,19 +138,20 @@ class Tick:
         words = np.zeros(len(order), np.uint32)
         volts = np.zeros(len(order))
         enable = np.zeros(len(order), np.uint8)
-        reads, writes, advances = [], [], []
+        self._arrays: dict[str, tuple[Inputs, Outputs, int]] = {}
+        advances = []
         first = 0
-        for driver in self.drivers.values():
+        for name, driver in self.drivers.items():
             last = first + len(driver.channels)
             inputs, outputs = Inputs(0), Outputs(0)
             inputs.counts, inputs.index_counts = counts[first:last], index_counts[first:last]
             inputs.status = words[first:last]
             outputs.volts, outputs.enable = volts[first:last], enable[first:last]
             divisor = self.machine.axes[driver.channels[0].axis].divisor
-            reads.append((driver.read, inputs, divisor))
-            writes.append((driver.write, outputs, divisor))
+            self._arrays[name] = inputs, outputs, divisor
             advances.append((driver.advance, divisor))
             first = last
+        in_place = self._in_place = [self._reads_and_writes()]
         lists = [axis.model for axis in axes]
         module = compose_tick(
             lists,
@@ -178,6 +196,7 @@ class Tick:
         def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
             nonlocal written
             row = written % rows
+            reads, writes = in_place[0]
             for read, inputs, divisor in reads:
                 if divisor == 1 or number // divisor != (number - elapsed) // divisor:
                     read(inputs)
@@ -206,6 +225,26 @@ class Tick:
 
         return step
 
+    def _reads_and_writes(self) -> tuple[Sequence[Move[Inputs]], Sequence[Move[Outputs]]]:
+        doors, arrays = self._doors, self._arrays
+        reads = [(doors[name].read, arrays[name][0], arrays[name][2]) for name in doors]
+        writes = [(doors[name].write, arrays[name][1], arrays[name][2]) for name in doors]
+        return reads, writes
+
+    def put_in_place(self, name: str, doors: Doors) -> None:
+        """Let the ticks from the next one on read and write there instead.
+
+        It may be called from one other thread: a tick takes what is in place once, at its start.
+        """
+        self._doors[name] = doors
+        self._in_place[0] = self._reads_and_writes()
+
+    def notes_of(self, name: str) -> list[str]:
+        """Return what a driver noted as it was opened last, a line each."""
+        notes = self.drivers[name].notes
+        lines = (notes,) if isinstance(notes, str) else notes or ()
+        return [f"drivers.{name}: {' '.join(str(note).split())}" for note in lines]
+
     def prepare(self) -> None:
         """Let every driver do what is slow, before real time is entered."""
         for driver in self.drivers.values():
@@ -213,28 +252,35 @@ class Tick:
 
     def open(self, *, virtual: bool = False) -> None:
         """Open every driver; what was opened is made safe again where one fails."""
-        opened: list[Driver] = []
+        opened: dict[str, Driver] = {}
         try:
             for name, driver in self.drivers.items():
                 if virtual:
                     driver.start_virtual_time()
                 _open(name, driver)
-                opened.append(driver)
+                opened[name] = driver
         except BaseException:
             self.safe()
             _close(opened)
             raise
 
-    def safe(self) -> None:
+    def safe(self, *, busy: str | None = None) -> None:
         """Zero and disable every output; a driver that fails at it keeps no other from it."""
-        for driver in self.drivers.values():
+        for name, driver in self.drivers.items():
+            if name == busy:
+                continue
             with contextlib.suppress(Exception):
                 driver.safe()
 
-    def close(self) -> None:
-        """Make every output safe and release the devices."""
-        self.safe()
-        _close(self.drivers.values())
+    def close(self, *, busy: str | None = None) -> None:
+        """Make every output safe and release the devices.
+
+        busy names a driver that another thread is opening: it is left to the end of the process,
+        since until it is open its outputs are disabled.
+        """
+        self.safe(busy=busy)
+        spared = {*self.closed, busy}
+        _close({name: d for name, d in self.drivers.items() if name not in spared})
 
 
 def _open(name: str, driver: Driver) -> None:
@@ -245,10 +291,10 @@ def _open(name: str, driver: Driver) -> None:
         raise RunError(f"drivers.{name}: {error}") from error
 
 
-def _close(drivers: Iterable[Driver]) -> None:
+def _close(drivers: Mapping[str, Driver]) -> None:
     """Close every driver, then raise the first error that one of them raised."""
     errors = []
-    for driver in drivers:
+    for driver in drivers.values():
         try:
             driver.close()
         except Exception as error:

@@ -56,6 +56,7 @@ def test_what_the_device_reported_stands_beside_the_cause():
     restarted = told(FaultCause.ENCODER_LOST, device=int(Status.DEVICE_RESTARTED))
     assert "encoder" in restarted
     assert "restarted" in restarted
+    assert restarted.endswith("`motorctl reset x` opens it anew and clears the fault")
 
 
 def test_an_axis_without_fault_has_no_message():

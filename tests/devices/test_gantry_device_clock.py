@@ -134,3 +134,19 @@ def test_what_moved_before_the_amplifiers_are_disabled_has_moved():
     moved = machine.counts[0]
     machine.catch_up(time.monotonic_ns() + 10 * PERIOD_NS)
     assert machine.counts[0] == moved
+
+
+def test_amplifiers_that_flicker_are_not_off_and_those_that_rested_were(monkeypatch):
+    now_ns = [1_000_000_000]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
+    machine, _ = pushed(watchdog_s=None)
+    for off_s, on_s in ((0.1, 0.1), (0.29, 0.1), (0.5, 0.1), (2.0, 0.1)):
+        machine.disable_all()
+        now_ns[0] += round(off_s * 1e9)
+        machine.command(0, 3.0, True, now_ns[0])
+        machine.apply(now_ns[0])
+        now_ns[0] += round(on_s * 1e9)
+    lengths_s = [(on_ns - off_ns) / 1e9 for off_ns, on_ns in machine.rests_ns]
+    assert lengths_s[-2:] == pytest.approx([0.5, 2.0])
+    assert 0.29 not in lengths_s
+    assert 0.1 not in lengths_s

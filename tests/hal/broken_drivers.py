@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import itertools
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -29,8 +31,10 @@ def fails(*checks: str) -> Callable[[type[Driver]], type[Driver]]:
 
 
 UNOPENED = "test_safe_reaches_the_device_without_open"
+ANEW = "test_it_opens_anew_in_another_thread"
 ABSENT = "test_open_names_the_device_that_is_absent"
 DAMAGED = "test_a_damaged_reply_never_becomes_a_count"
+LOCKED = "test_opening_anew_leaves_other_threads_their_turn"
 LOST = "test_a_lost_reply_is_stale"
 RAISES = "test_nothing_that_happens_makes_it_raise"
 REOPENED = "test_close_and_open_bring_a_vanished_device_back"
@@ -455,7 +459,7 @@ class RaisesAfterClosing(WireDriver):
         super().read(inputs)
 
 
-@fails("test_it_opens_again_after_closing")
+@fails("test_it_opens_again_after_closing", ANEW, LOCKED)
 class OpensTwice(WireDriver):
     times = 0
 
@@ -463,6 +467,20 @@ class OpensTwice(WireDriver):
         self.times += 1
         if self.times > 2:
             raise RunError(f"port {self.port}: in use")
+        super().open()
+
+
+@fails(ANEW, LOCKED)
+class IsBoundToItsThread(WireDriver):
+    def open(self) -> None:
+        signal.signal(signal.SIGUSR2, signal.SIG_DFL)  # the main thread alone may do that
+        super().open()
+
+
+@fails(LOCKED)
+class WaitsWithPythonsLock(WireDriver):
+    def open(self) -> None:
+        ctypes.PyDLL(None).usleep(100_000)
         super().open()
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import real_time
 import yaml
-from daemon_rig import Daemon, bench_config, wait_until
+from daemon_rig import Daemon, bench_config
 from gantry_device_bench import MODBUS
 from gantry_device_frames import FRAMES, SYNC_ID
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from motorctl.daemon.client import DaemonRefusedError
 from motorctl.log import Recording, read_recording
 from motorctl.log.info import LogInfo, describe
-from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.log.sample import AxisState, SampleFlag
 from motorctl_devices.prompt_ptys import can_be_prompt
 
 Options = dict[str, Any]
@@ -228,49 +228,23 @@ class Outcome:
         first, last = np.searchsorted(t, (begin_s, end_s))
         return slice(int(first), int(last))
 
-    def trip_row(self, axis: str) -> int:
-        """Give the row in which an axis tripped."""
-        state = self.log.axes[axis].state
-        assert state is not None
-        return int(np.flatnonzero(state == AxisState.FAULT)[0])
-
-    def cause(self, axis: str) -> FaultCause:
-        fault = self.log.axes[axis].fault
-        assert fault is not None
-        return FaultCause(int(fault[self.trip_row(axis)]))
-
-    @property
-    def pause_s(self) -> float:
-        """The longest pause that this machine made, in the loop or in the device."""
-        rows = self.window(0.0, np.inf)
-        late = self.log.lateness_s
-        assert late is not None
-        skipped_s = float(np.diff(self.log.time_s[rows]).max()) - self.log.period_s
-        loop_s = float(late[rows].max()) + max(0.0, skipped_s)
-        return max(loop_s, float(self.report["longest_pause_s"]))
-
 
 def run_with(
     folder: Path,
     bus: Bus,
     faults: Sequence[Options],
     *,
-    run_s: float | None = None,
-    settle_s: float = 0.4,
+    run_s: float,
     offsets_m: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:
-    """Move both axes over a bus while faults happen, for `run_s` or until both have tripped."""
+    """Move both axes over a bus for `run_s` while faults happen."""
     port = free_port()
     with DeviceProcess(folder, device_file(bus, port, faults)) as device:
         config = host_file(bus, bus.driver(device.endpoint, port), offsets_m)
         with Daemon(folder / "daemon", config) as daemon:
             for axis in AXES:
-                _start(daemon, axis)
-            if run_s is None:
-                wait_until(lambda: all(daemon.state(axis) == "fault" for axis in AXES), 10.0)
-                time.sleep(settle_s)
-            else:
-                time.sleep(run_s)
+                start(daemon, axis)
+            time.sleep(run_s)
             status = daemon.ask("status")
             began = time.monotonic()
             exit_status = daemon.end()
@@ -282,10 +256,11 @@ def run_with(
     return Outcome(bus, status, said, exit_status, ended_in_s, device.report, log, info)
 
 
-def _start(daemon: Daemon, axis: str) -> None:
+def start(daemon: Daemon, axis: str) -> None:
+    """Let an axis follow its program, as soon as it stands."""
     for last in (False, False, True):
         try:
-            daemon.ask("start", axis=axis)
+            daemon.ask_when_it_stands("start", axis)
         except DaemonRefusedError as no:
             # A supervisor that got no CPU in time says so.
             if last or not no.args[0].endswith("try again"):

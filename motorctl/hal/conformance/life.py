@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 import time
 import tracemalloc
 
@@ -17,6 +18,10 @@ from motorctl.hal.conformance.rig import Rig, needs, offers
 WARM_UP = 300
 FREE_BYTES = 4096
 """Growth that one pass of the garbage collector more or less explains."""
+LOCKED_S = 0.05
+"""The longest that `open` may keep Python's lock. Pure Python gives it up every 5 ms; what is
+longer than this is a computation, or a wait, that never does."""
+TRIES = 3
 BYTES_AN_EXCHANGE = 1.0
 """The smallest thing that can be kept for each exchange takes 8 bytes."""
 MOST_BYTES = 65536
@@ -106,6 +111,23 @@ class LifeChecks:
                 bench.ask(0.0, 0)
                 bench.until_fresh()
 
+    def test_it_opens_anew_in_another_thread(self, rig: Rig) -> None:
+        """As on `motorctl reset` after its bus was lost, while other drivers' axes go on."""
+        with opened(rig) as bench:
+            for _ in range(TRIES):
+                bench.exchange(3)
+                _opened_anew_beside(bench)
+                bench.ask(0.0, 0)
+                bench.until_fresh()
+
+    def test_opening_anew_leaves_other_threads_their_turn(self, rig: Rig) -> None:
+        """It may wait as long as it likes, but not with Python's lock in its hand."""
+        with opened(rig) as bench:
+            pauses_s = [_opened_anew_beside(bench) for _ in range(TRIES)]
+            said = f"opening kept Python's lock for {min(pauses_s):.3f} s; limit {LOCKED_S:g} s"
+            print(said)
+            assert min(pauses_s) <= LOCKED_S, said
+
     def test_memory_does_not_grow(self, rig: Rig) -> None:
         """A daemon runs for months; `Rig.exchanges` says how many exchanges this makes."""
         needs(rig, "start")
@@ -144,6 +166,33 @@ def _let_go(bench: Bench) -> None:
     del vars(bench.driver)["safe"]
     for _ in range(bench.rig.in_flight + 1):
         bench.rig.pass_period(bench.driver)
+
+
+def _opened_anew_beside(bench: Bench) -> float:
+    """Close and open the driver in a thread; return this one's longest pause meanwhile [s]."""
+    driver = bench.driver
+    if not driver.reopens:
+        pytest.skip("it says that it opens once in a process (`reopens`)")
+    wrong: list[Exception] = []
+
+    def anew() -> None:
+        try:
+            driver.safe()
+            driver.close()
+            driver.prepare()
+            driver.open()
+        except Exception as error:
+            wrong.append(error)
+
+    thread = threading.Thread(target=anew)
+    longest_s, before_s = 0.0, time.perf_counter()
+    thread.start()
+    while thread.is_alive():
+        time.sleep(1e-3)
+        now_s = time.perf_counter()
+        longest_s, before_s = max(longest_s, now_s - before_s), now_s
+    assert not wrong, f"opened in a second thread: {wrong[0]!r}"
+    return longest_s
 
 
 def _virtual_run(rig: Rig, pause_s: float) -> NDArray[np.int64]:

@@ -167,7 +167,7 @@ def test_after_long_silence_without_boot_counter_the_count_is_not_trusted():
             bench.read()
         bench.send(lone_bytes(2, 2), STATE)
         bench.send(lone_bytes(2, 200), STATE_Y)
-        assert bench.read() == ([2, 2], [0, int(Status.ENCODER_LOST)])
+        assert bench.read() == ([2, 2], [0, RESTARTED])
 
 
 def test_after_long_silence_an_unchanged_boot_counter_says_that_the_count_holds():

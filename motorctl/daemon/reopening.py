@@ -1,0 +1,130 @@
+"""Have the loop open a driver anew whose bus was lost: when that helps, and what came of it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+
+from motorctl.config.machine import Machine
+from motorctl.daemon.protocol import Code, RefusedError
+from motorctl.log.sample import AxisState
+from motorctl.loop import LoopMemory
+from motorctl.loop.faults import device_message, needs_opening
+from motorctl.loop.handover import Word
+
+ANSWER_S = 20.0
+"""How long one command waits for a driver to open; a client waits for 30 s."""
+POLL_S = 0.005
+DISABLED = (AxisState.OFF, AxisState.FAULT)
+
+_log = logging.getLogger("motorctl")
+
+
+class Reopening:
+    """Orders the loop's thread for that, one driver at a time."""
+
+    def __init__(self, machine: Machine, memory: LoopMemory, ring: Callable[[], None]) -> None:
+        self._machine = machine
+        self._memory = memory
+        self._ring = ring
+        self._names = list(machine.axes)
+        self._under_way: dict[str, asyncio.Task[str | None]] = {}
+        self._one = asyncio.Lock()
+
+    def is_needed(self, name: str) -> bool:
+        """Return whether an axis is disabled and its driver has to be opened anew."""
+        status = self._memory.axis_status
+        words = {n: int(status["device_status"][self._names.index(n)]) for n in self._beside(name)}
+        return self._state(name) in DISABLED and needs_opening(words[name], list(words.values()))
+
+    async def open_anew(self, name: str) -> str:
+        """Open the driver of an axis anew; who asks while it is being opened waits for the same.
+
+        Parameters
+        ----------
+        name
+            The axis.
+
+        Returns
+        -------
+        str
+            The driver's name.
+
+        Raises
+        ------
+        RefusedError
+            Where it is not open afterwards, and all of its axes are disabled; or where another
+            axis of it is enabled, and nothing was done.
+        """
+        driver = self._machine.axes[name].driver
+        if not self._machine.drivers[driver].cls.reopens:
+            message = (
+                f"axis {name}: reset refused: {self._trouble(name)}. Driver {driver} can be opened "
+                "once in a process only: restart the daemon once the device is back"
+            )
+            raise RefusedError(Code.STILL_FAULTY, message)
+        task = self._under_way.get(driver)
+        if task is None:
+            self._must_rest(name, driver)
+            task = asyncio.create_task(self._order(name, driver))
+            self._under_way[driver] = task
+            task.add_done_callback(lambda _: self._under_way.pop(driver))
+        done, _ = await asyncio.wait({task}, timeout=ANSWER_S)
+        if not done:
+            message = (
+                f"axis {name}: driver {driver} is not open again after {ANSWER_S:g} s, and still "
+                f"trying; `motorctl reset {name}` waits for it"
+            )
+            raise RefusedError(Code.STILL_FAULTY, message)
+        if why := task.result():
+            message = (
+                f"axis {name}: reset refused: driver {driver} could not be opened anew: {why}. "
+                f"Once that is mended, `motorctl reset {name}` tries again"
+            )
+            raise RefusedError(Code.STILL_FAULTY, message)
+        return driver
+
+    async def _order(self, name: str, driver: str) -> str | None:
+        """Have the loop open a driver; return why it is not open, None where it is."""
+        memory = self._memory
+        async with self._one:
+            number = memory.look_at(Word.REOPEN_ASKED) + 1
+            memory.status["reopen_axis"][0] = self._names.index(name)
+            memory.announce(Word.REOPEN_ASKED, number)
+            self._ring()
+            began = time.monotonic()
+            while memory.look_at(Word.REOPEN_DONE) != number:
+                await asyncio.sleep(POLL_S)
+            took_s = time.monotonic() - began
+            told = bytes(memory.status["reopen_told"][0]).decode(errors="replace")
+            failed = bool(memory.status["reopen_failed"][0])
+        if failed:
+            _log.warning("driver %s: not opened anew, after %.1f s: %s", driver, took_s, told)
+            return told
+        _log.info("driver %s: opened anew in %.1f s, for axis %s", driver, took_s, name)
+        for note in told.splitlines():
+            _log.warning("%s", note)
+        return None
+
+    def _must_rest(self, name: str, driver: str) -> None:
+        for other in self._beside(name):
+            if self._state(other) not in DISABLED:
+                message = (
+                    f"axis {name}: reset refused: {self._trouble(name)}. Opening driver {driver} "
+                    f"anew would take axis {other} along, which is enabled: `motorctl stop "
+                    f"{other}` first"
+                )
+                raise RefusedError(Code.WRONG_STATE, message)
+
+    def _beside(self, name: str) -> list[str]:
+        driver = self._machine.axes[name].driver
+        return [axis.name for axis in self._machine.axes.values() if axis.driver == driver]
+
+    def _trouble(self, name: str) -> str:
+        status = self._memory.axis_status[self._names.index(name)]
+        return device_message(int(status["device_status"])).partition("; once the device")[0]
+
+    def _state(self, name: str) -> AxisState:
+        return AxisState(int(self._memory.axis_status["state"][self._names.index(name)]))
