@@ -21,6 +21,8 @@ def figures(random: np.random.Generator) -> dict[str, float]:
         "stranger_share": stranger * rival,
         "unexplained": unexplained,
         "over_noise": math.exp(random.uniform(0.0, 2.0)),
+        "reduction": math.exp(random.uniform(0.0, 2.0)),
+        "unsteady": random.random(),
     }
 
 

@@ -51,7 +51,7 @@ def test_a_constant_command(run):
 def test_a_command_that_is_saturated_throughout(run):
     flags = np.ones(len(run.command), dtype=bool)
     assert "saturated throughout" in refusal(changed(run, saturated=flags))
-    slow = 10.0 * np.sign(np.sin(2.0 * run.time_s))
+    slow = np.clip(300.0 * np.sin(2.0 * run.time_s), -10.0, 10.0)
     assert "are at 10 V" in refusal(changed(run, command=slow))
 
 
