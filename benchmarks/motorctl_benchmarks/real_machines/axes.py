@@ -20,11 +20,14 @@ from motorctl_benchmarks.real_machines.readers import (
     cart,
     damper,
     double,
+    instrument,
     joint,
     kuka,
     panda,
     pendulum,
     two_motors,
+    walking_joint,
+    wheel,
 )
 
 
@@ -34,7 +37,7 @@ class RealAxis:
 
     name: str
     read: Read
-    """Gives time_s, position, command and, where there is one, reference."""
+    """Gives its columns from the folder of all recordings."""
     unit: str
     may_name: tuple[str, ...] = ()
     """Effects that the machine has; none other may be named."""
@@ -66,6 +69,19 @@ SWINGING_ROD = pendulum("filter_method_fft/measured_data.csv")
 BY_HAND = pendulum("control_method_gravity_compensation/data_measured.csv")
 HELD_BY_TORQUE = pendulum("control_method_pd/1nm_torque_limited_swingup_failure/data_measured.csv")
 BAND_BRAKE = damper("0.5Hz30lbtension1amplitude.json")
+WALKING = {
+    "3 kg, slow": "2025-05-13_05h09m03.json",
+    "3 kg, quick": "2025-05-13_05h09m27.json",
+    "1 kg, quick": "2025-05-13_05h06m12.json",
+}
+HANGING = ("gravity", "position_force")
+INSTRUMENT = {
+    "roll": instrument("roll_prbs_response/prbs_roll_m20_pitch_m20.csv", "roll"),
+    "pitch": instrument("pitch_prbs_response/prbs_roll_0_pitch_0.csv", "pitch"),
+    "pitch elsewhere": instrument("pitch_prbs_response/prbs_roll_20_pitch_15.csv", "pitch"),
+}
+ON_CABLES = ("flexible_mode", "input_lag", "input_delay", "position_force")
+"""Its frequency response has an antiresonance at 3 to 4 Hz and a resonance above it."""
 AXES: tuple[RealAxis, ...] = (
     RealAxis("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
     RealAxis("UR10e joint 1", joint(1), "A"),
@@ -97,6 +113,15 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("band brake", BAND_BRAKE, "N", HYSTERESIS, position_unit="mm"),
     RealAxis("ruler on a motor", beam, "%", ("flexible_mode", "input_lag", "input_delay")),
     RealAxis("motor against a motor", two_motors, "N*m"),
+    *(
+        RealAxis(f"walking robot's joint, {what}", walking_joint(name), "N*m", HANGING)
+        for what, name in WALKING.items()
+    ),
+    *(
+        RealAxis(f"instrument, {what}", read, "%", ON_CABLES, position_unit="deg", scale=-1)
+        for what, read in INSTRUMENT.items()
+    ),
+    RealAxis("wheel in the air, one way", wheel, "%"),
 )
 
 
@@ -105,7 +130,10 @@ def described(axis: RealAxis, columns: Columns, folder: Path) -> Path:
     rows = np.column_stack(list(columns.values()))
     np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
     text = "file: r.csv\ntime: {column: time_s}\naxes:\n  x:\n"
-    text += f"    position: {{column: position, unit: {axis.position_unit}}}\n"
+    if "position" in columns:
+        text += f"    position: {{column: position, unit: {axis.position_unit}}}\n"
+    else:
+        text += f"    velocity: {{column: velocity, unit: {axis.position_unit}/s}}\n"
     text += f"    command: {{column: command, unit: '{axis.unit}', scale: {axis.scale}}}\n"
     if "reference" in columns:
         text += f"    reference: {{column: reference, unit: {axis.position_unit}}}\n"

@@ -16,8 +16,8 @@ from scipy.io import loadmat
 
 Columns = dict[str, NDArray[np.float64]]
 Read = Callable[[Path], Columns]
-"""Gives time_s, position, command and, where there is one, reference, from the folder of all
-recordings."""
+"""Gives time_s, position or velocity, command and, where there is one, reference, from the folder
+of all recordings."""
 
 UR10E = "shamilmamedov/dynamic_calibration"
 BLDC = "heitor-andrade/laas_anti_cogging"
@@ -32,6 +32,9 @@ DAMPER = "ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash"
 PROPELLER = "gergelytakacs/AutomationShield"
 BEAM = "ryanGT/systemid"
 TWO_MOTORS = "malik-robert/HSM150-data"
+GO1 = "rimim/bam"
+INSTRUMENT = "liamjosephnolan/thesis_matlab"
+WHEEL = "vhsabino/MATLAB"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -46,6 +49,9 @@ REPOSITORIES = (
     PROPELLER,
     BEAM,
     TWO_MOTORS,
+    GO1,
+    INSTRUMENT,
+    WHEEL,
 )
 """On GitHub."""
 
@@ -215,6 +221,55 @@ def two_motors(recordings: Path) -> Columns:
     path = folder_of(recordings, TWO_MOTORS) / "Data" / "Identification" / "idf_pos_0.06_1.mat"
     rows = mat(path)["data"]
     return {"time_s": rows[:, 0], "position": rows[:, 2], "command": rows[:, 4]}
+
+
+def walking_joint(name: str) -> Read:
+    """Return the reader of a joint of a walking robot that swings a weight."""
+
+    def read(recordings: Path) -> Columns:
+        path = folder_of(recordings, GO1) / "example_data" / "data_raw_go1" / name
+        entries = json.loads(path.read_text())["entries"]
+        keys = {
+            "time_s": "timestamp",
+            "position": "position",
+            "command": "torque_demand",
+            "reference": "goal_position",
+        }
+        columns = {to: np.array([e[key] for e in entries], float) for to, key in keys.items()}
+        columns["time_s"] -= columns["time_s"][0]
+        return columns
+
+    return read
+
+
+def instrument(name: str, joint: str) -> Read:
+    """Return the reader of a joint of a surgical instrument under a binary test signal."""
+
+    def read(recordings: Path) -> Columns:
+        path = folder_of(recordings, INSTRUMENT) / name
+        rows = np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+        told = "/psm_joint_telemetry/"
+        columns = {
+            "time_s": rows[f"{told}header/stamp"],
+            "position": rows[f"{told}{joint}/position"],
+            "command": rows[f"{told}{joint}/velocity"],
+        }
+        known = np.isfinite(np.column_stack(list(columns.values()))).all(axis=1)
+        return {name: values[known] for name, values in columns.items()}
+
+    return read
+
+
+def wheel(recordings: Path) -> Columns:
+    """Read a wheel of a robot in the air, one way: duty cycle and speed, as long as they were."""
+    path = folder_of(recordings, WHEEL) / "sysid" / "DATA_27_09_19.csv"
+    rows = np.genfromtxt(path, delimiter=",", max_rows=48_500)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return {
+        "time_s": np.arange(len(rows)) / 500.0,
+        "velocity": rows[:, 1],
+        "command": rows[:, 0],
+    }
 
 
 def mat(path: Path) -> dict[str, Any]:

@@ -108,12 +108,13 @@ def test_the_family_of_a_doubted_name_is_told_where_it_takes_most(with_chance):
         reduction=7.0,
         unsteady=1.0,
     )
-    kin = judging.sure_family((effect,), {effect.name: strong})
+    kin = judging.most_doubted((effect,), {effect.name: strong})
     assert (kin.family, kin.member) == ("force_of_position", "cogging")
     assert kin.share == pytest.approx(1.0 - 1.0 / 49.0)
-    for less in ({"reduction": 1.2}, {"stranger_share": 5.0, "gain": 1.0, "unexplained": 0.9}):
-        assert judging.sure_family((effect,), {effect.name: replace(strong, **less)}) is None
-    assert judging.sure_family((effect,), {}) is None
+    unsure = replace(strong, stranger_share=5.0, gain=1.0, unexplained=0.9)
+    assert judging.most_doubted((effect,), {effect.name: unsure}).family is None
+    assert judging.most_doubted((effect,), {effect.name: replace(strong, reduction=1.2)}) is None
+    assert judging.most_doubted((effect,), {}) is None
 
 
 def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():

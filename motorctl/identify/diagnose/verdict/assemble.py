@@ -39,8 +39,8 @@ from motorctl.identify.diagnose.verdict.confidence import (
     TOLD,
     Support,
     confidence,
+    most_doubted,
     support_of,
-    sure_family,
     without_doubtful,
 )
 from motorctl.identify.diagnose.verdict.errors import (
@@ -164,7 +164,7 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    kin = sure_family(fitted, doubted)
+    kin = most_doubted(fitted, doubted)
     unknown = None
     if verdict == "unknown_structure":
         unknown = unknown_structure(judged, extra, values, None if effects else kin)

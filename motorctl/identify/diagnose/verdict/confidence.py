@@ -97,10 +97,11 @@ def support_of(found: Found, added: Effect) -> Support:
 
 
 @dataclass(frozen=True)
-class SureFamily:
-    """A kind of physics that is sure where its member is not."""
+class DoubtedMember:
+    """An effect that takes most of the error away and is too unsure to be named."""
 
-    family: Family
+    family: Family | None
+    """Its kind of physics, where that is sure."""
     member: str
     """The effect that was fitted."""
     sure: float
@@ -109,8 +110,8 @@ class SureFamily:
     """Part of the squared error on held-out rows that the member takes away, 0 to 1."""
 
 
-def sure_family(added: Sequence[Effect], doubted: Mapping[str, Evidence]) -> SureFamily | None:
-    """Return the surest family of effects that were fitted and not named, or None.
+def most_doubted(added: Sequence[Effect], doubted: Mapping[str, Evidence]) -> DoubtedMember | None:
+    """Return the effect of the surest family that takes most of the error and is not named.
 
     Parameters
     ----------
@@ -119,17 +120,15 @@ def sure_family(added: Sequence[Effect], doubted: Mapping[str, Evidence]) -> Sur
     doubted
         Those that are not named, with what they rest on.
     """
-    found = [
-        SureFamily(
-            effect.family(),
-            effect.name,
-            confidence(doubted[effect.name], of_family=True),
-            1.0 - 1.0 / max(doubted[effect.name].reduction, 1.0) ** 2,
-        )
-        for effect in added
-        if effect.name in doubted
-    ]
-    told = [each for each in found if each.sure >= FAMILY_TOLD and each.share > TAKES_MOST]
+    found = []
+    for effect in added:
+        if effect.name not in doubted:
+            continue
+        sure = confidence(doubted[effect.name], of_family=True)
+        share = 1.0 - 1.0 / max(doubted[effect.name].reduction, 1.0) ** 2
+        family = effect.family() if sure >= FAMILY_TOLD else None
+        found.append(DoubtedMember(family, effect.name, sure, share))
+    told = [each for each in found if each.share > TAKES_MOST]
     return max(told, key=lambda each: each.sure, default=None)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from motorctl.identify.diagnose.result import UnknownStructure
 from motorctl.identify.diagnose.search.parameters import Compensation, FittedModel, theta_of
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.confidence import SureFamily
+from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
 from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,
@@ -42,18 +42,18 @@ def unknown_structure(
     judged: Judged,
     extra: Compensation | None,
     values: FittedModel,
-    kin: SureFamily | None = None,
+    kin: DoubtedMember | None = None,
 ) -> UnknownStructure:
     """Say what unknown structure depends on, and of which kind it is.
 
-    `kin` is the family of an effect that was fitted and is too unsure to be named.
+    `kin` is an effect that takes most of the error and is too unsure to be named.
     """
     variables = depends_on(judged.rival)
     share = min(judged.rival_share, 1.0)
     family: Family | None = None
     if extra is not None and share > FAMILY_SHARE:
         family = extra[0].family()
-    if kin is not None and family is None:
+    if kin is not None and family is None and kin.family is not None:
         family = kin.family
         share = max(share, kin.share)
         sentence = (
@@ -67,6 +67,11 @@ def unknown_structure(
             f"the residual depends on {' and '.join(variables)}: a smooth function of "
             f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
             f"explainable error, and {kind} has this form"
+        )
+    elif kin is not None:
+        sentence = (
+            f"{kin.member} takes {100 * kin.share:.0f} % of the squared error away, but neither it "
+            f"nor its kind (confidence {kin.sure:.2f}) is sure enough to be named"
         )
     elif judged.bursts > BURSTS:
         sentence = (
