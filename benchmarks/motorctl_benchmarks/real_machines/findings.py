@@ -27,7 +27,7 @@ WORSE = 1.02
 diagnosis' own refutation."""
 RUNS_AWAY = 1e6
 """Of any unit of a position. Convention."""
-NAME_WIDTH, COLUMN_WIDTH = 28, 11
+NAME_WIDTH, COLUMN_WIDTH = 36, 11
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import (
     TOLD,
+    DoubtedMember,
     Support,
     confidence,
     most_doubted,
@@ -176,7 +177,7 @@ def assemble(
         sentence=(
             f"This motion cannot tell what the model lacks: {too_plain or drowned}."
             if too_plain or drowned
-            else _sentence(verdict, effects, unknown, missing, error)
+            else _sentence(verdict, effects, unknown, missing, error, kin)
         ),
         declared_theta=base.theta,
         declared_std_error=base.std_error,
@@ -331,6 +332,7 @@ def _sentence(
     unknown: UnknownStructure | None,
     missing: tuple[MissingMotion, ...],
     error: ModelError,
+    kin: DoubtedMember | None,
 ) -> str:
     unit = error.unit
     change = (
@@ -353,6 +355,8 @@ def _sentence(
         beside = f" Beside it, {names} was found." if effects else ""
         if unknown.family is not None and unknown.compensation is None:
             return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
+        if kin is not None and not unknown.depends_on and not effects:
+            return f"The model lacks something that cannot be named: {unknown.sentence}."
         return (
             f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"
         )
