@@ -165,6 +165,6 @@ def test_the_bench_sets_the_position_that_peers_predict_beside_ours(tmp_path: Pa
         check=True,
     )
     (axis,) = json.loads(done.stdout)["axes"]
-    assert axis["ours"] < 0.5 * axis["declared"]
+    assert axis["ours"] < 0.8 * axis["declared"]
     for peer, missed in axis["peers"].items():  # where they are installed
         assert missed > 0.0, peer
