@@ -90,6 +90,7 @@ class Reopening:
         """Have the loop open a driver; return why it is not open, None where it is."""
         memory = self._memory
         async with self._one:
+            self._must_rest(name, driver)  # others may have been opened meanwhile
             number = memory.look_at(Word.REOPEN_ASKED) + 1
             memory.status["reopen_axis"][0] = self._names.index(name)
             memory.announce(Word.REOPEN_ASKED, number)

@@ -140,6 +140,8 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
         memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:
+        # The axes of the other drivers must not wait for one that is being opened.
+        tick.safe(busy=reopening.busy if reopening else None)
         tick.close(busy=reopening.end() if reopening else None)
 
 

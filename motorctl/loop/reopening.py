@@ -55,7 +55,8 @@ class Reopening:
         self._memory = memory
         self._bell_fd = bell_fd
         self._ending = False
-        self._busy: str | None = None
+        self.busy: str | None = None
+        """The driver that is being opened."""
         self._thread = threading.Thread(target=self._serve, name="reopening", daemon=True)
 
     def begin(self, settings: LoopSettings) -> None:
@@ -69,8 +70,9 @@ class Reopening:
         self._ending = True
         with contextlib.suppress(OSError):
             os.eventfd_write(self._bell_fd, 1)
-        self._thread.join(END_S)
-        return self._busy
+        if self._thread.ident is not None:  # it may not have begun
+            self._thread.join(END_S)
+        return self.busy
 
     def _serve(self) -> None:
         memory = self._memory
@@ -81,9 +83,12 @@ class Reopening:
             asked = memory.look_at(Word.REOPEN_ASKED)
             if asked == done or self._ending:
                 continue
-            self._busy = names[int(memory.status["reopen_axis"][0])]
-            problem, told = self._open_anew(self._busy)
-            self._busy = None
+            self.busy = names[int(memory.status["reopen_axis"][0])]
+            try:
+                problem, told = self._open_anew(self.busy)
+            except BaseException as error:  # whatever it is, who asked is told, and the next served
+                problem, told = True, f"{type(error).__name__}: {error}"
+            self.busy = None
             memory.status["reopen_failed"][0] = problem
             memory.status["reopen_told"][0] = told.encode(errors="replace")[:REOPEN_TOLD_BYTES]
             memory.announce(Word.REOPEN_DONE, asked)

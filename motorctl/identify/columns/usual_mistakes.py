@@ -94,7 +94,7 @@ def _check_encoder(data: Measured) -> None:
                     f"{speed:.3g} {data.position_unit}/s and stands still "
                     f"from one sample to the next, for {length / data.sample_rate_hz:.3g} s: the "
                     "encoder or its line was stuck; cut this part out (in a description: "
-                    f"segments: {{fit: [{data.time_s[0]:.4g}, {at_s:.4g}]}})"
+                    f"segments: {{fit: [{data.time_s[0]:.3f}, {at_s - data.period_s:.6f}]}})"
                 )
 
 

@@ -136,16 +136,16 @@ def assemble(
         extra = None
     values = values_of(found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
-    error = model_error(found, split, problem, data.command_unit)
+    own_error = error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
-    if test is not None:
-        error, tested = error_on(*test, found, error)
+    if test is not None:  # it is told, and decides nothing
+        error, tested = error_on(*test, found, own_error)
     effects = _effects(found, values, split, error, supports)
     sign = sign_of(declared.effects)
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
-    drowned = why_undetermined(found, judged, error)
+    drowned = why_undetermined(found, judged, own_error)
     if drowned:
         missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)
     if too_plain:
@@ -155,7 +155,7 @@ def assemble(
         verdict = "insufficient_data"
     if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
         verdict = "insufficient_data"
-    if verdict == "effect" and error.explained_fraction < HELPS:
+    if verdict == "effect" and own_error.explained_fraction < HELPS:
         verdict = "insufficient_data"
         why = (
             "no effect that was tried lowers the error on held-out rows by "
@@ -168,7 +168,7 @@ def assemble(
     kin = most_doubted(fitted, doubted)
     unknown = None
     if verdict == "unknown_structure":
-        unknown = unknown_structure(judged, extra, values, None if effects else kin)
+        unknown = unknown_structure(judged, extra, values, None if effects or extra else kin)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -355,7 +355,7 @@ def _sentence(
         beside = f" Beside it, {names} was found." if effects else ""
         if unknown.family is not None and unknown.compensation is None:
             return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
-        if kin is not None and not unknown.depends_on and not effects:
+        if kin is not None and not unknown.depends_on and unknown.compensation is None:
             return f"The model lacks something that cannot be named: {unknown.sentence}."
         return (
             f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"

@@ -39,7 +39,8 @@ def _worse_than_nothing(error: ModelError) -> str | None:
     part = 100.0 * error.held_out_after_rms / max(error.command_rms, TINY)
     return (
         f"fitted to one part of the recording, the model is {part:.0f} % of the command off on "
-        "the rest, more than no model at all: the motion does not determine its parameters"
+        "the rest, more than no model at all: the motion does not determine its parameters, or "
+        "sign, unit or model are not those of this machine"
     )
 
 

@@ -59,7 +59,7 @@ def unknown_structure(
         sentence = (
             f"{family.replace('_', ' ')} (confidence {kin.sure:.2f}): {kin.member} takes "
             f"{100 * kin.share:.0f} % of the squared error away, but is not sure enough to be "
-            "named, for others of its kind do as well"
+            "named"
         )
     elif variables:
         kind = "no known effect" if family is None else f"no known {family.replace('_', ' ')}"
