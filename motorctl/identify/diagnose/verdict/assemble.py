@@ -165,10 +165,10 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    kin = most_doubted(fitted, doubted)
+    kin = None if effects or extra else most_doubted(fitted, doubted)
     unknown = None
     if verdict == "unknown_structure":
-        unknown = unknown_structure(judged, extra, values, None if effects or extra else kin)
+        unknown = unknown_structure(judged, extra, values, kin)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -355,7 +355,7 @@ def _sentence(
         beside = f" Beside it, {names} was found." if effects else ""
         if unknown.family is not None and unknown.compensation is None:
             return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
-        if kin is not None and not unknown.depends_on and unknown.compensation is None:
+        if kin is not None and not unknown.depends_on:
             return f"The model lacks something that cannot be named: {unknown.sentence}."
         return (
             f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"

@@ -46,4 +46,4 @@ def _worse_than_nothing(error: ModelError) -> str | None:
 
 def over_command(found: Found, squared: float) -> float:
     """Return the rms of what has this sum of squares over the command's."""
-    return math.sqrt(squared / max(found.final.regressors.command_energy, 1e-300))
+    return math.sqrt(squared / max(found.final.regressors.command_energy, TINY))
