@@ -10,6 +10,17 @@ from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
+from motorctl.loop.guards.command import checked_voltage
+from motorctl.loop.guards.device import (
+    COMMUNICATION_LOST,
+    ENCODER_LOST,
+    FORGET_PLACE,
+    check_device,
+    check_freshness,
+    forget_place,
+)
+from motorctl.loop.guards.encoder import count_is_ambiguous, jump
+from motorctl.loop.guards.motion import check_motion, set_soft_limits
 from motorctl.loop.homing import home
 from motorctl.loop.missed_samples import (
     counter_step,
@@ -23,20 +34,6 @@ from motorctl.loop.missed_samples import (
     predicts,
 )
 from motorctl.loop.reference import brake, follow, hold_where_it_is
-from motorctl.loop.safety import (
-    CAUSE_ENCODER_JUMP,
-    COMMUNICATION_LOST,
-    ENCODER_LOST,
-    FORGET_PLACE,
-    check_device,
-    check_freshness,
-    check_motion,
-    checked_voltage,
-    count_is_ambiguous,
-    forget_place,
-    set_soft_limits,
-    trip,
-)
 
 OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)
@@ -71,14 +68,6 @@ DEVICE_INDEX = int(Status.INDEX_LATCHED)
 def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
     """Set the position from the count."""
     axis.position_m = place_of(correct, settings, axis, axis.counts)
-
-
-@inner_kernel
-def jump(settings: Any, axis: Any, step: int, t: float) -> None:
-    """Note that the count went where no motion leads."""
-    if axis.state != OFF:
-        trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
-    axis.homed = settings.absolute
 
 
 @inner_kernel(error_model="numpy")

@@ -7,9 +7,11 @@ from typing import Any
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.fences import load_acquire
+from motorctl.loop.guards.device import DEVICE_FAULTS, is_overdue
+from motorctl.loop.guards.motion import set_soft_limits, still_moves
+from motorctl.loop.guards.reactions import stop, trip
 from motorctl.loop.homing import begin_homing
-from motorctl.loop.reference import UNDECIDED, hold_where_it_is
-from motorctl.loop.safety import DEVICE_FAULTS, is_overdue, set_soft_limits, still_moves, trip
+from motorctl.loop.reference import hold_where_it_is
 from motorctl.loop.shared import MAILBOX_SIZE
 from motorctl.loop.vocabulary import Reply, Verb
 
@@ -79,19 +81,6 @@ def take_commands(
             answer = _obey(command, settings[i], axes[i], segments[i], tick, t)
         replies[number % MAILBOX_SIZE] = answer
     status[0].mail_taken = last
-
-
-@inner_kernel
-def stop(axis: Any, cause: int, t: float) -> None:
-    """Let an enabled axis ramp down and switch off; with a cause it ends in FAULT."""
-    if axis.state in (IDLE, RUNNING, HOMING):
-        axis.state = STOPPING
-        axis.brake = UNDECIDED
-        axis.slot = -1
-        axis.fault = cause
-        if cause:
-            axis.fault_value, axis.fault_limit, axis.fault_time_s = 0.0, 0.0, t
-            axis.fault_status = axis.status
 
 
 @inner_kernel

@@ -27,8 +27,8 @@ from motorctl.loop.axis import (
     axis_between, axis_inputs, axis_reference, axis_step, report_axis,
 )
 from motorctl.loop.commands import take_commands
+from motorctl.loop.guards.supervision import supervise
 from motorctl.loop.preview import fill_motion
-from motorctl.loop.supervision import supervise
 {imports}
 
 @njit(cache=True)

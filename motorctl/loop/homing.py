@@ -7,8 +7,9 @@ from typing import Any
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.guards.motion import LIMIT_NEGATIVE, LIMIT_POSITIVE
+from motorctl.loop.guards.reactions import trip
 from motorctl.loop.reference import ramp
-from motorctl.loop.safety import LIMIT_NEGATIVE, LIMIT_POSITIVE, trip
 
 IDLE = int(AxisState.IDLE)
 HOMING_FAILED = int(FaultCause.HOMING_FAILED)

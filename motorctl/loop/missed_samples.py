@@ -16,7 +16,7 @@ from motorctl.loop.axis_records import (
     MOST_DOUBT,
     MOST_DOUBTED_TICKS,
 )
-from motorctl.loop.safety import count_is_ambiguous
+from motorctl.loop.guards.encoder import count_is_ambiguous
 
 OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)

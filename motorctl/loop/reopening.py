@@ -12,9 +12,9 @@ import numpy as np
 from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.hal import Inputs, Outputs, Status
+from motorctl.loop.guards.device import FORGET_PLACE
 from motorctl.loop.handover import Word
 from motorctl.loop.realtime import enter_beside
-from motorctl.loop.safety import FORGET_PLACE
 from motorctl.loop.shared import REOPEN_TOLD_BYTES, LoopMemory
 from motorctl.loop.tick import Tick
 

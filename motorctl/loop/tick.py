@@ -19,8 +19,8 @@ from motorctl.kernels import compiling_told, kernels_cached, specialise
 from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
+from motorctl.loop.guards.supervision import WATCH
 from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
-from motorctl.loop.supervision import WATCH
 
 with kernels_cached():
     from motorctl.loop.publish import publish

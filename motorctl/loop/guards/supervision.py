@@ -8,8 +8,8 @@ import numpy as np
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.commands import stop
 from motorctl.loop.fences import load_acquire
+from motorctl.loop.guards.reactions import stop
 
 SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
 OVERRUN = int(FaultCause.OVERRUN)

@@ -1,0 +1,1 @@
+"""The safety rules, all of them here: what trips an axis, checked before a command leaves."""

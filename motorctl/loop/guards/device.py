@@ -1,0 +1,75 @@
+"""Guards of the device: what its driver reports, and that it reports at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from motorctl.hal import FAULT_BITS, Status
+from motorctl.kernels import inner_kernel
+from motorctl.log.sample import FaultCause
+from motorctl.loop.guards.reactions import trip
+
+ENCODER_LOST = int(Status.ENCODER_LOST)
+AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
+COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
+HARDWARE_ESTOP = int(Status.ESTOP)
+DEVICE_FAULTS = int(FAULT_BITS)
+FORGET_PLACE = 1 << 31
+"""Beside a driver's bits of `Status`: it is being opened anew, and what it counted is void."""
+
+CAUSE_ENCODER_LOST = int(FaultCause.ENCODER_LOST)
+CAUSE_AMPLIFIER = int(FaultCause.AMPLIFIER)
+CAUSE_COMMUNICATION = int(FaultCause.COMMUNICATION)
+CAUSE_NO_NEW_SAMPLE = int(FaultCause.NO_NEW_SAMPLE)
+CAUSE_OVERRUN = int(FaultCause.OVERRUN)
+CAUSE_ESTOP = int(FaultCause.ESTOP)
+
+
+@inner_kernel
+def forget_place(settings: Any, axis: Any) -> None:
+    """Begin as at the first sample: a device that was lost may count from anywhere.
+
+    What was learned of the axis stays.
+    """
+    axis.have_counts, axis.shift_m = 0, 0.0
+    axis.homed = settings.absolute
+
+
+@inner_kernel
+def check_device(axis: Any, t: float) -> None:
+    """Trip on what the driver reports."""
+    status = axis.status
+    if status & ENCODER_LOST:
+        trip(axis, CAUSE_ENCODER_LOST, float(status), 0.0, t)
+    elif status & COMMUNICATION_LOST:
+        trip(axis, CAUSE_COMMUNICATION, float(status), 0.0, t)
+    elif status & HARDWARE_ESTOP:
+        trip(axis, CAUSE_ESTOP, float(status), 0.0, t)
+    elif status & AMPLIFIER_FAULT:
+        trip(axis, CAUSE_AMPLIFIER, float(status), 0.0, t)
+
+
+@inner_kernel
+def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
+    """Trip where no new sample has come for longer than the configuration allows.
+
+    Where the loop itself was stopped for so long, that is the cause, and not the device.
+    """
+    stopped = elapsed - 1
+    if is_overdue(settings, axis) and stopped > 0 and elapsed > settings.hold_ticks:
+        trip(axis, CAUSE_OVERRUN, float(stopped), float(settings.hold_ticks), t)
+    elif is_overdue(settings, axis):
+        without = float(ticks_without(axis))
+        trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
+
+
+@inner_kernel
+def is_overdue(settings: Any, axis: Any) -> bool:
+    """Return whether the last sample is older than an axis may be driven by."""
+    return ticks_without(axis) > settings.hold_ticks  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def ticks_without(axis: Any) -> int:
+    """Return for how many ticks no sample has come; those that were doubted came all the same."""
+    return axis.held_ticks - axis.doubted_ticks  # type: ignore[no-any-return]

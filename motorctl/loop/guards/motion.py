@@ -1,0 +1,78 @@
+"""Guards of the motion: speed, soft limits, limit switches, following error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from motorctl.hal import Status
+from motorctl.kernels import inner_kernel
+from motorctl.log.sample import FaultCause
+from motorctl.loop.axis_records import OVERSPEED_RATIO, OVERSPEED_TICKS, STANDSTILL_RATIO
+from motorctl.loop.guards.reactions import trip
+
+LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
+LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
+CAUSE_FOLLOWING_ERROR = int(FaultCause.FOLLOWING_ERROR)
+CAUSE_SOFT_LIMIT = int(FaultCause.SOFT_LIMIT)
+CAUSE_OVERSPEED = int(FaultCause.OVERSPEED)
+CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
+
+
+@inner_kernel
+def still_moves(settings: Any, axis: Any) -> bool:
+    """Return whether the axis moves too fast to be enabled: holding it would be a jolt."""
+    noise = 8.0 * abs(settings.metres_per_count) / settings.period_s
+    return abs(axis.velocity_m_s) > STANDSTILL_RATIO * settings.max_velocity_m_s + noise  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def set_soft_limits(settings: Any, axis: Any) -> None:
+    """Put the soft limits in force; outside its travel an axis may move back, not further out.
+
+    References never leave the travel. The axis itself may, by what its error may be at rest, or
+    it could not stand at an end.
+    """
+    axis.soft_low_m = (
+        min(settings.travel_low_m, axis.position_m) - settings.following_error_minimum_m
+    )
+    axis.soft_high_m = (
+        max(settings.travel_high_m, axis.position_m) + settings.following_error_minimum_m
+    )
+
+
+@inner_kernel
+def _tighten_soft_limits(settings: Any, axis: Any) -> None:
+    """Let the limits follow an axis that comes back from outside its travel."""
+    x, slack = axis.position_m, settings.following_error_minimum_m
+    axis.soft_low_m = max(axis.soft_low_m, min(settings.travel_low_m, x) - slack)
+    axis.soft_high_m = min(axis.soft_high_m, max(settings.travel_high_m, x) + slack)
+
+
+@inner_kernel
+def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
+    """Trip on speed, soft limits, limit switches and following error."""
+    x, v = axis.position_m, axis.velocity_m_s
+    fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+    # One count more or less is no speed.
+    noise = 2.0 * abs(settings.metres_per_count) / settings.period_s
+    if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
+        axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
+    if axis.fast_count >= OVERSPEED_TICKS:
+        trip(axis, CAUSE_OVERSPEED, v, fastest, t)
+    if axis.homed:
+        _tighten_soft_limits(settings, axis)
+        if x < axis.soft_low_m:
+            trip(axis, CAUSE_SOFT_LIMIT, x, axis.soft_low_m, t)
+        elif x > axis.soft_high_m:
+            trip(axis, CAUSE_SOFT_LIMIT, x, axis.soft_high_m, t)
+    if axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0:
+        trip(axis, CAUSE_LIMIT_SWITCH, x, settings.travel_low_m, t)
+    elif axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0:
+        trip(axis, CAUSE_LIMIT_SWITCH, x, settings.travel_high_m, t)
+    error = x - axis.reference_m
+    allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
+        axis.reference_velocity_m_s
+    )
+    axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0
+    if axis.error_count > settings.error_ticks:
+        trip(axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
