@@ -31,9 +31,19 @@ def print_summary(console: Console, summary: Part) -> None:
         console.print(_conditions(name, axis))
     if summary["programs"]:
         console.print(_programs(summary["programs"], summary["axes"]))
+    console.print(f"When an axis trips: {escape(_together(summary['stop_together']))}")
     for note in summary["notes"]:
         console.print(f"[yellow]note[/yellow]  {escape(note)}")
     console.print("[green]valid[/green]")
+
+
+def _together(groups: list[list[str]] | None) -> str:
+    """Return in words which axes stop when one trips."""
+    if groups is None:
+        return "the other axes of its running program are ramped down"
+    if not groups:
+        return "no other axis is stopped"
+    return f"those of its group are ramped down: {'; '.join(' + '.join(g) for g in groups)}"
 
 
 def _table(title: str, *columns: str, numbers: bool = True) -> Table:

@@ -197,6 +197,11 @@ class ConfigurationKeys(Keys):
         description="effects of one's own that diagnose tries beside the known ones: by name, "
         "package.module:Class",
     )
+    stop_together: list[list[AxisName]] | None = Field(
+        default=None,
+        description="groups of axes: when one of a group trips, the others are ramped down; null: "
+        "the axes of one running program are such a group; []: every axis is by itself",
+    )
     recording: RecordingKeys = Field(default_factory=RecordingKeys, description="where logs go")
     loop: LoopSettings = Field(
         default_factory=LoopSettings, description="how the loop asks for real time"

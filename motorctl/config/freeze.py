@@ -43,7 +43,12 @@ def freeze(
         loop=keys.loop,
         log_directory=keys.recording.directory,
         resolved=_resolved(keys, drivers, models, programs),
+        stop_together=_groups(keys),
     )
+
+
+def _groups(keys: ConfigurationKeys) -> tuple[tuple[str, ...], ...] | None:
+    return None if keys.stop_together is None else tuple(map(tuple, keys.stop_together))
 
 
 def _axis(name: str, keys: AxisKeys, model: AxisModel, divisor: int) -> Axis:

@@ -10,6 +10,7 @@ from motorctl.config.axis_keys import ConfigurationKeys, Controller
 from motorctl.config.axis_model import read_further_effects
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.freeze import decode, freeze
+from motorctl.config.groups import check_groups
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
@@ -97,6 +98,7 @@ def _build(
         problems += check_axis(document, parts[name], axis_rate(document, name, rate_hz, divisors))
     problems += _check_spin(document, rate_hz)
     problems += check_claims(document)
+    problems += check_groups(document)
     drivers: dict[str, DriverSetup] = {}
     if hardware:
         drivers, refused = build_drivers(document, directory)

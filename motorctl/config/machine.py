@@ -69,6 +69,8 @@ class Machine:
     log_directory: Path
     resolved: Mapping[str, object]
     """The configuration with every default filled in, JSON-serialisable, for log metadata."""
+    stop_together: tuple[tuple[str, ...], ...] | None = None
+    """Groups of axes that stop when one of them trips; None: those of one running program."""
 
     @property
     def period_s(self) -> float:
@@ -78,6 +80,11 @@ class Machine:
     def period_of(self, axis: str) -> float:
         """Return the period of an axis [s]: the loop's, or a whole multiple."""
         return self.period_s * self.axes[axis].divisor
+
+    def group_of(self, axis: str) -> int:
+        """Return the number of the group that an axis stops together with, from 1; 0: of none."""
+        groups = enumerate(self.stop_together or (), 1)
+        return next((number for number, group in groups if axis in group), 0)
 
     @property
     def most_parameters(self) -> int:

@@ -20,6 +20,7 @@ from motorctl.config.analysis import (
 )
 from motorctl.config.axis_keys import Limits
 from motorctl.config.exchange import ask_exchange
+from motorctl.config.groups import notes_on_groups
 from motorctl.config.hardware import channels_of, wiring_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
@@ -68,9 +69,11 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "drivers": drivers,
         "axes": axes,
         "programs": {n: _program(machine, p) for n, p in machine.programs.items()},
+        "stop_together": _groups(machine),
         "loop": machine.loop.model_dump(),
         "log_directory": str(machine.log_directory),
         "notes": [
+            *notes_on_groups(machine),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(
                 note
@@ -85,6 +88,10 @@ def summarise(machine: Machine) -> dict[str, Any]:
     }
     plain: dict[str, Any] = _finite(summary)
     return plain
+
+
+def _groups(machine: Machine) -> list[list[str]] | None:
+    return None if machine.stop_together is None else [list(g) for g in machine.stop_together]
 
 
 def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:

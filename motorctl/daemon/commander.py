@@ -260,8 +260,10 @@ class Commander:
         }
         margin = max(round(START_MARGIN_S * self._machine.rate_hz), 2)
         tick = int(self._memory.status["tick"][0]) + margin
+        # What else moves at that time is another program, and not stopped for this one.
+        shared = self._memory.program_number()
         numbers = {
-            name: self._post(Verb.FOLLOW, name, slot=slot, tick=tick)
+            name: self._post(Verb.FOLLOW, name, slot=slot, tick=tick, program=shared)
             for name, slot in slots.items()
         }
         replies = {name: await self._reply(number) for name, number in numbers.items()}
@@ -289,9 +291,13 @@ class Commander:
         if reply is not Reply.OK:
             raise self._refusal(verb, name, reply)
 
-    def _post(self, verb: Verb, name: str, *, slot: int = 0, tick: int = 0) -> int:
+    def _post(
+        self, verb: Verb, name: str, *, slot: int = 0, tick: int = 0, program: int = 0
+    ) -> int:
         try:
-            return self._memory.post(verb, self._names.index(name), slot=slot, tick=tick)
+            return self._memory.post(
+                verb, self._names.index(name), slot=slot, tick=tick, program=program
+            )
         except BufferError as error:
             raise RefusedError(Code.LOOP_SILENT, str(error)) from error
 

@@ -7,7 +7,7 @@ import sys
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.recorder import Recorder
-from motorctl.daemon.report import fault_of
+from motorctl.daemon.report import faults_of
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 
@@ -33,13 +33,13 @@ class Journal:
 
     def tell_changes(self, recorder: Recorder) -> None:
         """Compare with the last call and tell what is new."""
-        for status, (name, before) in zip(
-            self._memory.axis_status, list(self._states.items()), strict=True
-        ):
+        statuses = self._memory.axis_status
+        faults = faults_of(self._machine, statuses)
+        for status, (name, before) in zip(statuses, list(self._states.items()), strict=True):
             state = AxisState(int(status["state"]))
             if state is not before:
                 self._states[name] = state
-                fault = fault_of(name, status, self._machine.period_of(name))
+                fault = faults[name]
                 reason = f": {fault['message']}" if fault else ""
                 level = logging.ERROR if fault else logging.INFO
                 _log.log(level, "axis %s: %s%s", name, state.name.lower(), reason)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
@@ -17,10 +18,32 @@ from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, reasons
-from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message
+from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message, partner_words
 
 
-def fault_of(axis: str, status: np.void, period_s: float) -> dict[str, str] | None:
+def faults_of(machine: Machine, statuses: NDArray[np.void]) -> dict[str, dict[str, str] | None]:
+    """Return cause and message of every axis' fault; None for an axis without one.
+
+    Parameters
+    ----------
+    machine
+        Whose axes.
+    statuses
+        Their status records, all of one tick, of `motorctl.loop.shared.axis_status`, shape (axes,).
+    """
+    names = list(machine.axes)
+    periods_s = [machine.period_of(name) for name in names]
+    return {
+        name: fault_of(
+            name, statuses[i], periods_s[i], partner_words(i, statuses, names, periods_s)
+        )
+        for i, name in enumerate(names)
+    }
+
+
+def fault_of(
+    axis: str, status: np.void, period_s: float, partner: str = ""
+) -> dict[str, str] | None:
     """Return cause and message of an axis' fault; None without one.
 
     Parameters
@@ -31,13 +54,17 @@ def fault_of(axis: str, status: np.void, period_s: float) -> dict[str, str] | No
         The axis' status record, of `motorctl.loop.shared.axis_status`.
     period_s
         Period of the axis [s].
+    partner
+        Why another axis tripped that this one was stopped for, from `partner_words`.
     """
     if AxisState(int(status["state"])) is not AxisState.FAULT:
         return None
     cause = FaultCause(int(status["fault"]))
     value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
     word = int(status["fault_status"])
-    message = fault_message(cause, value, limit, time_s, period_s=period_s, status=word)
+    message = fault_message(
+        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
+    )
     remedy = f"`motorctl reset {axis}` clears the fault"
     if word & UNTIL_OPENED:
         remedy = (
@@ -62,13 +89,20 @@ class Report:
     ) -> dict[str, Any]:
         """Return the whole status, with these axes and what each of them follows."""
         index = list(self._machine.axes)
+        statuses = self._memory.axis_status
+        faults = faults_of(self._machine, statuses)
         return {
             "machine": self._machine.name,
             "daemon": self._daemon(),
             "loop": self.loop(),
             "recording": self._recording(),
             "axes": {
-                name: self._axis(index.index(name), self._machine.axes[name], motions.get(name))
+                name: self._axis(
+                    statuses[index.index(name)],
+                    self._machine.axes[name],
+                    motions.get(name),
+                    faults[name],
+                )
                 for name in axes
             },
         }
@@ -125,13 +159,18 @@ class Report:
             word &= ~int(Status.STALE | Status.CORRUPT)
         return device_message(word) or None
 
-    def _axis(self, index: int, axis: Axis, motion: dict[str, Any] | None) -> dict[str, Any]:
-        status = self._memory.axis_status[index].copy()
+    def _axis(
+        self,
+        status: np.void,
+        axis: Axis,
+        motion: dict[str, Any] | None,
+        fault: dict[str, str] | None,
+    ) -> dict[str, Any]:
         state = AxisState(int(status["state"]))
         theta = status["theta_hat"][: len(axis.model)]
         return {
             "state": state.name.lower(),
-            "fault": fault_of(axis.name, status, self._machine.period_of(axis.name)),
+            "fault": fault,
             "device": self._trouble(axis, status),
             "samples": {
                 "missed": int(status["missed_ticks"]),

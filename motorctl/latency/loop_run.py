@@ -16,7 +16,7 @@ from motorctl.daemon.commander import Commander
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.protocol import AxisCommand, RefusedError
 from motorctl.daemon.recorder import Recorder
-from motorctl.daemon.report import Report, fault_of
+from motorctl.daemon.report import Report, faults_of
 from motorctl.errors import RunError
 from motorctl.latency.host import stolen_s
 from motorctl.log import LogAxis, LogWriter
@@ -173,8 +173,8 @@ class _Session:
         """
         trips = {
             name: f"axis {name} tripped: {fault['message']}"
-            for name, status in zip(self._machine.axes, self._memory.axis_status, strict=True)
-            if (fault := fault_of(name, status, self._machine.period_of(name)))
+            for name, fault in faults_of(self._machine, self._memory.axis_status).items()
+            if fault
         }
         if trips and not all(setup.cls.simulated for setup in self._machine.drivers.values()):
             raise RunError(f"{'; '.join(trips.values())}; every axis was stopped")

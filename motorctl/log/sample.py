@@ -63,6 +63,8 @@ class FaultCause(IntEnum):
     SUPERVISOR_LOST = 13
     NO_NEW_SAMPLE = 14
     """The driver had no new sample for more ticks than the configuration allows."""
+    PARTNER = 15
+    """Another axis tripped that this one stops together with."""
 
 
 @dataclass(frozen=True)

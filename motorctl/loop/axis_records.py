@@ -44,6 +44,8 @@ AXIS_SETTINGS = np.dtype(
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
+        ("group", "i8"),  # axes of one number stop together; 0: of none
+        ("stops_with_program", "i8"),  # so do those that run one program
     ],
     align=True,
 )
@@ -85,6 +87,8 @@ AXIS_STATE = np.dtype(
         ("error_count", "i8"),  # ticks beyond the following error's limit
         ("fast_count", "i8"),  # ticks beyond the top speed
         ("slot", "i8"),  # program slot followed, or -1
+        ("program", "i8"),  # a number that the axes of one running program share; 0: none
+        ("passed_on", "i8"),  # the partners of this axis have been stopped for its fault
         ("start_tick", "i8"),
         ("brake", "i8"),  # how the axis stops, once that is decided
         ("ramp_velocity_m_s", "f8"),  # where the last ramp leads, and its limits

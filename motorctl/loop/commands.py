@@ -125,6 +125,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
         axis.state = RUNNING
         axis.slot, axis.start_tick = command.slot, max(command.tick, tick)
         axis.segment, axis.segment_time_s = 0, 0.0
+        axis.program = command.program
         return OK
     return WRONG_STATE
 

@@ -27,6 +27,7 @@ from motorctl.loop.axis import (
     axis_between, axis_inputs, axis_reference, axis_step, report_axis,
 )
 from motorctl.loop.commands import take_commands
+from motorctl.loop.guards.partners import stop_partners
 from motorctl.loop.guards.supervision import supervise
 from motorctl.loop.preview import fill_motion
 {imports}
@@ -50,6 +51,7 @@ INPUTS = """    axis_inputs(
 
 COMMANDS = """    supervise(watch[0], status[0], axes, elapsed, overran, t)
     take_commands(watch[0], status, mailbox, replies, settings, axes, segments, number, t)
+    stop_partners(settings, axes, t)
 """
 
 REFERENCE = """    axis_reference(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from motorctl.hal import Status
 from motorctl.log.sample import FaultCause
 
@@ -23,6 +26,7 @@ _WITHOUT_LIMIT = {
     FaultCause.HOMING_FAILED: "homing found no switch or index mark within homing.timeout_s",
     FaultCause.OVERRUN: "more overruns of the control period than loop.overrun_policy allows",
     FaultCause.SUPERVISOR_LOST: "the supervisor process sent no sign of life",
+    FaultCause.PARTNER: "an axis tripped that this one stops together with",
 }
 
 _DEVICE = {
@@ -84,6 +88,7 @@ def fault_message(
     *,
     period_s: float,
     status: int = 0,
+    partner: str = "",
 ) -> str:
     """Return in words what tripped an axis: the cause, its value and its limit.
 
@@ -99,7 +104,12 @@ def fault_message(
         Period of the axis [s].
     status
         The driver's status word at that time.
+    partner
+        With PARTNER: the axis that tripped, and why, when, in words; empty where that is not
+        known.
     """
+    if cause is FaultCause.PARTNER and partner:
+        return f"partner {partner}"
     if cause is FaultCause.NO_NEW_SAMPLE:
         text = (
             f"no new sample from the device for {_ticks(value, period_s)}; limit {limit:.0f} "
@@ -118,6 +128,49 @@ def fault_message(
     if told := [words for bit, words in _DEVICE.items() if status & bit]:
         text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"
+
+
+def partner_words(
+    index: int, statuses: NDArray[np.void], names: Sequence[str], periods_s: Sequence[float]
+) -> str:
+    """Return why the partner tripped that an axis was stopped for; empty for any other fault.
+
+    Parameters
+    ----------
+    index
+        Which axis.
+    statuses
+        The axes' status records, of `motorctl.loop.shared.axis_status`, shape (axes,).
+    names, periods_s
+        Of all axes, with their periods [s].
+    """
+    return _partner_words(index, statuses, names, periods_s, {index})
+
+
+def _partner_words(
+    index: int,
+    statuses: NDArray[np.void],
+    names: Sequence[str],
+    periods_s: Sequence[float],
+    told: set[int],
+) -> str:
+    if FaultCause(int(statuses[index]["fault"])) is not FaultCause.PARTNER:
+        return ""
+    other = int(statuses[index]["fault_value"])
+    status, text = statuses[other], f"{names[other]} tripped"
+    cause = FaultCause(int(status["fault"]))
+    if cause is FaultCause.NONE or other in told:  # it was reset since then
+        return f"{text}, at {float(statuses[index]['fault_time_s']):.3f} s"
+    why = fault_message(
+        cause,
+        float(status["fault_value"]),
+        float(status["fault_limit"]),
+        float(status["fault_time_s"]),
+        period_s=periods_s[other],
+        status=int(status["fault_status"]),
+        partner=_partner_words(other, statuses, names, periods_s, told | {other}),
+    )
+    return f"{text}: {why}"
 
 
 def _ticks(count: float, period_s: float) -> str:

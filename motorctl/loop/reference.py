@@ -97,6 +97,6 @@ def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elap
     axis.reference_acceleration_m_s2 = a
     if done:
         axis.state = IDLE
-        axis.slot = -1
+        axis.slot, axis.program = -1, 0
         axis.reference_velocity_m_s = 0.0
         axis.reference_acceleration_m_s2 = 0.0

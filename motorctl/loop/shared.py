@@ -7,6 +7,7 @@ could hold while the other waits.
 
 from __future__ import annotations
 
+import itertools
 import json
 import mmap
 import os
@@ -58,7 +59,16 @@ LOOP_STATUS = np.dtype(
     align=True,
 )
 
-COMMAND = np.dtype([("verb", "i8"), ("axis", "i8"), ("slot", "i8"), ("tick", "i8")], align=True)
+COMMAND = np.dtype(
+    [
+        ("verb", "i8"),
+        ("axis", "i8"),
+        ("slot", "i8"),
+        ("tick", "i8"),
+        ("program", "i8"),  # a number that the axes of one program share; 0: it moves one alone
+    ],
+    align=True,
+)
 
 
 def axis_status(parameters: int) -> np.dtype[np.void]:
@@ -134,6 +144,7 @@ class LoopMemory:
         self.ticks: NDArray[np.void] = views["ticks"]
         self.samples: NDArray[np.void] = views["samples"]
         self._drained = 0
+        self._programs = itertools.count(1)
         # Compiled here: a supervisor that compiles while the loop ticks misses its beats.
         with kernels_cached():
             self._look_at = specialise(look_at, self.status, 0)
@@ -212,7 +223,9 @@ class LoopMemory:
         """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""
         self.status["beat"][0] += 1
 
-    def post(self, verb: Verb, axis: int = 0, *, slot: int = 0, tick: int = 0) -> int:
+    def post(
+        self, verb: Verb, axis: int = 0, *, slot: int = 0, tick: int = 0, program: int = 0
+    ) -> int:
         """Put a command into the mailbox.
 
         Parameters
@@ -225,6 +238,9 @@ class LoopMemory:
             With FOLLOW: the program slot, from `load_program`.
         tick
             With FOLLOW: the tick at which the program begins; 0: at once.
+        program
+            With FOLLOW: a number that the axes of one program share, from `program_number`; 0: the
+            axis follows its program alone.
 
         Returns
         -------
@@ -241,9 +257,13 @@ class LoopMemory:
             raise BufferError(
                 f"the loop has not taken the last {MAILBOX_SIZE} commands; does it still tick?"
             )
-        self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick)
+        self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick, program)
         self._announce(self.status, Word.MAIL_HEAD, head + 1)
         return head
+
+    def program_number(self) -> int:
+        """Return a number for a program that several axes begin to follow; each time another."""
+        return next(self._programs)
 
     def reply(self, number: int) -> Reply | None:
         """Return the answer to a command, or None until the tick that took it is over."""

@@ -103,6 +103,8 @@ class Tick:
             setup = machine.drivers[axis.driver]
             delay = self.drivers[axis.driver].exchange_delay_periods
             fill_axis_settings(self.settings[i], axis, setup, machine.period_s, delay)
+            self.settings[i]["group"] = machine.group_of(axis.name)
+            self.settings[i]["stops_with_program"] = machine.stop_together is None
             self.axes[i]["slot"] = -1
             self.axes[i]["homed"] = self.settings[i]["absolute"]
             estimates = axis.estimates

@@ -95,14 +95,16 @@ class VirtualMachine:
             self._on_rows(new_ticks, samples)
             ticks -= chunk
 
-    def order(self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0) -> None:
+    def order(
+        self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0, program: int = 0
+    ) -> None:
         """Post one command and let the tick pass that takes it.
 
         Parameters
         ----------
         verb, axis
             What to do, and the name of the axis.
-        slot, tick
+        slot, tick, program
             As of `LoopMemory.post`.
 
         Raises
@@ -110,7 +112,8 @@ class VirtualMachine:
         RunError
             Where the loop refuses it, with the reason.
         """
-        number = self.memory.post(verb, self.names.index(axis), slot=slot, tick=tick)
+        index = self.names.index(axis)
+        number = self.memory.post(verb, index, slot=slot, tick=tick, program=program)
         self.advance(1)
         reply = self.memory.reply(number)
         if reply != Reply.OK:
@@ -127,21 +130,29 @@ class VirtualMachine:
                 timeout = round((axis.homing.timeout_s or 0.0) * self.machine.rate_hz)
                 self._wait_for(name, AxisState.HOMING, timeout)
 
-    def follow(self, trajectories: Mapping[str, Trajectory]) -> None:
-        """Let axes follow trajectories from where they stand, all from the same tick on."""
+    def follow(
+        self, trajectories: Mapping[str, Trajectory], programs: Mapping[str, int] | None = None
+    ) -> None:
+        """Let axes follow trajectories from where they stand, all from the same tick on.
+
+        programs has a number for each axis that the axes of one program share.
+        """
         tick = int(self.memory.status["tick"][0]) + len(trajectories) + 1
         for name, trajectory in trajectories.items():
             slot = self.memory.load_program(self.names.index(name), trajectory.segments)
-            self.order(Verb.FOLLOW, name, slot=slot, tick=tick)
+            program = (programs or {}).get(name, 0)
+            self.order(Verb.FOLLOW, name, slot=slot, tick=tick, program=program)
 
     def follow_programs(self, programs: Sequence[str]) -> float:
         """Start the named programs and return how long the longest takes with its approach [s]."""
         trajectories: dict[str, Trajectory] = {}
+        numbers: dict[str, int] = {}
         for name in programs:
             program = self.machine.programs[name]
             standing = {axis: self.state(axis)["reference_m"] for axis in program.axes}
             trajectories |= plan_program(self.machine, program, standing)
-        self.follow(trajectories)
+            numbers |= dict.fromkeys(program.axes, self.memory.program_number())
+        self.follow(trajectories, numbers)
         return max((t.duration_s for t in trajectories.values()), default=0.0)
 
     def state(self, axis: str) -> np.void:
@@ -151,8 +162,13 @@ class VirtualMachine:
 
     def raise_faults(self) -> None:
         """Raise RunError, telling cause, value and limit, where an axis is in FAULT."""
-        for name in self.names:
-            status = self.state(name)
+        # An axis that was stopped for its partner says less than the partner.
+        statuses = self.memory.axis_status
+        named = sorted(
+            zip(self.names, statuses, strict=True),
+            key=lambda pair: int(pair[1]["fault"]) == FaultCause.PARTNER,
+        )
+        for name, status in named:
             if status["state"] == AxisState.FAULT:
                 cause = FaultCause(int(status["fault"]))
                 message = fault_message(

@@ -40,6 +40,8 @@ def stop(axis: Any, cause: int, t: float) -> None:
         axis.brake = UNDECIDED
         axis.slot = -1
         axis.fault = cause
-        if cause:
+        if not cause:
+            axis.program = 0
+        else:
             axis.fault_value, axis.fault_limit, axis.fault_time_s = 0.0, 0.0, t
             axis.fault_status = axis.status
