@@ -112,6 +112,7 @@ def _wiring(name: str, axis: Part) -> Table:
             f"{_number(limits['stop_acceleration_m_s2'])} m/s^2, "
             f"{_number(limits['stop_jerk_m_s3'])} m/s^3",
         ),
+        ("guards", _guards(axis["guards"])),
         (
             "gains",
             f"k1 {_number(gains['k1_1_s'])} 1/s, ks {_number(gains['ks_v_s_m'])} V*s/m, "
@@ -125,6 +126,27 @@ def _wiring(name: str, axis: Part) -> Table:
     ):
         table.add_row(label, text)
     return table
+
+
+def _guards(guards: Part) -> str:
+    """Return in words how far each guard lets the axis go."""
+    stuck, noise, saturation, thermal = (
+        guards[name] for name in ("encoder_stuck", "encoder_noise", "saturation", "thermal")
+    )
+    told = []
+    if stuck:
+        told.append(f"encoder stuck over {_number(stuck['distance_m'] * 1e3)} mm")
+    if noise:
+        told.append(f"encoder noise {_number(noise['rms_m'] * 1e6)} um rms")
+    if saturation:
+        told.append(f"saturated for {_number(saturation['time_s'])} s")
+    if thermal:
+        told.append(
+            f"I2t {_number(thermal['continuous_voltage_v'])} V over "
+            f"{_number(thermal['time_constant_s'])} s"
+        )
+    told.append(f"computer frozen for {_number(guards['host_frozen']['time_s'])} s")
+    return ", ".join(told)
 
 
 def _effects(effects: Part) -> str:

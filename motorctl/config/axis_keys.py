@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from motorctl.config.guard_keys import Guards
 from motorctl.config.keys import (
     AxisName,
     DriverKeys,
@@ -168,6 +169,9 @@ class AxisSettings(Keys):
     )
     encoder: Encoder = Field(description="how counts become metres")
     limits: Limits = Field(description="what the axis may never exceed")
+    guards: Guards = Field(
+        default_factory=Guards, description="what trips the axis beside its limits"
+    )
     gains: Gains = Field(description="gains of the robust part")
     adaptation: Adaptation = Field(
         default_factory=Adaptation, description="how the parameters are learned while running"

@@ -11,6 +11,8 @@ import numpy as np
 from motorctl.config.analysis import required_command, smallest_slope
 from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
 from motorctl.config.axis_model import AxisModel, build_model
+from motorctl.config.guard_keys import Guards
+from motorctl.config.guard_rules import check_guards
 from motorctl.config.hardware import Wiring, wire
 from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
@@ -44,6 +46,7 @@ class AxisParts:
     gains: Gains | None
     adaptation: Adaptation | None
     homing: Homing | None
+    guards: Guards | None
     declared: AxisModel | None
     model: EffectList | None
     """What the axis runs."""
@@ -71,6 +74,16 @@ class AxisParts:
         if not smallest_slope(self.model, theta, u_max, self.limits.travel_m)[0] > 0.0:
             return None
         return required_command(self.model, theta, u_max)
+
+    def fullest_acceleration_m_s2(self) -> float:
+        """Return what the full voltage accelerates at theta_hat(0), or the limit if it is more."""
+        if self.limits is None:
+            return 0.0
+        mass = self.model.index_of("acceleration") if self.model else None
+        if mass is None:
+            return self.limits.max_acceleration_m_s2
+        fullest = self.limits.max_voltage_v / self.estimates[mass].initial
+        return max(fullest, self.limits.max_acceleration_m_s2)
 
     def wiring(self, document: Document) -> Wiring | None:
         """Return what the axis says of its channel."""
@@ -108,6 +121,7 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
         part("gains", Gains),
         part("adaptation", Adaptation) if "adaptation" in keys else Adaptation(),
         part("homing", Homing),
+        part("guards", Guards) if "guards" in keys else Guards(),
         declared,
         runs,
     )
@@ -135,6 +149,9 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
             yield from check_homing(parts.homing, limits, encoder)
         if encoder and rate_hz:
             yield from check_encoder(encoder, limits, rate_hz)
+        if encoder and rate_hz and parts.guards:
+            fullest_m_s2 = parts.fullest_acceleration_m_s2()
+            yield from check_guards(parts.guards, limits, encoder, rate_hz, fullest_m_s2)
         if parts.model and adaptation:
             yield from check_monotonicity(
                 parts.model,

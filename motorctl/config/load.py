@@ -11,6 +11,7 @@ from motorctl.config.axis_model import read_further_effects
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.groups import check_groups
+from motorctl.config.guard_rules import check_heat
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
@@ -110,6 +111,8 @@ def _build(
     limits = {n: known for n, part in parts.items() if (known := part.motion_limits())}
     voltages = {n: need for n, part in parts.items() if (need := part.required_voltage())}
     problems += check_programs(document, programs, limits, voltages)
+    thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
+    problems += check_heat(document, programs, thermals, voltages)
     for name in parts if hardware else ():
         problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)

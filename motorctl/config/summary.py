@@ -133,6 +133,7 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
         "encoder": axis.encoder.model_dump(),
         "limits": _limits(axis.limits),
+        "guards": _guards(axis, period_s),
         "gains": axis.gains.model_dump(),
         "parameters": dict(_parameters(axis)),
         "adaptation": axis.adaptation.model_dump(),
@@ -148,6 +149,18 @@ def _limits(limits: Limits) -> dict[str, Any]:
     """The keys as they are, but those of the ramp beside the others."""
     told = limits.model_dump()
     return told | {f"stop_{key}": value for key, value in told.pop("stop").items()}
+
+
+def _guards(axis: Axis, period_s: float) -> dict[str, Any]:
+    """The keys as they are, with the numbers that null stands for."""
+    guards = axis.guards
+    told = guards.model_dump()
+    if guards.encoder_stuck:
+        told["encoder_stuck"]["distance_m"] = guards.stuck_distance_m(
+            axis.limits.following_error.minimum_m
+        )
+    told["host_frozen"]["time_s"] = guards.frozen_s(period_s)
+    return told
 
 
 def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:

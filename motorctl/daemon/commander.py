@@ -27,10 +27,10 @@ from motorctl.daemon.protocol import (
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
-from motorctl.log.sample import AxisState
+from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.axis_records import STANDSTILL_RATIO
-from motorctl.loop.faults import device_message
+from motorctl.loop.faults import device_message, lasting_words
 from motorctl.loop.plan import plan_move, plan_program
 from motorctl.motion import Program, Trajectory
 
@@ -341,6 +341,11 @@ class Commander:
                 word = int(self._memory.axis_status["device_status"][self._names.index(name)])
                 if told := device_message(word):
                     message += f": {told}"
+                return RefusedError(Code.STILL_FAULTY, message)
+            case Reply.CAUSE_LASTS:
+                status = self._memory.axis_status[self._names.index(name)]
+                told = lasting_words(FaultCause(int(status["fault"])))
+                message = f"axis {name}: {command} refused: what tripped it is still so: {told}"
                 return RefusedError(Code.STILL_FAULTY, message)
             case Reply.STILL_MOVING:
                 message = (

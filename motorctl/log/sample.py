@@ -65,6 +65,13 @@ class FaultCause(IntEnum):
     """The driver had no new sample for more ticks than the configuration allows."""
     PARTNER = 15
     """Another axis tripped that this one stops together with."""
+    ENCODER_STUCK = 16
+    """The count stood still while the reference moved."""
+    ENCODER_NOISE = 17
+    SATURATION = 18
+    """The command stood at the voltage limit for too long."""
+    THERMAL = 19
+    """The model of the motor's heat exceeded what the motor stands for ever."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, SampleFlag
 from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
-from motorctl.loop.guards.command import checked_voltage
+from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
     ENCODER_LOST,
@@ -19,8 +19,15 @@ from motorctl.loop.guards.device import (
     check_freshness,
     forget_place,
 )
-from motorctl.loop.guards.encoder import count_is_ambiguous, jump
+from motorctl.loop.guards.encoder import (
+    begin_watching,
+    check_encoder,
+    count_is_ambiguous,
+    jump,
+    note_step,
+)
 from motorctl.loop.guards.motion import check_motion, set_soft_limits
+from motorctl.loop.guards.supervision import check_pause
 from motorctl.loop.homing import home
 from motorctl.loop.missed_samples import (
     counter_step,
@@ -75,6 +82,7 @@ def read_position(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int, t: float
 ) -> None:
     """Unwrap the counter into a position and a velocity; a step too large is a fault."""
+    own = elapsed
     elapsed += axis.blind_ticks
     if not axis.have_counts:
         axis.have_counts, axis.counts, axis.raw_counts = 1, raw, raw
@@ -89,7 +97,8 @@ def read_position(
         return
     step = counter_step(settings, axis.raw_counts, raw)
     if count_is_ambiguous(settings, axis, step, elapsed):
-        jump(settings, axis, step, t)
+        jump(settings, axis, step, own, t)
+    note_step(axis, step, elapsed)
     axis.blind_ticks = 0
     axis.raw_counts = raw
     axis.counts += step
@@ -182,7 +191,7 @@ def believe(
     if just_left_out(axis):
         step = counter_step(settings, axis.doubted_raw_counts, raw)
         if unexpected and count_is_ambiguous(settings, axis, step, elapsed):
-            jump(settings, axis, step, t)
+            jump(settings, axis, step, elapsed, t)
         y = place_of(
             correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)
         )
@@ -240,13 +249,17 @@ def axis_reference(
             shift = axis.position_m - before
             shift_law(feedforward, advance_context, law_settings, law, t, before, shift)
             axis.reference_m += shift
+            begin_watching(axis)
             set_soft_limits(settings, axis)
     elif axis.state == RUNNING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
     elif axis.state == STOPPING and brake(settings, axis, elapsed):
         axis.state = FAULT if axis.fault else OFF
     if axis.state not in (OFF, FAULT):
+        check_pause(settings, axis, elapsed, t)
+        check_encoder(settings, axis, t)
         check_motion(settings, axis, elapsed, t)
+        check_command(settings, axis, elapsed, t)
     if axis.state in (OFF, FAULT):
         hold_where_it_is(axis)
 
@@ -273,6 +286,7 @@ def axis_step(
     The references of all axes, and what the law is told of them, stand before.
     """
     flags = SKIPPED if elapsed > 1 else 0
+    warm(settings, axis, elapsed)
     u, v = 0.0, 0.0
     if axis.held_ticks:
         flags |= HELD
@@ -331,6 +345,7 @@ def axis_step(
             flags |= ADAPTING
         if law.flags & LAW_PROJECTED:
             flags |= PROJECTED
+    axis.command_v = u
     if axis.homed:
         flags |= HOMED
     status = axis.status

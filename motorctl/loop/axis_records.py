@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from motorctl.config.machine import Axis, DriverSetup
@@ -44,6 +46,13 @@ AXIS_SETTINGS = np.dtype(
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
+        ("stuck_distance_m", "f8"),  # 0: not looked at, as with the next ones
+        ("noise_rms_m", "f8"),
+        ("noise_share", "f8"),  # of a tick in the mean square
+        ("saturation_ticks", "i8"),
+        ("continuous_voltage_v", "f8"),
+        ("heat_kept", "f8"),  # of the motor's heat, after a tick
+        ("frozen_ticks", "i8"),  # ticks that may be skipped at once
         ("group", "i8"),  # axes of one number stop together; 0: of none
         ("stops_with_program", "i8"),  # so do those that run one program
     ],
@@ -86,6 +95,15 @@ AXIS_STATE = np.dtype(
         ("soft_high_m", "f8"),
         ("error_count", "i8"),  # ticks beyond the following error's limit
         ("fast_count", "i8"),  # ticks beyond the top speed
+        ("step_counts", "i8"),  # of the last tick
+        ("steps_follow", "i8"),  # and of the one before; no tick between them
+        ("bend_counts", "i8"),  # by how much the two differ
+        ("bend_m2", "f8"),  # mean square of that at rest
+        ("stuck_counts", "i8"),  # where the count was when it last moved
+        ("stuck_reference_m", "f8"),  # and the reference
+        ("command_v", "f8"),  # that left in the last tick
+        ("saturated_ticks", "i8"),  # since when it is at its limit
+        ("heat_v2", "f8"),  # mean square of the command over the motor's time constant
         ("slot", "i8"),  # program slot followed, or -1
         ("program", "i8"),  # a number that the axes of one running program share; 0: none
         ("passed_on", "i8"),  # the partners of this axis have been stopped for its fault
@@ -105,8 +123,6 @@ AXIS_STATE = np.dtype(
     align=True,
 )
 
-# A jump of the count beyond this many times the top speed is no motion.
-JUMP_SPEED_RATIO = 4.0
 # Motion may exceed the configured top speed by this much, for less than these ticks, before the
 # axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
 # grow by a fifth of a period in each of five ticks without a whole period being skipped.
@@ -131,6 +147,9 @@ DOUBT_TICKS = 10
 MOST_DOUBT = 20
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
+# A motor that tripped on its heat has cooled down at this share of its continuous voltage: a fifth
+# less heat. Nearer to 1 it would trip again at once, lower down it would have to wait for long.
+COOLED_RATIO = 0.9
 OVERSPEED_TICKS = 5
 
 
@@ -170,4 +189,20 @@ def fill_axis_settings(
     record["absolute"] = homing.method == "absolute"
     record["home_on_switch"] = homing.method in ("switch", "switch_index")
     record["home_on_index"] = homing.method in ("index", "switch_index")
+    fill_guards(record, axis, period_s)
     record["homing_ticks"] = round(asked["timeout_s"] / period_s)
+
+
+def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
+    """Write the limits of an axis' guards into a record of AXIS_SETTINGS; period_s is the axis'."""
+    guards, limits = axis.guards, axis.limits
+    record["stuck_distance_m"] = guards.stuck_distance_m(limits.following_error.minimum_m)
+    if guards.encoder_noise:
+        record["noise_rms_m"] = guards.encoder_noise.rms_m
+        record["noise_share"] = -math.expm1(-period_s / guards.encoder_noise.filter_time_s)
+    if guards.saturation:
+        record["saturation_ticks"] = max(1, round(guards.saturation.time_s / period_s))
+    if guards.thermal:
+        record["continuous_voltage_v"] = guards.thermal.continuous_voltage_v
+        record["heat_kept"] = math.exp(-period_s / guards.thermal.time_constant_s)
+    record["frozen_ticks"] = max(1, round(guards.frozen_s(period_s) / period_s))

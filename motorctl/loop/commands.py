@@ -7,8 +7,10 @@ from typing import Any
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.fences import load_acquire
+from motorctl.loop.guards.command import is_hot
 from motorctl.loop.guards.device import DEVICE_FAULTS, is_overdue
-from motorctl.loop.guards.motion import set_soft_limits, still_moves
+from motorctl.loop.guards.encoder import begin_watching
+from motorctl.loop.guards.motion import is_too_fast, set_soft_limits, still_moves
 from motorctl.loop.guards.reactions import stop, trip
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import hold_where_it_is
@@ -41,6 +43,7 @@ STILL_FAULTY = int(Reply.STILL_FAULTY)
 NO_HOMING = int(Reply.NO_HOMING)
 LATE = int(Reply.LATE)
 STILL_MOVING = int(Reply.STILL_MOVING)
+CAUSE_LASTS = int(Reply.CAUSE_LASTS)
 
 AT_START_M = 1e-6
 """How near the reference must be to a program's start."""
@@ -98,6 +101,8 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
             return WRONG_STATE
         if axis.status & DEVICE_FAULTS or is_overdue(settings, axis):
             return STILL_FAULTY
+        if is_hot(settings, axis) or is_too_fast(settings, axis):
+            return CAUSE_LASTS
         axis.state, axis.fault = OFF, 0
         return OK
     if verb == HOME:
@@ -140,7 +145,8 @@ def _enable(settings: Any, axis: Any) -> int:
         return STILL_MOVING
     axis.state = IDLE
     axis.fresh = 1
-    axis.error_count, axis.fast_count = 0, 0
+    axis.error_count, axis.fast_count, axis.saturated_ticks = 0, 0, 0
     hold_where_it_is(axis)
+    begin_watching(axis)
     set_soft_limits(settings, axis)
     return OK

@@ -9,11 +9,30 @@ from numpy.typing import NDArray
 
 from motorctl.hal import Status
 from motorctl.log.sample import FaultCause
+from motorctl.loop.axis_records import COOLED_RATIO
 
 _WITH_LIMIT = {
     FaultCause.FOLLOWING_ERROR: ("following error", 1e3, "mm"),
     FaultCause.SOFT_LIMIT: ("position beyond the soft limit:", 1e3, "mm"),
     FaultCause.OVERSPEED: ("speed", 1.0, "m/s"),
+    FaultCause.ENCODER_STUCK: (
+        "the count stands still, as that of a stuck encoder or a blocked axis, while the reference "
+        "moved",
+        1e3,
+        "mm",
+    ),
+    FaultCause.ENCODER_NOISE: (
+        "the count trembles at rest as no motion does: second difference",
+        1e6,
+        "um rms",
+    ),
+    FaultCause.SATURATION: (
+        "the command stood at limits.max_voltage_v, as of an axis that is blocked or overloaded, "
+        "for",
+        1.0,
+        "s",
+    ),
+    FaultCause.THERMAL: ("the motor is too warm: rms command", 1.0, "V"),
 }
 _WITHOUT_LIMIT = {
     FaultCause.NOT_A_NUMBER: "the control law computed a command that is not a finite number",
@@ -78,6 +97,22 @@ def device_message(status: int) -> str:
     if status & UNTIL_OPENED:
         told += "; once the device is back, `motorctl reset` opens it anew"
     return told
+
+
+def lasting_words(cause: FaultCause) -> str:
+    """Return in words what of an axis' fault keeps it from being reset, though its device is well.
+
+    Parameters
+    ----------
+    cause
+        Why the axis is in FAULT.
+    """
+    if cause is FaultCause.THERMAL:
+        return (
+            f"the motor has not cooled down to {COOLED_RATIO:.0%} of "
+            "guards.thermal.continuous_voltage_v; wait a part of guards.thermal.time_constant_s"
+        )
+    return "the axis is still faster than its limit; wait until it has come to rest"
 
 
 def fault_message(

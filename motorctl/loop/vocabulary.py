@@ -35,6 +35,8 @@ class Reply(IntEnum):
     """The tick at which the program should have begun has passed."""
     STILL_MOVING = 8
     """The axis still moves: it can be enabled when it stands."""
+    CAUSE_LASTS = 9
+    """The motor is still warm, or the axis still too fast."""
 
 
 class Phase(IntEnum):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from loop_bench import TS, Hand, Rig, gantry, with_axes, with_sim
 
+from motorctl.config.guard_keys import JUMP_SPEED_RATIO
 from motorctl.config.keys import LateSamples
 from motorctl.hal import Inputs, Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
-from motorctl.loop.axis_records import JUMP_SPEED_RATIO
 from motorctl_sim import SimDriver
 
 HOLD = 5

@@ -1,4 +1,4 @@
-"""Guards of the command: nothing leaves that is no number or beyond the voltage limit."""
+"""Guards of the command: no number, beyond the limit, at the limit for too long, too much heat."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.reactions import trip
 
 FAULT = int(AxisState.FAULT)
 CAUSE_NOT_A_NUMBER = int(FaultCause.NOT_A_NUMBER)
+CAUSE_SATURATION = int(FaultCause.SATURATION)
+CAUSE_THERMAL = int(FaultCause.THERMAL)
 
 
 @inner_kernel
@@ -24,3 +27,32 @@ def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> f
     if axis.state == FAULT:
         return 0.0
     return min(max(u, -settings.max_voltage_v), settings.max_voltage_v)  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def warm(settings: Any, axis: Any, elapsed: int) -> None:
+    """Let the motor's model warm or cool by what the last command did, enabled or not."""
+    if settings.continuous_voltage_v > 0.0:
+        kept = settings.heat_kept if elapsed == 1 else settings.heat_kept**elapsed
+        square = axis.command_v * axis.command_v
+        axis.heat_v2 = square + kept * (axis.heat_v2 - square)
+
+
+@inner_kernel
+def check_command(settings: Any, axis: Any, elapsed: int, t: float) -> None:
+    """Trip where the command has been at its limit for too long, or has warmed the motor up."""
+    at_limit = abs(axis.command_v) >= settings.max_voltage_v
+    axis.saturated_ticks = axis.saturated_ticks + elapsed if at_limit else 0
+    if settings.saturation_ticks and axis.saturated_ticks > settings.saturation_ticks:
+        passed_s = axis.saturated_ticks * settings.period_s
+        trip(axis, CAUSE_SATURATION, passed_s, settings.saturation_ticks * settings.period_s, t)
+    limit_v = settings.continuous_voltage_v
+    if limit_v > 0.0 and axis.heat_v2 > limit_v * limit_v:
+        trip(axis, CAUSE_THERMAL, math.sqrt(axis.heat_v2), limit_v, t)
+
+
+@inner_kernel
+def is_hot(settings: Any, axis: Any) -> bool:
+    """Return whether the motor has not cooled down enough since it was too warm."""
+    cool_v = COOLED_RATIO * settings.continuous_voltage_v
+    return axis.fault == CAUSE_THERMAL and axis.heat_v2 > cool_v * cool_v  # type: ignore[no-any-return]

@@ -1,16 +1,20 @@
-"""Guards of the encoder: whether what it counts can be motion."""
+"""Guards of the encoder: whether what it counts can be motion, and is there at all."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop.axis_records import JUMP_SPEED_RATIO, OVERSPEED_RATIO
+from motorctl.loop.axis_records import OVERSPEED_RATIO
 from motorctl.loop.guards.reactions import trip
 
 OFF = int(AxisState.OFF)
 CAUSE_ENCODER_JUMP = int(FaultCause.ENCODER_JUMP)
+CAUSE_ENCODER_STUCK = int(FaultCause.ENCODER_STUCK)
+CAUSE_ENCODER_NOISE = int(FaultCause.ENCODER_NOISE)
+CAUSE_OVERRUN = int(FaultCause.OVERRUN)
 
 
 @inner_kernel
@@ -32,12 +36,59 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
         if elapsed > 1 and fastest * seconds >= 0.75 * span * unit:
             return True
     reach = JUMP_SPEED_RATIO * settings.max_velocity_m_s * seconds
-    return abs(step) * unit > reach + 8.0 * unit  # type: ignore[no-any-return]
+    return abs(step) * unit > reach + JUMP_COUNTS * unit  # type: ignore[no-any-return]
 
 
 @inner_kernel
-def jump(settings: Any, axis: Any, step: int, t: float) -> None:
-    """Note that the count went where no motion leads."""
+def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
+    """Note that the count went where no motion leads, or that a pause hides how far it went.
+
+    elapsed counts the axis' periods since its last tick: where the computer paused for so long that
+    motion may have carried the counter a quarter round, the pause is the cause, not the encoder.
+    """
     if axis.state != OFF:
-        trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
+        fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+        quarter_m = 0.25 * settings.counter_span * abs(settings.metres_per_count)
+        longest = quarter_m / (fastest * settings.period_s)
+        if settings.counter_span and elapsed > 1 and elapsed >= longest:
+            trip(axis, CAUSE_OVERRUN, elapsed - 1.0, float(int(longest)), t)
+        else:
+            trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
     axis.homed = settings.absolute
+
+
+@inner_kernel
+def note_step(axis: Any, step: int, elapsed: int) -> None:
+    """Keep by how much a step of the count differs from that of the tick before, if it follows."""
+    axis.bend_counts = step - axis.step_counts if axis.steps_follow and elapsed == 1 else 0
+    axis.step_counts, axis.steps_follow = step, elapsed == 1
+
+
+@inner_kernel
+def begin_watching(axis: Any) -> None:
+    """Forget what the encoder did before now: the axis is enabled, or its place is another."""
+    axis.stuck_counts, axis.stuck_reference_m = axis.counts, axis.reference_m
+    axis.bend_m2 = 0.0
+
+
+@inner_kernel
+def check_encoder(settings: Any, axis: Any, t: float) -> None:
+    """Trip where the count stands still while the reference moves, or trembles while it does not.
+
+    Only new samples count, so that neither a pause of the computer nor a silent bus is taken for
+    an encoder that is stuck. An axis that is blocked looks the same as one whose encoder is stuck.
+    """
+    if axis.held_ticks:
+        return
+    if abs(axis.counts - axis.stuck_counts) > 1:
+        axis.stuck_counts, axis.stuck_reference_m = axis.counts, axis.reference_m
+    elif settings.stuck_distance_m > 0.0:
+        moved = abs(axis.reference_m - axis.stuck_reference_m)
+        if moved > settings.stuck_distance_m:
+            trip(axis, CAUSE_ENCODER_STUCK, moved, settings.stuck_distance_m, t)
+    if settings.noise_rms_m > 0.0 and axis.reference_velocity_m_s == 0.0:
+        # In motion, a sample that is late by a part of a period would look like noise.
+        bend_m = axis.bend_counts * settings.metres_per_count
+        axis.bend_m2 += settings.noise_share * (bend_m * bend_m - axis.bend_m2)
+        if axis.bend_m2 > settings.noise_rms_m**2:
+            trip(axis, CAUSE_ENCODER_NOISE, axis.bend_m2**0.5, settings.noise_rms_m, t)

@@ -26,6 +26,13 @@ def still_moves(settings: Any, axis: Any) -> bool:
 
 
 @inner_kernel
+def is_too_fast(settings: Any, axis: Any) -> bool:
+    """Return whether an axis that tripped on its speed still has it."""
+    fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+    return axis.fault == CAUSE_OVERSPEED and abs(axis.velocity_m_s) > fastest  # type: ignore[no-any-return]
+
+
+@inner_kernel
 def set_soft_limits(settings: Any, axis: Any) -> None:
     """Put the soft limits in force; outside its travel an axis may move back, not further out.
 

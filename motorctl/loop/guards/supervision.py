@@ -1,4 +1,4 @@
-"""What stops every axis at once: a silent supervisor, and too many overruns."""
+"""Guards of the computer: a silent supervisor, too many overruns, a loop that stood still."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.fences import load_acquire
-from motorctl.loop.guards.reactions import stop
+from motorctl.loop.guards.reactions import stop, trip
 
 SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
 OVERRUN = int(FaultCause.OVERRUN)
@@ -59,3 +59,11 @@ def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t
             watch.bucket = 0
             for i in range(axes.size):
                 stop(axes[i], OVERRUN, t)
+
+
+@inner_kernel
+def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> None:
+    """Trip where the axis has had no tick for too long: whatever else is wrong comes of that."""
+    skipped = elapsed - 1
+    if skipped > settings.frozen_ticks:
+        trip(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)

@@ -1,0 +1,69 @@
+"""A guard that can never trip, or always does, is refused with its arithmetic."""
+
+import pytest
+from config_bench import machine, problems, write
+
+from motorctl.config import load
+from motorctl.config.summary import summarise
+
+# The machine: 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
+NEVER = [
+    ("encoder_stuck", {"distance_m": 0.003}, "distance_m", ["0.003", "following error", "0.003 m"]),
+    ("encoder_noise", {"rms_m": 0.0041}, "rms_m", ["0.0041", "jump of the encoder", "0.00402"]),
+    ("thermal", {"continuous_voltage_v": 10.0, "time_constant_s": 20.0}, "continuous_voltage_v",
+     ["found 10", "max_voltage_v 10 V"]),
+]  # fmt: skip
+ALWAYS = [
+    ("encoder_stuck", {"distance_m": 2e-6}, "distance_m", ["2e-06", "2 encoder counts"]),
+    ("encoder_noise", {"rms_m": 1.4e-5}, "rms_m", ["50 m/s^2", "0.0005 s", "1.45e-05 m"]),
+    ("encoder_noise", {"rms_m": 1e-3, "filter_time_s": 1e-4}, "filter_time_s", ["0.0005 s"]),
+    ("saturation", {"time_s": 5e-4}, "time_s", ["0.0005", "two periods", "0.001 s"]),
+    ("host_frozen", {"time_s": 5e-4}, "time_s", ["0.0005", "two periods", "0.001 s"]),
+    ("thermal", {"continuous_voltage_v": 0.2, "time_constant_s": 0.1}, "continuous_voltage_v",
+     ["0.2", "always", "program 'there'"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("guard", "keys", "key", "parts"), NEVER)
+def test_a_guard_that_can_never_trip_is_refused(tmp_path, guard, keys, key, parts):
+    refused(tmp_path, guard, keys, key, [*parts, "can never trip"])
+
+
+@pytest.mark.parametrize(("guard", "keys", "key", "parts"), ALWAYS)
+def test_a_guard_that_always_trips_is_refused(tmp_path, guard, keys, key, parts):
+    refused(tmp_path, guard, keys, key, parts)
+
+
+def refused(tmp_path, guard, keys, key, parts):
+    data = machine(axes__x__guards={guard: keys}, axes__x__program="there")
+    found = problems(tmp_path, data)
+    (told,) = [p for p in found if p.key == f"axes.x.guards.{guard}.{key}"]
+    assert len(found) == 1
+    assert told.line is not None
+    assert all(part in told.message for part in parts), told.message
+
+
+def test_a_saturation_guard_that_the_motors_heat_always_precedes_is_refused(tmp_path):
+    thermal = {"continuous_voltage_v": 3.0, "time_constant_s": 5.0}
+    data = machine(axes__x__guards={"thermal": thermal, "saturation": {"time_s": 0.5}})
+    (told,) = problems(tmp_path, data)
+    assert told.key == "axes.x.guards.saturation.time_s"
+    assert "0.472 s at 10 V" in told.message
+
+
+def test_what_is_not_written_has_a_default_that_check_tells(tmp_path):
+    guards = summarise(load(write(tmp_path, machine())))["axes"]["x"]["guards"]
+    assert guards["encoder_stuck"]["distance_m"] == 0.001
+    assert guards["saturation"]["time_s"] == 0.5
+    assert guards["host_frozen"]["time_s"] == 0.1
+    assert guards["encoder_noise"] is None
+    assert guards["thermal"] is None
+
+
+def test_guards_may_be_switched_off_but_not_all(tmp_path):
+    off = {"encoder_stuck": None, "saturation": None}
+    guards = load(write(tmp_path, machine(axes__x__guards=off))).axes["x"].guards
+    assert guards.encoder_stuck is None
+    assert guards.saturation is None
+    (told,) = problems(tmp_path, machine(axes__x__guards={"host_frozen": None}))
+    assert told.key == "axes.x.guards.host_frozen"
