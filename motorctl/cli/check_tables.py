@@ -113,6 +113,7 @@ def _wiring(name: str, axis: Part) -> Table:
             f"{_number(limits['stop_jerk_m_s3'])} m/s^3",
         ),
         ("guards", _guards(axis["guards"])),
+        ("quick stop", _quick_stops(axis["guards"])),
         (
             "gains",
             f"k1 {_number(gains['k1_1_s'])} 1/s, ks {_number(gains['ks_v_s_m'])} V*s/m, "
@@ -147,6 +148,12 @@ def _guards(guards: Part) -> str:
         )
     told.append(f"computer frozen for {_number(guards['host_frozen']['time_s'])} s")
     return ", ".join(told)
+
+
+def _quick_stops(guards: Part) -> str:
+    """Return in words for which guards the axis is ramped down; the others let it go at once."""
+    names = [name for name, guard in guards.items() if guard and guard["reaction"] == "quick_stop"]
+    return f"on {', '.join(names) or 'nothing'}; else zero volts and disable"
 
 
 def _effects(effects: Part) -> str:

@@ -12,7 +12,7 @@ from motorctl.config.analysis import required_command, smallest_slope
 from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
 from motorctl.config.axis_model import AxisModel, build_model
 from motorctl.config.guard_keys import Guards
-from motorctl.config.guard_rules import check_guards
+from motorctl.config.guard_rules import check_guards, check_reactions
 from motorctl.config.hardware import Wiring, wire
 from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
@@ -143,6 +143,8 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
     # As it is written, so that it is told beside whatever else is wrong with the limits.
     if message := out_of_order(document.at((*path, "limits", "travel_m"))):
         yield ("limits", "travel_m"), message
+    if parts.guards:
+        yield from check_reactions(parts.guards)
     if limits:
         yield from check_limits(limits)
         if parts.homing:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -19,7 +19,23 @@ FROZEN_PERIODS = 3
 """And at least so many periods of the axis: of slow axes, one that is skipped is no standstill."""
 
 
-class EncoderStuck(Keys):
+Reaction = Literal["quick_stop", "disable"]
+"""quick_stop: the axis is ramped down and then disabled; disable: zero volts at once."""
+
+
+class Disables(Keys):
+    """A guard that lets its axis go at once, unless it is told to ramp it down."""
+
+    reaction: Reaction = Field(default="disable", description="what happens when it trips")
+
+
+class Stops(Keys):
+    """A guard that ramps its axis down, unless it is told to let it go at once."""
+
+    reaction: Reaction = Field(default="quick_stop", description="what happens when it trips")
+
+
+class EncoderStuck(Disables):
     """Trip where the reference moves by distance_m and the count stands still, within one count."""
 
     distance_m: Positive | None = Field(
@@ -27,7 +43,7 @@ class EncoderStuck(Keys):
     )
 
 
-class EncoderNoise(Keys):
+class EncoderNoise(Disables):
     """Trip where the count trembles at rest more than any motion could make it.
 
     Looked at is the second difference of the position from tick to tick: of motion it is at most
@@ -38,13 +54,13 @@ class EncoderNoise(Keys):
     filter_time_s: Positive = Field(default=0.1, description="over which the rms is taken")
 
 
-class Saturation(Keys):
+class Saturation(Disables):
     """Trip where the command stands at the voltage limit for time_s without a break."""
 
     time_s: Positive = Field(default=0.5, description="how long it may stand at max_voltage_v")
 
 
-class Thermal(Keys):
+class Thermal(Stops):
     """Trip where the motor would become too warm: I2t, with the command in the current's place.
 
     The mean square of the command, over time_constant_s, may not exceed that of the continuous one.
@@ -59,7 +75,7 @@ class Thermal(Keys):
     )
 
 
-class HostFrozen(Keys):
+class HostFrozen(Disables):
     """Trip where the computer stood still: no tick came for time_s."""
 
     time_s: Annotated[float, Field(gt=0, le=10)] | None = Field(
@@ -67,9 +83,47 @@ class HostFrozen(Keys):
     )
 
 
-class Guards(Keys):
-    """What trips an axis beside its limits; null switches a guard off."""
+_NO_PLACE = "without a position that can be trusted no ramp can be followed"
+_NO_FORCE = "without the amplifier nothing brakes"
+_NO_DEVICE = "without the device neither a position nor a command gets through"
+NO_QUICK_STOP = {
+    "encoder_lost": _NO_PLACE,
+    "encoder_jump": _NO_PLACE,
+    "encoder_stuck": _NO_PLACE,
+    "encoder_noise": _NO_PLACE,
+    "not_a_number": "the law has no command to brake with",
+    "amplifier": _NO_FORCE,
+    "estop": "an emergency stop takes the power away",
+    "communication": _NO_DEVICE,
+    "no_new_sample": _NO_DEVICE,
+}
+"""Guards that can only let their axis go, and why."""
 
+
+class Guards(Keys):
+    """What trips an axis, how far some of it may go, and how each reacts.
+
+    The other limits stand where they belong: under `limits`, in the driver's `late`, in `loop`.
+    """
+
+    following_error: Disables = Field(
+        default_factory=Disables,
+        description="too far from the reference: limits.following_error",
+    )
+    soft_limit: Disables = Field(
+        default_factory=Disables, description="a homed axis leaves its travel: limits.travel_m"
+    )
+    limit_switch: Disables = Field(
+        default_factory=Disables,
+        description="a limit switch is pressed on the way",
+    )
+    overspeed: Disables = Field(
+        default_factory=Disables, description="faster than 1.2 times limits.max_velocity_m_s"
+    )
+    encoder_lost: Disables = Field(default_factory=Disables, description="the driver reports it")
+    encoder_jump: Disables = Field(
+        default_factory=Disables, description="the count went where no motion leads"
+    )
     encoder_stuck: EncoderStuck | None = Field(
         default_factory=EncoderStuck,
         description="the count stands still while the reference moves",
@@ -85,6 +139,29 @@ class Guards(Keys):
     )
     host_frozen: HostFrozen = Field(
         default_factory=HostFrozen, description="the computer stood still for too long"
+    )
+    not_a_number: Disables = Field(
+        default_factory=Disables, description="the law computes a command that is not finite"
+    )
+    amplifier: Disables = Field(
+        default_factory=Disables, description="the driver reports a fault of the amplifier"
+    )
+    estop: Disables = Field(
+        default_factory=Disables, description="the driver reports an emergency stop"
+    )
+    communication: Disables = Field(
+        default_factory=Disables, description="the driver reports that it has lost the device"
+    )
+    no_new_sample: Disables = Field(
+        default_factory=Disables,
+        description="no sample for more than late.hold_ticks",
+    )
+    late_ticks: Stops = Field(default_factory=Stops, description="overruns: loop.overrun_policy")
+    supervisor_lost: Stops = Field(
+        default_factory=Stops, description="the supervisor process gives no sign of life"
+    )
+    partner: Stops = Field(
+        default_factory=Stops, description="an axis tripped that this one stops together with"
     )
 
     def stuck_distance_m(self, following_error_minimum_m: float) -> float:

@@ -8,7 +8,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from motorctl.config.axis_keys import Encoder, Limits
-from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO, Guards, Thermal
+from motorctl.config.guard_keys import (
+    JUMP_COUNTS,
+    JUMP_SPEED_RATIO,
+    NO_QUICK_STOP,
+    Guards,
+    Thermal,
+)
 from motorctl.config.validation import Finding
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document
@@ -34,6 +40,14 @@ def check_guards(
     if frozen_s is not None and frozen_s < 2.0 / rate_hz:
         message = f"found {frozen_s:g}, should be at least two periods of the axis, "
         yield ("guards", "host_frozen", "time_s"), f"{message}{2.0 / rate_hz:g} s"
+
+
+def check_reactions(guards: Guards) -> Iterator[Finding]:
+    """Check that no guard asks for a ramp where there is nothing to follow it with."""
+    for name, why in NO_QUICK_STOP.items():
+        guard = getattr(guards, name)
+        if guard is not None and guard.reaction == "quick_stop":
+            yield ("guards", name, "reaction"), f"found 'quick_stop', should be disable: {why}"
 
 
 def _check_stuck(guards: Guards, limits: Limits, encoder: Encoder) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from typing import Any
 from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, SampleFlag
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
 from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
@@ -40,7 +40,7 @@ from motorctl.loop.missed_samples import (
     predict_motion,
     predicts,
 )
-from motorctl.loop.reference import brake, follow, hold_where_it_is
+from motorctl.loop.reference import UNDECIDED, brake, follow, hold_where_it_is, start_from_motion
 
 OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)
@@ -65,6 +65,11 @@ LEFT_OUT = int(SampleFlag.LEFT_OUT)
 BETWEEN = int(SampleFlag.BETWEEN)
 STALE = int(Status.STALE)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
+NOT_FOLLOWING = (
+    int(FaultCause.FOLLOWING_ERROR),
+    int(FaultCause.SATURATION),
+    int(FaultCause.OVERRUN),
+)
 DEVICE_LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 DEVICE_LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
 DEVICE_HOME_SWITCH = int(Status.HOME_SWITCH)
@@ -257,11 +262,30 @@ def axis_reference(
         axis.state = FAULT if axis.fault else OFF
     if axis.state not in (OFF, FAULT):
         check_pause(settings, axis, elapsed, t)
+        begin_quick_stop(settings, axis, law, elapsed)
         check_encoder(settings, axis, t)
         check_motion(settings, axis, elapsed, t)
         check_command(settings, axis, elapsed, t)
+        begin_quick_stop(settings, axis, law, elapsed)
     if axis.state in (OFF, FAULT):
         hold_where_it_is(axis)
+
+
+@inner_kernel
+def begin_quick_stop(settings: Any, axis: Any, law: Any, elapsed: int) -> None:
+    """Prepare the ramp of an axis that a guard has just stopped; the next tick begins it.
+
+    An axis that does not follow, or was not led for a while, is ramped down from where it is: the
+    old reference would pull it on.
+    """
+    if axis.state != STOPPING or axis.brake != UNDECIDED:
+        return
+    if axis.fault in NOT_FOLLOWING:
+        start_from_motion(settings, axis)
+        passed_s = (elapsed + axis.gap_ticks) * settings.period_s
+        law.xd1 = axis.reference_m - axis.reference_velocity_m_s * passed_s
+        begin_watching(axis)
+    brake(settings, axis, 0)
 
 
 @inner_kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from motorctl.config.machine import Axis, DriverSetup
 from motorctl.control import fill_by_name
+from motorctl.log.sample import FaultCause
 
 AXIS_GIVEN = (
     ("offset_m", "f8"),
@@ -46,6 +47,7 @@ AXIS_SETTINGS = np.dtype(
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
+        ("quick_stops", "i8"),  # causes for which the axis is ramped down: a bit each
         ("stuck_distance_m", "f8"),  # 0: not looked at, as with the next ones
         ("noise_rms_m", "f8"),
         ("noise_share", "f8"),  # of a tick in the mean square
@@ -150,6 +152,9 @@ STANDSTILL_RATIO = 0.01
 # A motor that tripped on its heat has cooled down at this share of its continuous voltage: a fifth
 # less heat. Nearer to 1 it would trip again at once, lower down it would have to wait for long.
 COOLED_RATIO = 0.9
+# Of `quick_stops`, where every other guard has the number of its cause: a computer that stood still
+# is told by the same cause as late ticks are.
+HOST_FROZEN_BIT = 62
 OVERSPEED_TICKS = 5
 
 
@@ -193,9 +198,21 @@ def fill_axis_settings(
     record["homing_ticks"] = round(asked["timeout_s"] / period_s)
 
 
+def _bit_of(guard: str) -> int:
+    """Return which bit of `quick_stops` is a guard's, by its key."""
+    if guard == "host_frozen":
+        return HOST_FROZEN_BIT
+    return int(FaultCause.OVERRUN if guard == "late_ticks" else FaultCause[guard.upper()])
+
+
 def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
     """Write the limits of an axis' guards into a record of AXIS_SETTINGS; period_s is the axis'."""
     guards, limits = axis.guards, axis.limits
+    record["quick_stops"] = sum(
+        1 << _bit_of(name)
+        for name, guard in guards
+        if guard is not None and guard.reaction == "quick_stop"
+    )
     record["stuck_distance_m"] = guards.stuck_distance_m(limits.following_error.minimum_m)
     if guards.encoder_noise:
         record["noise_rms_m"] = guards.encoder_noise.rms_m

@@ -71,7 +71,7 @@ def take_commands(
         if command.verb == SHUTDOWN:
             watch.shutdown = 1
             for i in range(axes.size):
-                stop(axes[i], 0, t)
+                stop(axes[i])
             answer = OK
         elif command.verb == ESTOP:
             for i in range(axes.size):
@@ -94,7 +94,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
     if verb == STOP:
         if axis.state == FAULT:
             return WRONG_STATE
-        stop(axis, 0, t)
+        stop(axis)
         return OK
     if verb == RESET:
         if axis.state != FAULT:

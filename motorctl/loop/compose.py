@@ -49,7 +49,7 @@ INPUTS = """    axis_inputs(
     )
 """
 
-COMMANDS = """    supervise(watch[0], status[0], axes, elapsed, overran, t)
+COMMANDS = """    supervise(watch[0], status[0], settings, axes, elapsed, overran, t)
     take_commands(watch[0], status, mailbox, replies, settings, axes, segments, number, t)
     stop_partners(settings, axes, t)
 """

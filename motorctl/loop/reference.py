@@ -25,6 +25,16 @@ def hold_where_it_is(axis: Any) -> None:
 
 
 @inner_kernel
+def start_from_motion(settings: Any, axis: Any) -> None:
+    """Make the present motion the reference: place and speed of the axis, no acceleration."""
+    fastest = settings.max_velocity_m_s
+    axis.reference_m = axis.position_m
+    axis.reference_velocity_m_s = min(max(axis.velocity_m_s, -fastest), fastest)
+    axis.reference_acceleration_m_s2 = 0.0
+    axis.drift_m_s, axis.error_count = 0.0, 0
+
+
+@inner_kernel
 def ramp(settings: Any, axis: Any, velocity: float, elapsed: int) -> bool:
     """Move the reference's velocity towards `velocity`; return whether it is reached."""
     acceleration, jerk = settings.stop_acceleration_m_s2, settings.stop_jerk_m_s3

@@ -67,3 +67,49 @@ def test_guards_may_be_switched_off_but_not_all(tmp_path):
     assert guards.saturation is None
     (told,) = problems(tmp_path, machine(axes__x__guards={"host_frozen": None}))
     assert told.key == "axes.x.guards.host_frozen"
+
+
+@pytest.mark.parametrize(
+    ("guard", "why"),
+    [
+        ("encoder_lost", "position"),
+        ("encoder_jump", "position"),
+        ("encoder_stuck", "position"),
+        ("not_a_number", "no command"),
+        ("amplifier", "nothing brakes"),
+        ("estop", "power"),
+        ("communication", "device"),
+        ("no_new_sample", "device"),
+    ],
+)
+def test_a_quick_stop_where_nothing_could_follow_it_is_refused_once_with_the_reason(
+    tmp_path, guard, why
+):
+    data = machine(axes__x__guards={guard: {"reaction": "quick_stop"}})
+    (told,) = problems(tmp_path, data)
+    assert told.key == f"axes.x.guards.{guard}.reaction"
+    assert told.line is not None
+    assert told.message.startswith("found 'quick_stop', should be disable: ")
+    assert why in told.message
+
+
+@pytest.mark.parametrize(
+    "guard",
+    ["following_error", "soft_limit", "limit_switch", "overspeed", "saturation", "host_frozen",
+     "late_ticks", "supervisor_lost", "partner"],
+)  # fmt: skip
+def test_each_guard_of_an_axis_in_order_may_ramp_it_down_or_let_it_go(tmp_path, guard):
+    for reaction in ("quick_stop", "disable"):
+        assert problems(tmp_path, machine(axes__x__guards={guard: {"reaction": reaction}})) == ()
+
+
+def test_a_reaction_that_there_is_not_is_refused(tmp_path):
+    data = machine(axes__x__guards={"overspeed": {"reaction": "quickstop"}})
+    (told,) = problems(tmp_path, data)
+    assert "did you mean 'quick_stop'?" in told.message
+
+
+def test_without_a_word_of_it_every_guard_reacts_as_it_always_did(tmp_path):
+    guards = load(write(tmp_path, machine())).axes["x"].guards
+    ramps = {name for name, guard in guards if guard and guard.reaction == "quick_stop"}
+    assert ramps == {"late_ticks", "supervisor_lost", "partner"}

@@ -8,7 +8,7 @@ from typing import Any
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.guards.reactions import react, trip
 
 FAULT = int(AxisState.FAULT)
 CAUSE_NOT_A_NUMBER = int(FaultCause.NOT_A_NUMBER)
@@ -45,10 +45,11 @@ def check_command(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     axis.saturated_ticks = axis.saturated_ticks + elapsed if at_limit else 0
     if settings.saturation_ticks and axis.saturated_ticks > settings.saturation_ticks:
         passed_s = axis.saturated_ticks * settings.period_s
-        trip(axis, CAUSE_SATURATION, passed_s, settings.saturation_ticks * settings.period_s, t)
+        allowed_s = settings.saturation_ticks * settings.period_s
+        react(settings, axis, CAUSE_SATURATION, passed_s, allowed_s, t)
     limit_v = settings.continuous_voltage_v
     if limit_v > 0.0 and axis.heat_v2 > limit_v * limit_v:
-        trip(axis, CAUSE_THERMAL, math.sqrt(axis.heat_v2), limit_v, t)
+        react(settings, axis, CAUSE_THERMAL, math.sqrt(axis.heat_v2), limit_v, t)
 
 
 @inner_kernel

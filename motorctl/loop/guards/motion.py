@@ -8,7 +8,7 @@ from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import OVERSPEED_RATIO, OVERSPEED_TICKS, STANDSTILL_RATIO
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.guards.reactions import react, trip
 
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
@@ -65,21 +65,24 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
         axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
     if axis.fast_count >= OVERSPEED_TICKS:
-        trip(axis, CAUSE_OVERSPEED, v, fastest, t)
+        react(settings, axis, CAUSE_OVERSPEED, v, fastest, t)
     if axis.homed:
         _tighten_soft_limits(settings, axis)
         if x < axis.soft_low_m:
-            trip(axis, CAUSE_SOFT_LIMIT, x, axis.soft_low_m, t)
+            react(settings, axis, CAUSE_SOFT_LIMIT, x, axis.soft_low_m, t)
         elif x > axis.soft_high_m:
-            trip(axis, CAUSE_SOFT_LIMIT, x, axis.soft_high_m, t)
+            react(settings, axis, CAUSE_SOFT_LIMIT, x, axis.soft_high_m, t)
     if axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0:
-        trip(axis, CAUSE_LIMIT_SWITCH, x, settings.travel_low_m, t)
+        react(settings, axis, CAUSE_LIMIT_SWITCH, x, settings.travel_low_m, t)
     elif axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0:
-        trip(axis, CAUSE_LIMIT_SWITCH, x, settings.travel_high_m, t)
+        react(settings, axis, CAUSE_LIMIT_SWITCH, x, settings.travel_high_m, t)
     error = x - axis.reference_m
     allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
         axis.reference_velocity_m_s
     )
     axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0
     if axis.error_count > settings.error_ticks:
-        trip(axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
+        if axis.fault:  # a ramp that is not followed either is none
+            trip(axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
+        else:
+            react(settings, axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)

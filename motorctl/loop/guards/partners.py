@@ -6,7 +6,7 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop.guards.reactions import stop
+from motorctl.loop.guards.reactions import react_to_others
 
 RUNNING = int(AxisState.RUNNING)
 CAUSE_PARTNER = int(FaultCause.PARTNER)
@@ -28,9 +28,7 @@ def stop_partners(settings: Any, axes: Any, t: float) -> None:
             for j in range(axes.size):
                 partner = axes[j]
                 if j != i and partner.fault == 0 and _are_partners(settings, axes, i, j):
-                    stop(partner, CAUSE_PARTNER, t)
-                    if partner.fault:
-                        partner.fault_value = float(i)
+                    react_to_others(settings[j], partner, CAUSE_PARTNER, float(i), t)
 
 
 @inner_kernel

@@ -1,4 +1,4 @@
-"""What a guard does when it trips."""
+"""What a guard does when it trips: let the axis go at once, or ramp it down before."""
 
 from __future__ import annotations
 
@@ -8,11 +8,48 @@ from motorctl.kernels import inner_kernel
 from motorctl.log.sample import AxisState
 from motorctl.loop.reference import UNDECIDED
 
+OFF = int(AxisState.OFF)
 HOMING = int(AxisState.HOMING)
 IDLE = int(AxisState.IDLE)
 RUNNING = int(AxisState.RUNNING)
 STOPPING = int(AxisState.STOPPING)
 FAULT = int(AxisState.FAULT)
+
+
+@inner_kernel
+def react(settings: Any, axis: Any, cause: int, value: float, limit: float, t: float) -> None:
+    """Do what the configuration says for this cause to an axis that is enabled."""
+    if settings.quick_stops >> cause & 1:
+        quick_stop(axis, cause, value, limit, t)
+    else:
+        trip(axis, cause, value, limit, t)
+
+
+@inner_kernel
+def quick_stop(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
+    """Let the axis ramp down and end in FAULT; one that is being stopped for a cause has that one.
+
+    An ordinary stop that is under way becomes one for this cause.
+    """
+    if axis.fault == 0 and axis.state not in (OFF, FAULT):
+        axis.state = STOPPING
+        axis.brake = UNDECIDED
+        axis.slot = -1
+        _note(axis, cause, value, limit, t)
+
+
+@inner_kernel
+def _note(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
+    axis.fault = cause
+    axis.fault_value, axis.fault_limit, axis.fault_time_s = value, limit, t
+    axis.fault_status = axis.status | axis.held_status
+
+
+@inner_kernel
+def react_to_others(settings: Any, axis: Any, cause: int, value: float, t: float) -> None:
+    """Stop an axis that is in order itself; one that is off, or is being stopped, is left so."""
+    if axis.state in (IDLE, RUNNING, HOMING):
+        react(settings, axis, cause, value, 0.0, t)
 
 
 @inner_kernel
@@ -23,25 +60,15 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
     """
     if axis.state != FAULT:
         if axis.fault == 0:
-            axis.fault = cause
-            axis.fault_value = value
-            axis.fault_limit = limit
-            axis.fault_time_s = t
-            axis.fault_status = axis.status | axis.held_status
+            _note(axis, cause, value, limit, t)
         axis.state = FAULT
         axis.slot = -1
 
 
 @inner_kernel
-def stop(axis: Any, cause: int, t: float) -> None:
-    """Let an enabled axis ramp down and switch off; with a cause it ends in FAULT."""
+def stop(axis: Any) -> None:
+    """Let an enabled axis ramp down and switch off, as it was told to."""
     if axis.state in (IDLE, RUNNING, HOMING):
         axis.state = STOPPING
         axis.brake = UNDECIDED
-        axis.slot = -1
-        axis.fault = cause
-        if not cause:
-            axis.program = 0
-        else:
-            axis.fault_value, axis.fault_limit, axis.fault_time_s = 0.0, 0.0, t
-            axis.fault_status = axis.status
+        axis.slot, axis.program, axis.fault = -1, 0, 0

@@ -8,8 +8,9 @@ import numpy as np
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
+from motorctl.loop.axis_records import HOST_FROZEN_BIT
 from motorctl.loop.fences import load_acquire
-from motorctl.loop.guards.reactions import stop, trip
+from motorctl.loop.guards.reactions import quick_stop, react_to_others, trip
 
 SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
 OVERRUN = int(FaultCause.OVERRUN)
@@ -29,7 +30,9 @@ WATCH = np.dtype(
 
 
 @inner_kernel
-def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t: float) -> None:
+def supervise(
+    watch: Any, status: Any, settings: Any, axes: Any, elapsed: int, overran: bool, t: float
+) -> None:
     """Stop all axes where the supervisor is silent or the bucket of overruns is full.
 
     The bucket leaks: an overrun, and each period that was skipped, adds one, a good tick takes
@@ -45,7 +48,7 @@ def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t
             watch.orphaned = 1
             watch.shutdown = 1
             for i in range(axes.size):
-                stop(axes[i], SUPERVISOR_LOST, t)
+                react_to_others(settings[i], axes[i], SUPERVISOR_LOST, 0.0, t)
     skipped = elapsed - 1
     if overran:
         status.overruns += 1
@@ -58,7 +61,7 @@ def supervise(watch: Any, status: Any, axes: Any, elapsed: int, overran: bool, t
         if watch.bucket >= watch.bucket_size:
             watch.bucket = 0
             for i in range(axes.size):
-                stop(axes[i], OVERRUN, t)
+                react_to_others(settings[i], axes[i], OVERRUN, 0.0, t)
 
 
 @inner_kernel
@@ -66,4 +69,7 @@ def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip where the axis has had no tick for too long: whatever else is wrong comes of that."""
     skipped = elapsed - 1
     if skipped > settings.frozen_ticks:
-        trip(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+        if settings.quick_stops >> HOST_FROZEN_BIT & 1:
+            quick_stop(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+        else:
+            trip(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)
