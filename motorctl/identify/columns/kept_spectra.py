@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Spectra = tuple[tuple[NDArray[np.complex128], int], ...]
-"""For each stretch the spectra of columns, (p, f), and the number of rows they stand for."""
+Spectrum = tuple[NDArray[np.complex128], int]
+"""The spectra of columns over a stretch, (p, f), and the number of rows they stand for."""
+Spectra = tuple[Spectrum, ...]
+"""For each stretch."""
 
 MOST_BYTES = 250_000_000
 """Memory that is used at most [B]. Larger leaves less to the columns themselves, smaller forms

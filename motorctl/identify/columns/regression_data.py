@@ -1,19 +1,20 @@
-"""From recorded signals to the filtered columns of the regression.
+"""Rows behind recursive filters and decimation, as the literature identifies machines with.
 
-Nonlinear terms are formed first, at the full rate, by the effects' own kernels; then one linear
-filter goes over every column alike, so that the equation u = sum theta_i psi_i still holds.
+The delay of the command may be sought: columns of the command are kept at the full rate, and are
+aligned for each delay that is tried.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_timing import Taps, hold_taps, sample_taps
+from motorctl.identify.columns.command_timing import CommandPath, Taps, hold_taps, sample_taps
 from motorctl.identify.columns.filters import (
     acceleration_of,
     decimation_filter,
@@ -32,8 +33,11 @@ from motorctl.identify.columns.position_noise import (
     reference_is_quieter,
     top_speed,
 )
+from motorctl.identify.columns.rows import Rows
+from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.fit.settings import FitOptions, Segment
-from motorctl.model import EffectList
+from motorctl.model import Effect, EffectList
+from motorctl.model.columns import form_key
 from motorctl.model.sign_function import SlopeOptions, with_slope
 
 Array = NDArray[np.float64]
@@ -59,58 +63,126 @@ hand."""
 REST_PART = 0.05
 """Rest is never taken beyond this part of the top speed. Larger throws away slow motion, smaller
 keeps rest in recordings of a shallow Sf. Chosen by hand."""
+AT_ITS_TICK = sample_taps(0.0)
+"""Each sample for itself, as columns of the motion are."""
 
 
 @dataclass(frozen=True)
-class RegressionData:
-    """Filtered and decimated columns of one axis; m rows, n parameters, h input columns."""
+class RegressionData(Rows[Array]):
+    """Rows behind recursive filters and decimation; n parameters of a model."""
 
     model: EffectList
     options: FitOptions
     """With everything filled in."""
-    period_s: float
-    """Of the recording, before decimation."""
-    time_s: Array
-    """(m,)"""
-    state_columns: Array
-    """(m, n), zero where the column is one of the command."""
-    input_index: Indices
-    """(h,) which of the n columns depend on the command."""
-    held: Array
-    """(K, 1 + h) filtered command and its columns at the full rate, before alignment."""
-    pick: Indices
-    """(m,) the row of `held` that belongs to each row."""
+    accelerations: tuple[Array, ...]
+    """Of each stretch, (N,)."""
+    picks: tuple[Indices, ...]
+    """For each stretch, which of its samples are rows, counted from the first settled one."""
+    _held: dict[Hashable, list[Array]] = field(default_factory=dict, repr=False)
+    """The filtered command and its columns at the full rate, before alignment."""
+    _states: dict[Hashable, Array] = field(default_factory=dict, repr=False)
+    """Rows of state effects: they are the same for every delay."""
 
-    def taps(self, delay_samples: float) -> Taps:
-        """Return the alignment of the command for an input delay."""
-        if not self.options.hold_alignment:
-            return sample_taps(delay_samples)
-        return hold_taps(delay_samples, 1 if self.options.derivative == "second_difference" else 2)
+    @property
+    def time_s(self) -> Array:
+        """Time of the rows, (m,)."""
+        settled = [s.time_s[self._settled(s.time_s)] for s in self.stretches]
+        return np.concatenate([t[pick] for t, pick in zip(settled, self.picks, strict=True)])
+
+    @property
+    def input_index(self) -> Indices:
+        """Which of the n columns depend on the command."""
+        kinds = [effect.kind for effect in self.model.effects for _ in effect.parameters]
+        return np.flatnonzero(np.array(kinds) == "input")
+
+    @property
+    def row_period_s(self) -> float:
+        """Time between rows."""
+        assert self.options.decimation is not None
+        return self.period_s * self.options.decimation
 
     def at(self, delay_s: float) -> tuple[Array, Array]:
         """Return psi (m, n) and the command (m,) for an input delay [s], positive: acts later."""
-        taps = self.taps(delay_s / self.period_s)
-        aligned = np.zeros((len(self.pick), self.held.shape[1]))
-        for lag, weight in zip(taps.lags, taps.weights, strict=True):
-            aligned += weight * self.held[self.pick - lag]
-        psi = self.state_columns.copy()
-        psi[:, self.input_index] = aligned[:, 1:]
-        return psi, aligned[:, 0]
+        psi, command = self.regression(self.model, CommandPath(delay_s), self.accelerations)
+        return psi.T, command
 
     def rows(self, chosen: NDArray[np.bool_]) -> RegressionData:
         """Return only some of the rows; `chosen` of shape (m,)."""
-        return replace(
-            self,
-            time_s=self.time_s[chosen],
-            state_columns=self.state_columns[chosen],
-            pick=self.pick[chosen],
-        )
+        ends = np.cumsum([len(pick) for pick in self.picks])[:-1]
+        parts = zip(self.picks, np.split(chosen, ends), strict=True)
+        states = {key: rows[:, chosen] for key, rows in self._states.items()}
+        return replace(self, picks=tuple(pick[part] for pick, part in parts), _states=states)
 
     def within(self, segments: tuple[Segment, ...]) -> RegressionData:
         """Return the rows whose time lies in one of the segments, begin included, end not."""
         time = self.time_s + 0.5 * self.period_s
         inside = [(time >= begin) & (time < end) for begin, end in segments]
         return self.rows(np.logical_or.reduce(inside))
+
+    def formed(self, columns: Array, step: int = 1) -> Array:
+        """Return columns of one stretch behind the filters, (N', p), where these have settled."""
+        assert self.options.decimation is not None
+        filtered = columns.T
+        if self.options.filter_target == "columns":
+            filtered = smoothed_by(self.options, filtered, self.data.sample_rate_hz)
+        filtered = filtered[self._settled(filtered)]
+        if self.options.decimation_order and self.options.decimation > 1:
+            chebyshev = decimation_filter(self.options.decimation_order, self.options.decimation)
+            filtered = zero_phase(chebyshev, self.options.decimation_order, filtered)
+        return filtered
+
+    def rows_of(self, formed: Iterable[Array], taps: Taps = AT_ITS_TICK) -> Array:
+        """Return the rows, (p, m), of filtered columns of every stretch, aligned by taps."""
+        parts = []
+        for columns, pick in zip(formed, self.picks, strict=True):
+            lagging = zip(taps.lags, taps.weights, strict=True)
+            parts.append(sum(weight * columns[pick - lag] for lag, weight in lagging))
+        return np.concatenate(parts).T
+
+    def state(
+        self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int = 1
+    ) -> Array:
+        """Return the columns of a state effect, (p, m)."""
+        key = form_key(effect)
+        if key not in self._states:
+            self._states[key] = super().state(effect, acceleration, step)
+        return self._states[key]
+
+    def command(self, path: CommandPath) -> Array:
+        """Return the command that acts behind a path, (1, m)."""
+        return self._aligned("command", lambda s: s.command[None], path)
+
+    def input(self, effect: Effect, path: CommandPath, *, keep: bool = True) -> Array:
+        """Return the columns of an input effect, (p, m)."""
+        return self._aligned(form_key(effect), lambda s: s.columns(effect), path)
+
+    def _aligned(self, key: Hashable, of: Callable[[Stretch], Array], path: CommandPath) -> Array:
+        """Return columns of the command behind a delay: alignment is linear, as the filter is."""
+        if key not in self._held:
+            self._held[key] = [self.formed(of(s)) for s in self.stretches]
+        return self.rows_of(self._held[key], taps_of(self.options, path.delay_s / self.period_s))
+
+    def _settled(self, samples: Array) -> slice:
+        assert self.options.discard_start is not None
+        assert self.options.discard_end is not None
+        return slice(self.options.discard_start, len(samples) - self.options.discard_end)
+
+
+def taps_of(options: FitOptions, delay_samples: float) -> Taps:
+    """Return the alignment of the command for an input delay."""
+    if not options.hold_alignment:
+        return sample_taps(delay_samples)
+    return hold_taps(delay_samples, 1 if options.derivative == "second_difference" else 2)
+
+
+def smoothed_by(options: FitOptions, columns: Array, sample_rate_hz: float) -> Array:
+    """Return columns, (N, ...), behind the low pass of these options."""
+    assert options.filter_hz is not None
+    order = options.filter_order
+    sections = low_pass(options.filter_kind, order, options.filter_hz, sample_rate_hz)
+    return (
+        zero_phase(sections, order, columns) if options.zero_phase else one_way(sections, columns)
+    )
 
 
 def delay_range_s(options: FitOptions, sample_rate_hz: float) -> Segment:
@@ -160,7 +232,7 @@ def resolve_options(data: Measured, model: EffectList, options: FitOptions) -> F
 
 
 def prepare(data: Measured, model: EffectList, options: FitOptions) -> RegressionData:
-    """Form, filter and decimate the columns of `model` over the usable rows of `data`.
+    """Make the rows of `model` over the usable samples of `data`.
 
     Parameters
     ----------
@@ -174,7 +246,7 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
     Returns
     -------
     RegressionData
-        Command, columns and times of the rows that are left, with every choice stated.
+        The rows that are left, with every choice stated.
 
     Raises
     ------
@@ -193,28 +265,21 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
     reach = _reach(options, lowest / data.period_s, highest / data.period_s)
     shortest = options.discard_start + options.discard_end + sum(reach) + 10 * options.decimation
     shortest = max(shortest, 3 * max(options.filter_order, options.decimation_order) + 2)
-    kinds = [effect.kind for effect in model.effects for _ in effect.parameters]
-    input_index = np.flatnonzero(np.array(kinds) == "input")
-    parts = [
-        _stretch(data, rows, model, options, input_index, reach)
-        for rows in data.stretches(shortest)
-    ]
-    if not parts:
+    stretches, accelerations, picks = [], [], []
+    for rows in data.stretches(shortest):
+        stretch, acceleration = _motion(data, rows, options)
+        stretches.append(stretch)
+        accelerations.append(acceleration)
+        quiet = stretch.quiet[options.discard_start : len(stretch.quiet) - options.discard_end]
+        picks.append(_picked(quiet, options, reach))
+    if not stretches:
         raise DataError(
             f"{data.place}: no usable stretch reaches {shortest * data.period_s:.3g} s, which a "
             f"filter at {options.filter_hz:g} Hz needs to settle: record longer without a gap, or "
             "choose a higher filter_hz"
         )
-    starts = np.cumsum([0, *(len(held) for _, _, held, _ in parts)])
     return RegressionData(
-        model=model,
-        options=options,
-        period_s=data.period_s,
-        time_s=np.concatenate([time for time, _, _, _ in parts]),
-        state_columns=np.concatenate([columns for _, columns, _, _ in parts]),
-        input_index=input_index,
-        held=np.concatenate([held for _, _, held, _ in parts]),
-        pick=np.concatenate([pick + s for (_, _, _, pick), s in zip(parts, starts, strict=False)]),
+        data, tuple(stretches), model, options, tuple(accelerations), tuple(picks)
     )
 
 
@@ -229,57 +294,30 @@ def _reach(options: FitOptions, lowest: float, highest: float) -> tuple[int, int
     )
 
 
-def _stretch(
-    data: Measured,
-    rows: slice,
-    model: EffectList,
-    options: FitOptions,
-    input_index: Indices,
-    reach: tuple[int, int],
-) -> tuple[Array, Array, Array, Indices]:
-    """Return time, state columns, held columns and picks of one stretch without gaps."""
-    assert options.filter_hz is not None
-    assert options.decimation is not None
-    sections = low_pass(
-        options.filter_kind, options.filter_order, options.filter_hz, data.sample_rate_hz
-    )
-
-    def smooth(columns: Array) -> Array:
-        if options.zero_phase:
-            return zero_phase(sections, options.filter_order, columns)
-        return one_way(sections, columns)
-
+def _motion(data: Measured, rows: slice, options: FitOptions) -> tuple[Stretch, Array]:
+    """Return the signals of one stretch without gaps, and its acceleration."""
+    position = data.position[rows]
     on_position = options.filter_target == "position"
-    position = smooth(data.position[rows]) if on_position else data.position[rows]
-    velocity = velocity_of(position, data.period_s)
-    acceleration = acceleration_of(position, velocity, data.period_s, options.derivative)
+    x = smoothed_by(options, position, data.sample_rate_hz) if on_position else position
+    v = velocity_of(x, data.period_s)
     # friction must not lag the motion, whatever filter goes over its column afterwards
-    quiet = velocity
+    quiet = v
     if not on_position:
         assert options.friction_hz is not None
         gentle = low_pass("butterworth", 4, options.friction_hz, data.sample_rate_hz)
-        quiet = zero_phase(gentle, 4, velocity)
+        quiet = zero_phase(gentle, 4, v)
     desired = data.desired_velocity
     if options.friction_velocity == "reference" and desired is not None:
         quiet = desired[rows]
-    time, command = data.time_s[rows], data.command[rows]
-    psi = model.regressor(position, velocity, acceleration, quiet, time, command)
-    columns = np.column_stack([psi, command])
-    if not on_position:
-        columns = smooth(columns)
-    assert options.discard_start is not None
-    assert options.discard_end is not None
+    stretch = Stretch(data.time_s[rows], position, x, v, data.command[rows], {}, quiet)
+    return stretch, acceleration_of(x, v, data.period_s, options.derivative)
+
+
+def _picked(quiet: Array, options: FitOptions, reach: tuple[int, int]) -> Indices:
+    """Choose the rows of a stretch: decimated, within reach of the alignment, and not at rest."""
+    assert options.decimation is not None
     assert options.rest_velocity is not None
-    kept = slice(options.discard_start, len(time) - options.discard_end)
-    columns, time = columns[kept], time[kept]
-    if options.decimation_order and options.decimation > 1:
-        chebyshev = decimation_filter(options.decimation_order, options.decimation)
-        columns = zero_phase(chebyshev, options.decimation_order, columns)
-    pick = picked(len(time), options.decimation)
     back, ahead = reach
-    pick = pick[(pick >= back) & (pick < len(time) - ahead)]
-    pick = pick[np.abs(quiet[kept][pick]) >= options.rest_velocity]
-    state = columns[pick, :-1].copy()
-    state[:, input_index] = 0.0
-    held = columns[:, [len(model), *input_index]]
-    return time[pick], state, held, pick
+    pick = picked(len(quiet), options.decimation)
+    pick = pick[(pick >= back) & (pick < len(quiet) - ahead)]
+    return np.asarray(pick[np.abs(quiet[pick]) >= options.rest_velocity])

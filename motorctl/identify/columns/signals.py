@@ -9,7 +9,7 @@ are tried, from smoothed signals at the rate of the rows, which is quicker and n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from scipy import fft
 from motorctl.errors import DataError
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
 from motorctl.identify.columns.filters import second_difference
-from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra
+from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra, Spectrum
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import (
     position_noise_density,
@@ -29,6 +29,7 @@ from motorctl.identify.columns.position_noise import (
 )
 from motorctl.identify.columns.repetition import period_of
 from motorctl.identify.columns.reversals import slow_reversal
+from motorctl.identify.columns.rows import Rows
 from motorctl.identify.columns.stretches import (
     REST_RANGE,
     REST_S,
@@ -41,13 +42,7 @@ from motorctl.identify.columns.stretches import (
     smoothed,
 )
 from motorctl.model import Effect, Spans
-from motorctl.model.columns import (
-    error_columns,
-    form_key,
-    input_columns,
-    state_columns,
-    uses_acceleration,
-)
+from motorctl.model.columns import form_key, uses_acceleration
 
 Array = NDArray[np.float64]
 Response = Callable[[Array], Array]
@@ -91,15 +86,12 @@ forms them again. Chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Signals:
+class Signals(Rows[Spectrum]):
     """The stretches of one axis, and the filter that makes m rows of them."""
 
-    data: Measured
-    period_s: float
     decimation: int
     band_hz: float
     response: Response
-    stretches: tuple[Stretch, ...]
     kept: tuple[NDArray[np.bool_], ...]
     """For each stretch, which of its rows are used."""
     position_noise: float
@@ -179,16 +171,16 @@ class Signals:
 
     def spectra(self, columns: Sequence[Array], formed_at: int = 1) -> Spectra:
         """Return the spectra of columns up to the rate of the rows, unfiltered."""
-        return tuple(self._spectrum(part, formed_at) for part in columns)
+        return tuple(self.formed(part, formed_at) for part in columns)
 
-    def rows_of(self, spectra: Spectra, undo: CommandPath = AT_ONCE) -> Array:
+    def rows_of(self, formed: Iterable[Spectrum], undo: CommandPath = AT_ONCE) -> Array:
         """Filter columns given by their spectra into (p, m).
 
         undo is the path of the command that is taken back: what the command has to give so much
         earlier.
         """
         parts: list[Array] = []
-        for (spectrum, rows), kept in zip(spectra, self.kept, strict=True):
+        for (spectrum, rows), kept in zip(formed, self.kept, strict=True):
             filtered = fft.irfft(spectrum * self._gain(rows, undo), rows, axis=1)
             parts.append(filtered[:, : len(kept)][:, kept])
         return np.asarray(np.concatenate(parts, axis=1))
@@ -222,16 +214,6 @@ class Signals:
             for s in self.stretches
         ]
 
-    def state(
-        self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int | None = None
-    ) -> Array:
-        """Return the columns of a state effect, (p, m).
-
-        acceleration is that of each stretch at the full rate; by default none, zero. step is the
-        decimation at which the columns are formed.
-        """
-        return self.rows_of(self.state_spectra(effect, acceleration, step))
-
     def state_spectra(
         self,
         effect: Effect,
@@ -240,46 +222,41 @@ class Signals:
         *,
         keep: bool = False,
     ) -> Spectra:
-        """Return the spectra of the same columns.
+        """Return the spectra of the columns of a state effect, formed at `motion_step` by default.
 
         keep has them kept, for a form that will be asked for again.
         """
         d = self.motion_step if step is None else step
 
         def form() -> Spectra:
-            columns = []
-            for k, s in enumerate(self.stretches):
-                x, v, quiet, t = s.x[::d], s.v[::d], s.quiet[::d], s.time_s[::d]
-                a = np.zeros_like(x) if acceleration is None else acceleration[k][::d]
-                columns.append(state_columns(effect, x, v, a, quiet, t, s.beside(effect, d)))
-            return self.spectra(columns, d)
+            return tuple(self.over(effect, acceleration, d))
 
         if not keep:
             return form()
         seen = acceleration if uses_acceleration(effect) else None
         return self._kept((form_key(effect), d), form, seen)
 
-    def inputs(self, effects: Sequence[Effect], path: CommandPath, *, keep: bool = False) -> Array:
-        """Return the command and the columns of input effects at the rows, (1 + p, m)."""
-        command = self._kept(("command", path), lambda: self._acting(path, lambda u, _: u[None]))
-        return np.concatenate(
-            [self.rows_of(command), *(self.input(effect, path, keep=keep) for effect in effects)]
-        )
+    def command(self, path: CommandPath) -> Array:
+        """Return the command that acts behind a path, (1, m)."""
+        return self.rows_of(self._kept(("command", path), lambda: self._acting(None, path)))
 
     def input(self, effect: Effect, path: CommandPath, *, keep: bool = False) -> Array:
         """Return the columns of an input effect at the rows, (p, m)."""
 
         def form() -> Spectra:
-            return self._acting(path, lambda u, s: input_columns(effect, u, s.x, s.quiet, s.time_s))
+            return self._acting(effect, path)
 
         return self.rows_of(self._kept((form_key(effect), path), form) if keep else form())
 
-    def _acting(self, path: CommandPath, of: Callable[[Array, Stretch], Array]) -> Spectra:
-        """Return the spectra of a function of the command that acts behind a path."""
+    def _acting(self, effect: Effect | None, path: CommandPath) -> Spectra:
+        """Return the spectra of the command that acts behind a path, or of an effect of it."""
         columns = []
         for s in self.stretches:
             parts = held_parts(s.command, path, self.period_s)
-            columns.append(np.asarray(sum(weight * of(u, s) for weight, u in parts)))
+            acting = [
+                (w, u[None] if effect is None else s.columns(effect, None, u)) for w, u in parts
+            ]
+            columns.append(np.asarray(sum(weight * column for weight, column in acting)))
         return self.spectra(columns)
 
     def measurement_spectra(self, effect: Effect, *, keep: bool = False) -> Spectra:
@@ -292,7 +269,7 @@ class Signals:
         def form() -> Spectra:
             columns = []
             for s in self.stretches:
-                errors = error_columns(effect, s.x)
+                errors = s.columns(effect)
                 columns.append(np.stack([second_difference(e, self.period_s) for e in errors]))
             return self.spectra(columns)
 
@@ -330,17 +307,17 @@ class Signals:
         columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
         return self.filtered(columns)
 
-    def _spectrum(self, columns: Array, formed_at: int) -> tuple[NDArray[np.complex128], int]:
-        n = columns.shape[1]
-        step = self.decimation // formed_at
+    def formed(self, columns: Array, step: int = 1) -> Spectrum:
+        """Return the spectrum of columns of one stretch up to the rate of the rows, unfiltered."""
+        n, every = columns.shape[1], self.decimation // step
         margin = 2 * math.ceil(TRIM_PERIODS / self.band_hz / self.row_period_s)
-        rows = fft.next_fast_len(-(-n // step) + margin, real=True)
-        padded = np.zeros((columns.shape[0], rows * step))
+        rows = fft.next_fast_len(-(-n // every) + margin, real=True)
+        padded = np.zeros((columns.shape[0], rows * every))
         padded[:, :n] = columns
-        fades = self._fading_in(self.trim * step)[:n]
+        fades = self._fading_in(self.trim * every)[:n]
         padded[:, : len(fades)] *= fades
         padded[:, n - len(fades) : n] *= fades[::-1]
-        return fft.rfft(padded, axis=1)[:, : rows // 2 + 1] / step, rows
+        return fft.rfft(padded, axis=1)[:, : rows // 2 + 1] / every, rows
 
     def _fading_in(self, samples: int) -> Array:
         """Return what fades a stretch in, and out, over the ends that no row uses, (samples,).
@@ -437,7 +414,6 @@ def make_signals(
         )
     return Signals(
         data=data,
-        period_s=data.period_s,
         decimation=decimation,
         band_hz=band,
         response=low_pass_response(band),

@@ -21,15 +21,13 @@ from scipy.optimize import minimize_scalar
 from motorctl.identify.columns.filters import acceleration_of, velocity_of
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.regression_data import RegressionData, delay_range_s, prepare
+from motorctl.identify.columns.stretches import Stretch, command_for
 from motorctl.identify.fit.delay import TOLERANCE_SAMPLES, delay_sensitivity, delay_trials
 from motorctl.identify.fit.estimate import FitEstimate
 from motorctl.identify.fit.standard_errors import sandwich
 
 Array = NDArray[np.float64]
 
-INVERSION_STEPS = 12
-"""Rounds of the fixed-point iteration that solves the command from the model. Fewer leave the
-instruments inexact, which makes them weaker but not wrong; more take time. Chosen by hand."""
 ROUNDS = 4
 """Each round forms the instruments anew from the last estimate."""
 SETTLED = 0.1
@@ -141,21 +139,15 @@ def _noise_free(data: Measured, columns: RegressionData, theta: Array) -> Regres
 
 
 def _ideal_command(data: Measured, rows: slice, columns: RegressionData, theta: Array) -> Array:
-    """Solve v(u) = sum of the state terms at the reference: iterate u = v + (u - v(u))."""
+    """Return the command that the model asks for at the reference, within what was used."""
     assert data.reference is not None
     reference, time = data.reference[rows], data.time_s[rows]
     velocity = velocity_of(reference, data.period_s)
     how = columns.options.derivative
     acceleration = acceleration_of(reference, velocity, data.period_s, how)
-    motion = (reference, velocity, acceleration, velocity, time)
+    ideal = Stretch(time, reference, reference, velocity, np.zeros_like(time), {}, velocity)
     limit = float(np.max(np.abs(data.command[data.usable])))
-    inputs = columns.input_index
-    virtual = columns.model.regressor(*motion, np.zeros_like(time)) @ theta
-    command = np.clip(virtual, -limit, limit)
-    for _ in range(INVERSION_STEPS if len(inputs) else 0):
-        psi = columns.model.regressor(*motion, command)[:, inputs]
-        command = np.clip(virtual + psi @ theta[inputs], -limit, limit)
-    return command
+    return command_for(ideal, columns.model, theta, acceleration, limit)
 
 
 def _lengths(columns: Array) -> Array:

@@ -221,10 +221,7 @@ def _map_notes(fit: AxisFit) -> list[str]:
         return []
     largest = float(np.max(np.abs(fit.data.command[fit.data.usable])))
     u = np.linspace(-largest, largest, 201)
-    zero = np.zeros_like(u)
-    psi = fit.model.regressor(zero, zero, zero, zero, zero, u)[:, fit.columns.input_index]
-    v = u - psi @ fit.theta[fit.columns.input_index]
-    if np.all(np.diff(v) > 0.0):
+    if np.all(np.diff(fit.model.input_over(u, fit.theta)[0]) > 0.0):
         return []
     return [
         f"the input map v(u) is not strictly monotonic up to {largest:.3g} {fit.data.command_unit}:"

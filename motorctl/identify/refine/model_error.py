@@ -12,35 +12,10 @@ from motorctl.identify.columns.command_timing import CommandPath
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import choose_band_hz
-from motorctl.identify.columns.signals import Signals, make_signals
+from motorctl.identify.columns.signals import make_signals
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
-
-
-def signals_for(data: Measured, others: Mapping[str, Measured] | None = None) -> Signals:
-    """Filter a recording to the band in which noise leaves the acceleration alone.
-
-    others are the other axes of the same recording. Raises DataError where it is too short.
-    """
-    return make_signals(data, dict(others or {}), choose_band_hz(data))
-
-
-def model_columns(signals: Signals, model: EffectList) -> tuple[Array, Array]:
-    """Return the command that acts, (m,), and the columns psi at the measured motion, (n, m)."""
-    path = CommandPath(model.delay_s, model.lag_s)
-    inputs = [effect for effect in model.effects if effect.kind == "input"]
-    command, *held = signals.inputs(inputs, path)
-    accelerations = [second_difference(s.position, signals.period_s) for s in signals.stretches]
-    columns = []
-    for effect in model.effects:
-        if effect.kind == "input":
-            columns.append(np.array(held[: len(effect.parameters)]))
-            held = held[len(effect.parameters) :]
-        elif effect.kind == "state":
-            # At the full rate: the raw second difference has noise far above the band.
-            columns.append(signals.state(effect, accelerations, 1))
-    return command, np.concatenate(columns)
 
 
 def force_error_rms(
@@ -56,9 +31,13 @@ def force_error_rms(
     of the measurement that the recorded position is free of already. Raises DataError where the
     recording is too short.
     """
-    signals = signals_for(corrected(data, model, corrected_by), others)
-    command, columns = model_columns(signals, model)
-    return float(np.sqrt(np.mean((command - theta @ columns) ** 2)))
+    data = corrected(data, model, corrected_by)
+    signals = make_signals(data, dict(others), choose_band_hz(data))
+    path = CommandPath(model.delay_s, model.lag_s)
+    # at the full rate: the raw second difference has noise far above the band
+    acceleration = [second_difference(s.position, signals.period_s) for s in signals.stretches]
+    psi, command = signals.regression(model, path, acceleration)
+    return float(np.sqrt(np.mean((command - theta @ psi) ** 2)))
 
 
 def corrected(data: Measured, model: EffectList, corrected_by: Collection[str] = ()) -> Measured:

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from motorctl.config.machine import Estimate
 from motorctl.identify.columns.signals import Signals
-from motorctl.identify.columns.stretches import Stretch
 from motorctl.model import Effect, EffectList, Parameter
-from motorctl.model.columns import input_columns, state_columns
 
 Array = NDArray[np.float64]
 
@@ -110,7 +108,7 @@ def sizes_of(model: EffectList, signals: Signals) -> Sizes:
     for effect in model.effects:
         if effect.parameters:
             parts = [
-                _columns(effect, stretch, signals.period_s)[:, rows]
+                stretch.columns(effect, np.gradient(stretch.v, signals.period_s))[:, rows]
                 for stretch, rows in zip(signals.stretches, moving, strict=True)
             ]
             columns = np.concatenate(parts, axis=1)
@@ -148,13 +146,6 @@ def rounded_within(parameter: Parameter, value: float) -> float:
 def rounded(value: float, digits: int = DIGITS) -> float:
     """Round to the digits that are worth writing."""
     return float(f"{value:.{digits}g}")
-
-
-def _columns(effect: Effect, s: Stretch, period_s: float) -> Array:
-    if effect.kind == "input":
-        return input_columns(effect, s.command, s.x, s.quiet, s.time_s)
-    acceleration = np.gradient(s.v, period_s)
-    return state_columns(effect, s.x, s.v, acceleration, s.quiet, s.time_s, s.beside(effect))
 
 
 def _option(value: object) -> object:

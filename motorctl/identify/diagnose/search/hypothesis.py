@@ -26,7 +26,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, basic_effects, known_effects
-from motorctl.model.columns import form_key, input_columns, state_columns, uses_acceleration
+from motorctl.model.columns import form_key, uses_acceleration
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -310,12 +310,12 @@ class Hypothesis:
             n = 1 + sum(len(e.parameters) for e in inputs)
             total = np.zeros_like(s.x)
             for weight, u in held_parts(s.command, self.path, signals.period_s):
-                held = [u[None], *(input_columns(e, u, s.x, s.quiet, s.time_s) for e in inputs)]
+                held = [u[None], *(s.columns(e, None, u) for e in inputs)]
                 total += weight * (b[:n] @ np.concatenate(held))
             i = n
             for e in states:
-                a = np.zeros_like(s.x) if self.acceleration is None else self.acceleration[k]
-                columns = state_columns(e, s.x, s.v, a, s.quiet, s.time_s, s.beside(e))
+                a = None if self.acceleration is None else self.acceleration[k]
+                columns = s.columns(e, a)
                 if "resonance" not in e.groups:
                     total = total + b[i : i + len(columns)] @ columns
                 i += len(columns)
@@ -334,8 +334,7 @@ class Hypothesis:
             shares = tuple(-b for b, name in zip(self.b, self.names, strict=True) if name == e.name)
             if self.regressors.side == "command":  # there it was fitted on the machine's own
                 mode, shares = e.on_rigid_acceleration(shares)
-            columns = state_columns(mode, s.x, s.v, rigid, s.quiet, s.time_s, s.beside(mode))
-            added -= np.asarray(shares) @ columns
+            added -= np.asarray(shares) @ s.columns(mode, rigid)
         return added
 
 

@@ -19,14 +19,13 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import resolution_of
 from motorctl.identify.columns.signals import Signals, make_signals
-from motorctl.identify.columns.stretches import Stretch, smoothed
+from motorctl.identify.columns.stretches import Stretch, command_for, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of, values_of
+from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
 from motorctl.identify.diagnose.verdict.simulated_position import ratios_of, simulated_position
 from motorctl.model import Effect
-from motorctl.model.columns import input_columns, state_columns
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -45,9 +44,6 @@ lack something 2.6 to 7."""
 NEAR_TWIN = 2.4
 """The same as the geometric mean over all windows; clean machines have 0.9 to 2.3, those that lack
 something 1.5 to 9. Chosen by hand as above."""
-TURNS = 15
-"""Times that the command is put into its own input map: it converges by the map's slope each time.
-Arithmetic: a slope of 0.5, of a worm gear, leaves 3e-5."""
 
 
 def clean_twin(found: Found) -> Found | None:
@@ -115,19 +111,8 @@ def _is_of_force(effect: Effect) -> bool:
 def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Array:
     """Return the command that the model asks for a motion."""
     v, a = np.gradient(x, period_s), second_difference(x, period_s)
-    force = np.zeros_like(x)
-    inputs: list[tuple[Effect, Array]] = []
-    for effect in values.model.effects:
-        theta, _ = theta_of(values, effect)
-        if effect.kind == "state":
-            force += theta @ state_columns(effect, x, v, a, v, s.time_s, s.beside(effect))
-        elif effect.kind == "input":
-            inputs.append((effect, theta))
-    command = force
-    for _ in range(TURNS if inputs else 0):
-        bent = sum(theta @ input_columns(e, command, x, v, s.time_s) for e, theta in inputs)
-        command = force + bent
-    return command
+    motion = replace(s, x=x, v=v, quiet=v)
+    return command_for(motion, values.model, values.theta, a)
 
 
 def _as_measured(x: Array, real: Signals, draw: np.random.Generator) -> Array:
