@@ -78,6 +78,11 @@ def velocity_noise_rms(density: float, cutoff_hz: float) -> float:
     return float(np.sqrt(density * (2.0 * np.pi) ** 2 * cutoff_hz**3 / 3.0))
 
 
+def velocity_band_hz(density: float, noise: float) -> float:
+    """Return the band in which it leaves so much noise in the velocity [Hz]; not for density 0."""
+    return float(np.cbrt(3.0 * noise**2 / (density * (2.0 * np.pi) ** 2)))
+
+
 def choose_band_hz(data: Measured) -> float:
     """Return the widest band in which noise stays small beside the acceleration."""
     widest = min(WIDEST_BAND_HZ, BAND_PER_RATE * data.sample_rate_hz)
@@ -103,7 +108,7 @@ def choose_velocity_band_hz(data: Measured, band_hz: float, slope_s_m: float) ->
     noise = NOISE_PER_TURNOVER / slope_s_m
     allowed = widest
     if density > 0.0:
-        allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * np.pi) ** 2)))
+        allowed = velocity_band_hz(density, noise)
     return max(band_hz, min(allowed, widest))
 
 

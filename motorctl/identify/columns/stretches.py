@@ -12,6 +12,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.position_noise import velocity_band_hz
 from motorctl.model import Effect, EffectList
 from motorctl.model.columns import error_columns, input_columns, state_columns
 
@@ -205,8 +206,7 @@ def quiet_band_hz(density: float, band_hz: float, slope_s_m: float | None) -> fl
     widest = 2.0 * band_hz
     if slope_s_m is None or not 0.0 < slope_s_m < math.inf or density <= 0.0:
         return widest
-    noise = QUIET_NOISE / slope_s_m
-    allowed = float(np.cbrt(3.0 * noise**2 / (density * (2.0 * math.pi) ** 2)))
+    allowed = velocity_band_hz(density, QUIET_NOISE / slope_s_m)
     octaves = math.log2(min(max(allowed / widest, 0.5 * NARROWEST_QUIET), 1.0))
     return float(widest * 2.0 ** (math.floor(QUIET_STEPS * octaves) / QUIET_STEPS))
 

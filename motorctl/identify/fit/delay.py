@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.regression_data import RegressionData, delay_range_s
 from motorctl.identify.fit.regression import regression
-from motorctl.identify.fit.settings import Side
 
 Array = NDArray[np.float64]
 

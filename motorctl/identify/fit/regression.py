@@ -1,11 +1,7 @@
-"""Linear least squares of the declared model, with either side on the left.
+"""Linear least squares of the declared model, with either side on the left (see `left_side`).
 
-Command on the left:       u = sum theta_i psi_i.
-Acceleration on the left:  a = (1/theta_1) u - sum_{i>1} (theta_i/theta_1) psi_i,
-
-the same equation divided by the inertia: the command is known exactly, the acceleration carries
-the noise, so the second form is the one without bias. Parameters come back as theta_1 = 1/b_1,
-theta_i = -b_i/b_1, and their covariance by the delta method.
+The command is known exactly, the acceleration carries the noise, so with the acceleration on the
+left there is no bias. The parameters' covariance comes by the delta method.
 """
 
 from __future__ import annotations
@@ -16,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from motorctl.identify.fit.settings import Side
+from motorctl.identify.columns.left_side import Side, turned, turned_jacobian
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -39,11 +35,7 @@ class Regression:
 
     def theta(self, b: Array) -> Array:
         """Return theta (n,) of the coefficients b (n,)."""
-        if self.inertia is None:
-            return b
-        theta: Array = -b / b[self.inertia]
-        theta[self.inertia] = 1.0 / b[self.inertia]
-        return theta
+        return b if self.inertia is None else turned(b, self.inertia)
 
     def coefficients(self, theta: Array) -> Array:
         """Return b (n,) of theta (n,); its own inverse."""
@@ -51,13 +43,7 @@ class Regression:
 
     def jacobian(self, b: Array) -> Array:
         """Return d theta / d b, shape (n, n)."""
-        if self.inertia is None:
-            return np.eye(len(b))
-        i, b1 = self.inertia, b[self.inertia]
-        jacobian: Array = -np.eye(len(b)) / b1
-        jacobian[:, i] = b / b1**2
-        jacobian[i, i] = -1.0 / b1**2
-        return jacobian
+        return np.eye(len(b)) if self.inertia is None else turned_jacobian(b, self.inertia)
 
 
 def regression(psi: Array, command: Array, model: EffectList, left: Side) -> Regression:

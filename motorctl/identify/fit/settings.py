@@ -10,12 +10,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from motorctl.config.validation import suggest, validate
 from motorctl.errors import UsageError
 from motorctl.identify.columns.filters import Derivative, FilterKind
+from motorctl.identify.columns.left_side import Side
 from motorctl.located_yaml import read_document
 
 SETTINGS_FOLDER = Path(__file__).parent / "shipped"
 """Here ``default.yaml`` says what every key means."""
 
-Side = Literal["acceleration", "command"]
 Estimator = Literal["least_squares", "instruments"]
 
 

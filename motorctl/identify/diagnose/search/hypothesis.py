@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
 from motorctl.identify.columns.kept_spectra import Spectra
+from motorctl.identify.columns.left_side import Side, acceleration_form
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
@@ -24,7 +25,6 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     solve,
     with_columns,
 )
-from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, basic_effects, known_effects
 from motorctl.model.columns import form_key, uses_acceleration
 from motorctl.model.sign_function import slope_of
@@ -336,15 +336,6 @@ class Hypothesis:
                 mode, shares = e.on_rigid_acceleration(shares)
             added -= np.asarray(shares) @ s.columns(mode, rigid)
         return added
-
-
-def acceleration_form(b: Array, side: Side) -> Array:
-    """Turn u = theta1 a + sum theta_i psi_i into a = (u - sum theta_i psi_i)/theta1."""
-    if side == "acceleration":
-        return b
-    turned = -b / b[0]
-    turned[0] = 1.0 / b[0]
-    return np.asarray(turned)
 
 
 def is_loose(effect: Effect) -> bool:

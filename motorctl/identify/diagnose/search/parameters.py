@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from motorctl.identify.columns.left_side import turned, turned_jacobian
 from motorctl.identify.diagnose.search.forms import measure
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedFit, BlockedRegression, solve
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis, acceleration_form
-from motorctl.identify.fit.settings import Side
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect, EffectList, Spans
 
 Array = NDArray[np.float64]
@@ -44,7 +44,10 @@ def values_of(hypothesis: Hypothesis, extra: Compensation | None = None) -> Fitt
     problem = hypothesis.problem if extra is None else extra[1]
     found = hypothesis.solution if extra is None else solve(problem)
     covariance = robust_covariance(problem, found)
-    b, covariance = _turned(found.b, covariance, hypothesis.regressors.side)
+    b = found.b
+    if hypothesis.regressors.side == "command":
+        jacobian = turned_jacobian(b)
+        b, covariance = turned(b), jacobian @ covariance @ jacobian.T
     order = [*hypothesis.of_kind("input"), *hypothesis.of_kind("state")]
     start, columns = 1, {}
     for effect in order:
@@ -81,17 +84,6 @@ def values_of(hypothesis: Hypothesis, extra: Compensation | None = None) -> Fitt
             theta.append(value)
             error.append(math.sqrt(max(float(slope @ covariance @ slope), 0.0)))
     return FittedModel(model, np.array(theta), np.array(error))
-
-
-def _turned(b: Array, covariance: Array, side: Side) -> tuple[Array, Array]:
-    """Return coefficients and covariance with the acceleration on the left."""
-    if side == "acceleration":
-        return b, covariance
-    jacobian = -np.eye(len(b)) / b[0]
-    jacobian[:, 0] = b / b[0] ** 2
-    jacobian[0] = 0.0
-    jacobian[0, 0] = -1.0 / b[0] ** 2
-    return acceleration_form(b, side), np.asarray(jacobian @ covariance @ jacobian.T)
 
 
 def robust_covariance(problem: BlockedRegression, found: BlockedFit) -> Array:

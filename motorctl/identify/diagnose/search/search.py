@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.columns.signals import Signals, spans_of
 from motorctl.identify.diagnose.search.acceptance import (
@@ -51,7 +52,6 @@ from motorctl.identify.diagnose.search.whitening import (
     saturated_residual,
     whitening_response,
 )
-from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect, EffectList, Spans
 from motorctl.model.sign_function import Sign, sign_of, slope_of
 

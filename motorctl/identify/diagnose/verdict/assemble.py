@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.left_side import acceleration_form
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import low_pass_response
 from motorctl.identify.diagnose.report.motion_advice import advise
@@ -22,7 +23,6 @@ from motorctl.identify.diagnose.result import (
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
-from motorctl.identify.diagnose.search.hypothesis import acceleration_form
 from motorctl.identify.diagnose.search.parameters import (
     Compensation,
     FittedModel,

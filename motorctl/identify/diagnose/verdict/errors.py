@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.left_side import Side
 from motorctl.identify.diagnose.result import Alternative, ModelError
 from motorctl.identify.diagnose.search.acceptance import gain
 from motorctl.identify.diagnose.search.forms import by_simplex, measure
@@ -24,7 +25,6 @@ from motorctl.identify.diagnose.verdict.simulated_position import (
     judge_by_simulation,
     simulated_position,
 )
-from motorctl.identify.fit.settings import Side
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from motorctl.identify.columns.left_side import Side
 from motorctl.identify.diagnose.result import Verdict
 from motorctl.identify.diagnose.search.acceptance import NOISE_LIKE, relevant_part
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, with_columns
@@ -22,7 +23,6 @@ from motorctl.identify.diagnose.search.search import (
 )
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import spectrum
-from motorctl.identify.fit.settings import Side
 
 Array = NDArray[np.float64]
 
