@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -66,6 +66,8 @@ class Measured:
     command_unit: CommandUnit = "V"
     force_per_command: float | None = None
     force_unit: str = "N"
+    others: Mapping[str, Measured] = field(default_factory=dict, repr=False)
+    """The other axes that move, by name, at the same times; empty where nobody asked for them."""
 
     @property
     def period_s(self) -> float:
@@ -171,9 +173,9 @@ def _own_ticks(data: Measured, flags: NDArray[np.int64]) -> Measured:
 def _picked(data: Measured, rows: NDArray[np.int64]) -> Measured:
     length = len(data.position)
     columns: dict[str, Any] = {
-        field.name: value[rows]
-        for field in fields(data)
-        if isinstance(value := getattr(data, field.name), np.ndarray) and len(value) == length
+        each.name: value[rows]
+        for each in fields(data)
+        if isinstance(value := getattr(data, each.name), np.ndarray) and len(value) == length
     }
     return replace(data, **columns)
 
@@ -182,6 +184,13 @@ def beside(data: Measured, others: Mapping[str, Measured]) -> dict[str, Measured
     """Return the other axes that move, at the times of `data`: they may have another rate."""
     moving = {name: other for name, other in others.items() if np.ptp(other.position) > 0.0}
     return {name: _at_times(other, data.time_s) for name, other in moving.items()}
+
+
+def with_others(recording: Recording, axis: str) -> Measured:
+    """Take one axis out of a recording, and those that move beside it. Raises UsageError."""
+    data = measured(recording, axis)
+    others = {name: measured(recording, name) for name in recording.axes if name != axis}
+    return replace(data, others=beside(data, others))
 
 
 def _at_times(other: Measured, time_s: Array) -> Measured:

@@ -267,7 +267,7 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
     shortest = max(shortest, 3 * max(options.filter_order, options.decimation_order) + 2)
     stretches, accelerations, picks = [], [], []
     for rows in data.stretches(shortest):
-        stretch, acceleration = _motion(data, rows, options)
+        stretch, acceleration = _motion(data, rows, model, options)
         stretches.append(stretch)
         accelerations.append(acceleration)
         quiet = stretch.quiet[options.discard_start : len(stretch.quiet) - options.discard_end]
@@ -294,23 +294,36 @@ def _reach(options: FitOptions, lowest: float, highest: float) -> tuple[int, int
     )
 
 
-def _motion(data: Measured, rows: slice, options: FitOptions) -> tuple[Stretch, Array]:
+def _motion(
+    data: Measured, rows: slice, model: EffectList, options: FitOptions
+) -> tuple[Stretch, Array]:
     """Return the signals of one stretch without gaps, and its acceleration."""
-    position = data.position[rows]
-    on_position = options.filter_target == "position"
-    x = smoothed_by(options, position, data.sample_rate_hz) if on_position else position
-    v = velocity_of(x, data.period_s)
+
+    def derived(position: Array) -> tuple[Array, Array, Array]:
+        on_position = options.filter_target == "position"
+        x = smoothed_by(options, position, data.sample_rate_hz) if on_position else position
+        v = velocity_of(x, data.period_s)
+        return x, v, acceleration_of(x, v, data.period_s, options.derivative)
+
+    x, v, a = derived(data.position[rows])
     # friction must not lag the motion, whatever filter goes over its column afterwards
     quiet = v
-    if not on_position:
+    if options.filter_target == "columns":
         assert options.friction_hz is not None
         gentle = low_pass("butterworth", 4, options.friction_hz, data.sample_rate_hz)
         quiet = zero_phase(gentle, 4, v)
     desired = data.desired_velocity
     if options.friction_velocity == "reference" and desired is not None:
         quiet = desired[rows]
-    stretch = Stretch(data.time_s[rows], position, x, v, data.command[rows], {}, quiet)
-    return stretch, acceleration_of(x, v, data.period_s, options.derivative)
+    beside = {
+        name: np.column_stack(derived(other.position[rows]))
+        for name, other in data.others.items()
+        if name in model.other_axes
+    }
+    stretch = Stretch(
+        data.time_s[rows], data.position[rows], x, v, data.command[rows], beside, quiet
+    )
+    return stretch, a
 
 
 def _picked(quiet: Array, options: FitOptions, reach: tuple[int, int]) -> Indices:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,7 +157,7 @@ def command_for(
 
 
 def make_stretch(
-    data: Measured, others: dict[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
+    data: Measured, others: Mapping[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
 ) -> Stretch:
     """Smooth the motion of some rows of a recording.
 

@@ -16,6 +16,7 @@ from motorctl.identify.columns.measured import (
     check_usable,
     counterpart,
     measured,
+    with_others,
     within,
 )
 from motorctl.identify.columns.pieces import shortened, without
@@ -195,6 +196,5 @@ def diagnose_axis(
 
 def _test_on(recording: Recording, name: str) -> Test:
     """Return the axis of another recording that errors are measured on, and those beside it."""
-    axes = {axis: measured(recording, axis) for axis in recording.axes}
-    own = axes.pop(counterpart(recording, name))
-    return own, beside(own, axes)
+    own = with_others(recording, counterpart(recording, name))
+    return own, own.others

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from motorctl.identify.columns.filters import acceleration_of, velocity_of
-from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.regression_data import RegressionData, delay_range_s, prepare
 from motorctl.identify.columns.stretches import Stretch, command_for
 from motorctl.identify.fit.delay import TOLERANCE_SAMPLES, delay_sensitivity, delay_trials
@@ -39,17 +38,18 @@ SHIFTS_PER_PERIOD = 8
 
 
 def by_instruments(
-    data: Measured, columns: RegressionData, start: FitEstimate, bandwidth_rows: int
+    columns: RegressionData, start: FitEstimate, bandwidth_rows: int
 ) -> FitEstimate | None:
     """Identify with instruments; None where the reference is unknown or does not excite.
 
-    `columns` are rows of `data`, `start` is what least squares found on them.
+    `start` is what least squares found on the same rows.
     """
+    data = columns.data
     if data.reference is None or not np.all(np.isfinite(data.reference[data.usable])):
         return None
     found = start
     for _ in range(ROUNDS):
-        ideal = _noise_free(data, columns, found.theta)
+        ideal = _noise_free(columns, found.theta)
         if ideal is None:
             return None
         before = found
@@ -125,29 +125,25 @@ def _basis(ideal: RegressionData, delay_s: float) -> Array:
     return np.asarray(U[:, s > SMALLEST_SINGULAR_VALUE * s[0]])
 
 
-def _noise_free(data: Measured, columns: RegressionData, theta: Array) -> RegressionData | None:
+def _noise_free(columns: RegressionData, theta: Array) -> RegressionData | None:
     """Form the same rows from the reference and the command that the model asks for there."""
+    data = columns.data
     assert data.reference is not None
     options = columns.options.with_changes(friction_velocity="measured", rest_velocity=0.0)
-    command = np.zeros_like(data.reference)
-    for rows in data.stretches(3):
-        command[rows] = _ideal_command(data, rows, columns, theta)
-    ideal = replace(data, position=data.reference, command=command)
-    formed = prepare(ideal, columns.model, options)
+    formed = prepare(replace(data, position=data.reference), columns.model, options)
+    limit = float(np.max(np.abs(data.command[data.usable])))
+    stretches = tuple(_ideal(s, columns, theta, limit) for s in formed.stretches)
+    formed = replace(formed, stretches=stretches)
     formed = formed.rows(np.isin(formed.time_s, columns.time_s))
     return formed if len(formed.time_s) == len(columns.time_s) else None
 
 
-def _ideal_command(data: Measured, rows: slice, columns: RegressionData, theta: Array) -> Array:
-    """Return the command that the model asks for at the reference, within what was used."""
-    assert data.reference is not None
-    reference, time = data.reference[rows], data.time_s[rows]
-    velocity = velocity_of(reference, data.period_s)
-    how = columns.options.derivative
-    acceleration = acceleration_of(reference, velocity, data.period_s, how)
-    ideal = Stretch(time, reference, reference, velocity, np.zeros_like(time), {}, velocity)
-    limit = float(np.max(np.abs(data.command[data.usable])))
-    return command_for(ideal, columns.model, theta, acceleration, limit)
+def _ideal(s: Stretch, columns: RegressionData, theta: Array, limit: float) -> Stretch:
+    """Return a stretch of the reference with the command that the model asks for there."""
+    v = velocity_of(s.position, columns.period_s)  # unsmoothed, as the command is
+    a = acceleration_of(s.position, v, columns.period_s, columns.options.derivative)
+    motion = replace(s, x=s.position, v=v, quiet=v)
+    return replace(s, command=command_for(motion, columns.model, theta, a, limit))
 
 
 def _lengths(columns: Array) -> Array:

@@ -29,7 +29,7 @@ class LeastSquares:
     """The best delay lies at an end of the range that was sought."""
 
 
-def by_least_squares(data: Measured, columns: RegressionData, bandwidth_rows: int) -> LeastSquares:
+def by_least_squares(columns: RegressionData, bandwidth_rows: int) -> LeastSquares:
     """Identify `columns.model`; a parameter that would leave its physical bounds is held there.
 
     Standard errors come from the delta method with a covariance that honours correlation over at
@@ -45,7 +45,7 @@ def by_least_squares(data: Measured, columns: RegressionData, bandwidth_rows: in
     theta = problem.theta(solution.b)
     fixed = np.zeros(len(theta), dtype=np.bool_)
     at_bound: dict[str, Bound] = {}
-    lower, upper = physical_bounds(columns.model, data)
+    lower, upper = physical_bounds(columns.model, columns.data)
     if not within(theta, lower, upper):
         bounded = solve_bounded(problem, theta, lower, upper)
         theta, fixed = bounded.theta, bounded.at_lower | bounded.at_upper

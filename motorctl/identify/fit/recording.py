@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.measured import Measured, check_usable, counterpart, measured
+from motorctl.identify.columns.measured import Measured, check_usable, counterpart, with_others
 from motorctl.identify.columns.regression_data import RegressionData, prepare
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.fit.estimate import FitEstimate
@@ -84,9 +84,9 @@ def fit_recording(
             progress(name)
         other = None
         if evaluate_on is not None:
-            other = measured(evaluate_on, counterpart(evaluate_on, name))
+            other = with_others(evaluate_on, counterpart(evaluate_on, name))
         try:
-            fits[name] = fit_axis(measured(recording, name), model, options, other)
+            fits[name] = fit_axis(with_others(recording, name), model, options, other)
         except DataError as error:
             refused[name] = error
     if not fits:
@@ -135,23 +135,23 @@ def fit_axis(
     check_columns(data)
     everything = prepare(data, model, options or FitOptions())
     options = everything.options
-    columns = _chosen(data, everything, options.fit_segments)
+    columns = _chosen(everything, options.fit_segments)
     bandwidth = _correlated_rows(columns)
-    found = by_least_squares(data, columns, bandwidth)
+    found = by_least_squares(columns, bandwidth)
     check_direction(data, everything.model, found.problem, found.solution, bandwidth)
-    instruments = by_instruments(data, columns, found.estimate, bandwidth)
-    estimator = _preferred(data, columns, found.estimate, instruments)
+    instruments = by_instruments(columns, found.estimate, bandwidth)
+    estimator = _preferred(columns, found.estimate, instruments)
     estimate = found.estimate
     if estimator == "instruments" and instruments is not None:
         estimate = instruments
-    residual, error = _error(data, columns, estimate)
+    residual, error = _error(columns, estimate)
     check_exchanged(data, error, options)
     held_out = None
     if evaluate_on is not None:
         held_out = _evaluate(evaluate_on, everything, estimate)
     elif options.held_out_segments:
-        rest = _chosen(data, everything, options.held_out_segments)
-        held_out = _error(data, rest, estimate)[1]
+        rest = _chosen(everything, options.held_out_segments)
+        held_out = _error(rest, estimate)[1]
     fit = AxisFit(
         data=data,
         model=everything.model,
@@ -179,15 +179,14 @@ def _described(recording: Recording, part: str) -> tuple[Segment, ...] | None:
     return tuple(found) or None
 
 
-def _chosen(
-    data: Measured, columns: RegressionData, segments: tuple[Segment, ...] | None
-) -> RegressionData:
+def _chosen(columns: RegressionData, segments: tuple[Segment, ...] | None) -> RegressionData:
     chosen = columns.within(segments) if segments else columns
     needed = ROWS_PER_PARAMETER * len(columns.model)
     if len(chosen.time_s) < needed:
         spans = ", ".join(f"{begin:g} to {end:g} s" for begin, end in segments or ())
         raise DataError(
-            f"{data.place}: {len(chosen.time_s)} rows are left after filtering and decimation"
+            f"{columns.data.place}: {len(chosen.time_s)} rows are left after filtering and "
+            "decimation"
             + (f" in {spans}" if spans else "")
             + f"; {len(columns.model)} parameters need at least {needed}: record longer"
         )
@@ -195,12 +194,11 @@ def _chosen(
 
 
 def _correlated_rows(columns: RegressionData) -> int:
-    assert columns.options.decimation is not None
-    return math.ceil(SHORTEST_CORRELATION_S / (columns.period_s * columns.options.decimation))
+    return math.ceil(SHORTEST_CORRELATION_S / columns.row_period_s)
 
 
 def _preferred(
-    data: Measured, columns: RegressionData, ordinary: FitEstimate, instruments: FitEstimate | None
+    columns: RegressionData, ordinary: FitEstimate, instruments: FitEstimate | None
 ) -> Estimator:
     wanted = columns.options.estimator
     if wanted == "least_squares" or (wanted == "auto" and columns.options.left == "command"):
@@ -208,34 +206,31 @@ def _preferred(
     if wanted == "instruments":
         if instruments is None:
             raise DataError(
-                f"{data.place}: instruments need a reference that excites every parameter; choose "
-                "estimator: least_squares"
+                f"{columns.data.place}: instruments need a reference that excites every parameter; "
+                "choose estimator: least_squares"
             )
         return wanted
     if instruments is None or instruments.weaker_than(ordinary).any():
         return "least_squares"
-    bounds = physical_bounds(columns.model, data)
+    bounds = physical_bounds(columns.model, columns.data)
     return "instruments" if within(instruments.theta, *bounds) else "least_squares"
 
 
-def _error(
-    data: Measured, columns: RegressionData, estimate: FitEstimate
-) -> tuple[Array, FitError]:
+def _error(columns: RegressionData, estimate: FitEstimate) -> tuple[Array, FitError]:
     psi, command = columns.at(estimate.delay_s)
     residual = command - psi @ estimate.theta
     size = float(np.linalg.norm(command))
-    assert columns.options.decimation is not None
     rows = len(residual)
     return residual, FitError(
         rms=float(np.linalg.norm(residual)) / math.sqrt(rows),
         relative=float(np.linalg.norm(residual)) / size if size else math.inf,
-        source=data.source,
-        duration_s=rows * columns.period_s * columns.options.decimation,
+        source=columns.data.source,
+        duration_s=rows * columns.row_period_s,
     )
 
 
 def _evaluate(other: Measured, like: RegressionData, estimate: FitEstimate) -> FitError:
     check_usable(other)
     options = like.options.with_changes(fit_segments=None, held_out_segments=None)
-    columns = _chosen(other, prepare(other, like.model, options), None)
-    return _error(other, columns, estimate)[1]
+    columns = _chosen(prepare(other, like.model, options), None)
+    return _error(columns, estimate)[1]

@@ -1,6 +1,7 @@
 """The identification is written over any list of effects."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from ripple_effect import Ripple, RippleOptions
 
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.identify.fit.settings import FitOptions
-from motorctl.model import EffectList
+from motorctl.model import EffectList, effect_class, make_effect
 from motorctl.model.sign_function import with_slope
 
 
@@ -23,6 +24,20 @@ def test_an_effect_of_ones_own_with_two_parameters_is_identified():
     fit = fit_axis(run.measured(command=command), model)
     assert fit.value("ripple_sin") == pytest.approx(sine, abs=2e-3)
     assert fit.value("ripple_cos") == pytest.approx(cosine, abs=2e-3)
+    assert fit.value("inertia") == pytest.approx(X_THETA[0], rel=1e-3)
+
+
+def test_the_pull_of_another_axis_is_identified():
+    run = simulate(seed=4, theta=X_THETA[:4])
+    w, reach, pull, drag = 9.0, 0.2, 0.04, -0.05
+    t = run.time_s
+    speed, acceleration = reach * w * np.cos(w * t), -reach * w**2 * np.sin(w * t)
+    command = run.command + pull * acceleration + drag * speed
+    beside = {"y": replace(run.measured(), axis="y", position=reach * np.sin(w * t))}
+    coupled = make_effect(effect_class("cross_axis"), {"axes": ["y"]})
+    fit = fit_axis(run.measured(command=command, others=beside), EffectList([*C1.effects, coupled]))
+    assert fit.value("cross_axis_acceleration_y") == pytest.approx(pull, rel=0.01)
+    assert fit.value("cross_axis_velocity_y") == pytest.approx(drag, rel=0.05)
     assert fit.value("inertia") == pytest.approx(X_THETA[0], rel=1e-3)
 
 
