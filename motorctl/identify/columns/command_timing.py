@@ -136,7 +136,9 @@ def _moment(begin: float, end: float, rate: float, a: float, b: float) -> float:
 
 
 def later(u: Array, ticks: int) -> Array:
-    """Return a series so many ticks later, its first value before."""
+    """Return a series so many ticks later, its first value before; or earlier, its last after."""
     if ticks == 0:
         return u
+    if ticks < 0:
+        return later(u[::-1], -ticks)[::-1]
     return np.concatenate([np.full(min(ticks, len(u)), u[0]), u[:-ticks]])

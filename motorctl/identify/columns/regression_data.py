@@ -7,14 +7,21 @@ aligned for each delay that is tried.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_timing import CommandPath, Taps, hold_taps, sample_taps
+from motorctl.identify.columns.command_timing import (
+    CommandPath,
+    Taps,
+    hold_taps,
+    later,
+    sample_taps,
+)
 from motorctl.identify.columns.filters import (
     acceleration_of,
     decimation_filter,
@@ -80,8 +87,8 @@ class RegressionData(Rows[Array]):
     """For each stretch, which of its samples are rows, counted from the first settled one."""
     _held: dict[Hashable, list[Array]] = field(default_factory=dict, repr=False)
     """The filtered command and its columns at the full rate, before alignment."""
-    _states: dict[Hashable, Array] = field(default_factory=dict, repr=False)
-    """Rows of state effects: they are the same for every delay."""
+    _rows: dict[Hashable, Array] = field(default_factory=dict, repr=False)
+    """Rows of columns that are asked for again, whatever the delay."""
 
     @property
     def time_s(self) -> Array:
@@ -110,8 +117,12 @@ class RegressionData(Rows[Array]):
         """Return only some of the rows; `chosen` of shape (m,)."""
         ends = np.cumsum([len(pick) for pick in self.picks])[:-1]
         parts = zip(self.picks, np.split(chosen, ends), strict=True)
-        states = {key: rows[:, chosen] for key, rows in self._states.items()}
-        return replace(self, picks=tuple(pick[part] for pick, part in parts), _states=states)
+        formed = {key: rows[:, chosen] for key, rows in self._rows.items()}
+        return replace(self, picks=tuple(pick[part] for pick, part in parts), _rows=formed)
+
+    def with_stretches(self, stretches: tuple[Stretch, ...]) -> RegressionData:
+        """Return the same rows of other stretches."""
+        return replace(self, stretches=stretches, _held={}, _rows={})
 
     def within(self, segments: tuple[Segment, ...]) -> RegressionData:
         """Return the rows whose time lies in one of the segments, begin included, end not."""
@@ -143,10 +154,7 @@ class RegressionData(Rows[Array]):
         self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int = 1
     ) -> Array:
         """Return the columns of a state effect, (p, m)."""
-        key = form_key(effect)
-        if key not in self._states:
-            self._states[key] = super().state(effect, acceleration, step)
-        return self._states[key]
+        return self._once(form_key(effect), lambda: self.over(effect, acceleration, step))
 
     def command(self, path: CommandPath) -> Array:
         """Return the command that acts behind a path, (1, m)."""
@@ -154,7 +162,26 @@ class RegressionData(Rows[Array]):
 
     def input(self, effect: Effect, path: CommandPath, *, keep: bool = True) -> Array:
         """Return the columns of an input effect, (p, m)."""
-        return self._aligned(form_key(effect), lambda s: s.columns(effect), path)
+        key = form_key(effect)
+        if not effect.varies:
+            return self._aligned(key, lambda s: s.columns(effect), path)
+
+        def behind(lag: int) -> Iterator[Array]:
+            for s in self.stretches:
+                yield self.formed(s.columns(effect, None, later(s.command, lag)))
+
+        # the command acts late, but at the place where the axis is then
+        taps = taps_of(self.options, path.delay_s / self.period_s)
+        parts = [
+            weight * self._once((key, lag), partial(behind, lag))
+            for lag, weight in zip(taps.lags.tolist(), taps.weights, strict=True)
+        ]
+        return np.asarray(sum(parts))
+
+    def _once(self, key: Hashable, form: Callable[[], Iterable[Array]]) -> Array:
+        if key not in self._rows:
+            self._rows[key] = self.rows_of(form())
+        return self._rows[key]
 
     def _aligned(self, key: Hashable, of: Callable[[Stretch], Array], path: CommandPath) -> Array:
         """Return columns of the command behind a delay: alignment is linear, as the filter is."""

@@ -133,8 +133,7 @@ def _noise_free(columns: RegressionData, theta: Array) -> RegressionData | None:
     formed = prepare(replace(data, position=data.reference), columns.model, options)
     limit = float(np.max(np.abs(data.command[data.usable])))
     stretches = tuple(_ideal(s, columns, theta, limit) for s in formed.stretches)
-    formed = replace(formed, stretches=stretches)
-    formed = formed.rows(np.isin(formed.time_s, columns.time_s))
+    formed = formed.with_stretches(stretches).rows(np.isin(formed.time_s, columns.time_s))
     return formed if len(formed.time_s) == len(columns.time_s) else None
 
 

@@ -41,6 +41,20 @@ def test_the_pull_of_another_axis_is_identified():
     assert fit.value("inertia") == pytest.approx(X_THETA[0], rel=1e-3)
 
 
+def test_a_late_command_acts_at_the_place_where_the_axis_is_then():
+    pitch, share, late = 0.03, 0.05, 10.0
+    run = simulate(seed=4, theta=X_THETA[:4], delay_samples=late)
+    k = np.arange(len(run.position))
+    there = np.interp(k + late + 0.5, k, run.position)
+    # what the amplifier has to give so that so much acts there
+    command = run.command / (1.0 - share * np.sin(2.0 * math.pi * there / pitch))
+    ripple = make_effect(effect_class("force_ripple"), {"pitch_m": pitch})
+    fit = fit_axis(run.measured(command=command), EffectList([*C1.effects, ripple]))
+    assert fit.value("force_ripple_sin_1") == pytest.approx(-share, rel=2e-3)
+    assert abs(fit.value("force_ripple_cos_1")) < 1e-3 * share
+    assert fit.delay_s * run.rate_hz == pytest.approx(late, abs=0.01)
+
+
 def test_the_order_of_the_list_changes_nothing_but_the_order():
     run = simulate(seed=4, duration_s=4.0)
     names = (
