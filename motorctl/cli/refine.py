@@ -51,7 +51,7 @@ def _refine(
     from motorctl.identify.diagnose.report.page import write_report
     from motorctl.identify.refine.json_document import refinement_document
     from motorctl.identify.refine.refinement import load_machine, refine_config
-    from motorctl.identify.refine.same_machine import require_same_machine
+    from motorctl.identify.same_axis import require_same_machine
     from motorctl.log import read_recording
 
     if not out.parent.is_dir():

@@ -1,4 +1,4 @@
-"""Whether a recording can be of the axis that a configuration describes."""
+"""Whether a recording can be of the axes that a configuration describes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from motorctl.config.machine import Axis, Machine
-from motorctl.errors import DataError
+from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, measured
 from motorctl.identify.columns.signals import low_pass_response, make_signals
 from motorctl.log import Recording
@@ -45,12 +45,35 @@ def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -
             continue
         found = against(data, axis) or inertia_against(data, axis)
         problems += [f"axis {name}: {words}" for words in found]
+    _refuse(recording, f"{machine.source}, or not in its units, m and V", problems)
+
+
+def require_same_machine(recording: Recording, machine: Machine, axes: Iterable[str]) -> None:
+    """Raise where a configuration cannot be refined from the recording, with all reasons.
+
+    UsageError where an axis is in other units than a configuration, DataError for axes that the
+    machine lacks, another encoder, positions beyond the travel, commands beyond the voltage.
+    """
+    problems = []
+    for name in axes:
+        if name not in machine.axes:
+            known = ", ".join(machine.axes)
+            problems.append(f"axis '{name}' is not in the configuration, which has: {known}")
+            continue
+        data = measured(recording, name)
+        if (data.position_unit, data.command_unit) != ("m", "V"):
+            raise UsageError(
+                f"{data.place} is in {data.position_unit} and {data.command_unit}; a configuration "
+                "is in m and V, so nothing of it can be refined from this recording"
+            )
+        problems += [f"axis {name}: {words}" for words in against(data, machine.axes[name])]
+    _refuse(recording, str(machine.source), problems)
+
+
+def _refuse(recording: Recording, whose: str, problems: list[str]) -> None:
     if problems:
         listed = "".join(f"\n  {problem}" for problem in problems)
-        raise DataError(
-            f"{recording.source} is not a recording of the machine in {machine.source}, or not in "
-            f"its units, m and V:{listed}"
-        )
+        raise DataError(f"{recording.source} is not a recording of the machine in {whose}:{listed}")
 
 
 def _axis_of(machine: Machine, name: str) -> Axis | None:

@@ -14,7 +14,6 @@ METADATA_KEY = b"motorctl"
 AXIS_SIGNALS = tuple(field.name for field in AXIS_FIELDS if not field.per_parameter)
 """Signals of an axis that are one number a tick each."""
 (THETA,) = (field.name for field in AXIS_FIELDS if field.per_parameter)
-TICK_SIGNALS = tuple(field.name for field in TICK_FIELDS)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from motorctl.identify.fit.estimate import FitEstimate
-from motorctl.identify.fit.result import AxisFit, FitError, RecordingFit
+from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, RecordingFit
 from motorctl.identify.fit.settings import Segment
 from motorctl.log.units import unit_for
 

@@ -24,7 +24,7 @@ from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.result import RecordingDiagnosis, UnknownStructure
 from motorctl.identify.refine.refinement import refine_config
-from motorctl.identify.refine.same_machine import require_same_machine
+from motorctl.identify.same_axis import require_same_machine
 from motorctl.log import read_recording
 from motorctl.model import EffectList
 

@@ -25,6 +25,8 @@ MARK = "#3f7f3f"
 WIDTH_INCHES = 9.0
 """Width of a picture [inch]. Larger shrinks the writing on the page, smaller crowds three panels.
 Chosen by hand."""
+MARGIN = 0.12
+"""Part of the range that stays free above and below. Only looks depend on it. Chosen by hand."""
 LOOK: dict[Any, Any] = STYLE | {
     "font.size": 10,
     "axes.titlesize": 10,
@@ -70,13 +72,12 @@ def force_scale(panel: Axes, subject: AxisSignals, per: str = "") -> None:
     right.set_ylabel(f"[{subject.force_unit}{per}]")
 
 
-def draw_bins(
-    panel: Axes, bins: Bins, scale: float, label: str = "data: median, middle half"
-) -> None:
+def draw_bins(panel: Axes, bins: Bins, scale: float) -> None:
     """Draw medians as dots, with a band from quartile to quartile."""
     panel.fill_between(
         bins.centre * scale, bins.low, bins.high, color=DATA, alpha=0.3, lw=0, zorder=1
     )
+    label = "data: median, middle half"
     panel.plot(bins.centre * scale, bins.middle, ".", color="#5c5c5c", ms=4, label=label, zorder=2)
 
 
@@ -89,14 +90,15 @@ def draw_broken(panel: Axes, time_s: Array, values: Array, colour: str, label: s
         draw_curve(panel, time_s[rows], values[rows], colour, label if k == 0 else None)
 
 
-def limits(panel: Axes, *values: Array, margin: float = 0.12, share: float = 0.2) -> None:
+def limits(panel: Axes, *values: Array, share: float = 0.2) -> None:
     """Set the vertical limits to what nearly all of `values` need, so that no outlier rules."""
     known = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if len(known) == 0:
         return
     low, high = np.percentile(known, (share, 100.0 - share))
     if high > low:
-        panel.set_ylim(low - margin * (high - low), high + margin * (high - low))
+        margin = MARGIN * (high - low)
+        panel.set_ylim(low - margin, high + margin)
 
 
 def span(panel: Axes, low: float, high: float) -> None:
