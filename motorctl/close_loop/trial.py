@@ -11,7 +11,7 @@ import numpy as np
 from motorctl.close_loop.motion import MotionName, Motions, machine_on
 from motorctl.config import Machine, load
 from motorctl.errors import DataError, RunError, UsageError
-from motorctl.identify.columns.measured import measured
+from motorctl.identify.columns.measured import with_others
 from motorctl.identify.compare.measures import Measures, measure_recording
 from motorctl.identify.refine.model_error import force_error_rms
 from motorctl.log import Recording, read_recording
@@ -127,13 +127,12 @@ def model_error_v(
     declares are not in the recorded position. NaN where an axis cannot be judged.
     """
     found = {}
-    data = {name: measured(recording, name) for name in recording.axes}
     for name, axis in machine.axes.items():
-        others = {other: data[other] for other in data if other != name}
         theta = np.array([estimate.initial for estimate in axis.estimates])
         applied = corrected_by.axes[name].model.names
         try:
-            found[name] = force_error_rms(data[name], others, axis.model, theta, applied)
+            data = with_others(recording, name)
+            found[name] = force_error_rms(data, axis.model, theta, applied)
         except (DataError, UsageError):
             found[name] = float("nan")
     return found

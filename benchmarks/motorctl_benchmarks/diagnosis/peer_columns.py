@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
-from motorctl.identify.columns.measured import measured
+from motorctl.identify.columns.measured import with_others
 from motorctl.identify.columns.signals import make_signals, spans_of
 from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.search.forms import candidates
@@ -87,10 +87,9 @@ class PeerBench:
     @classmethod
     def of(cls, recording: Recording, axis: str) -> PeerBench:
         """Prepare as a diagnosis does, up to its first scan."""
-        data = measured(recording, axis)
-        others = {name: measured(recording, name) for name in recording.axes if name != axis}
+        data = with_others(recording, axis)
         declared = declared_models(recording, None, axis)[axis]
-        signals = make_signals(data, others, slope_s_m=slope_of(declared.effects))
+        signals = make_signals(data, slope_s_m=slope_of(declared.effects))
         model, _ = carried(signals, declared)
         regressors, _ = whitened(signals, model, ())
         return cls(Hypothesis(regressors).refreshed(), spans_of(signals), sign_of(declared.effects))

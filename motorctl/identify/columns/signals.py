@@ -9,7 +9,7 @@ are tried, from smoothed signals at the rate of the rows, which is quicker and n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -352,7 +352,6 @@ def low_pass_response(band_hz: float) -> Response:
 
 def make_signals(
     data: Measured,
-    others: Mapping[str, Measured] | None = None,
     band_hz: float | None = None,
     slope_s_m: float | None = None,
 ) -> Signals:
@@ -362,8 +361,6 @@ def make_signals(
     ----------
     data
         What was measured of the axis.
-    others
-        The other axes that move, by name, at the same times; those of `data` by default.
     band_hz
         Band of the rows [Hz]; by default the widest that the sample rate carries.
     slope_s_m
@@ -391,10 +388,9 @@ def make_signals(
     noise = velocity_noise_rms(density, band)
     rms = position_noise_rms(density, rate)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
-    beside = data.others if others is None else others
     stretches, kept, enough = [], [], 0
     for rows in data.stretches(shortest):
-        stretch = make_stretch(data, beside, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
+        stretch = make_stretch(data, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
         stretches.append(stretch)
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,17 +155,13 @@ def command_for(
     return np.asarray(command)
 
 
-def make_stretch(
-    data: Measured, others: Mapping[str, Measured], rows: slice, smooth_hz: float, quiet_hz: float
-) -> Stretch:
+def make_stretch(data: Measured, rows: slice, smooth_hz: float, quiet_hz: float) -> Stretch:
     """Smooth the motion of some rows of a recording.
 
     Parameters
     ----------
     data
         What was measured of the axis.
-    others
-        The other axes that move, by name, at the same times.
     rows
         Which samples.
     smooth_hz
@@ -182,7 +177,7 @@ def make_stretch(
     x = smoothed(data.position[rows], smooth_hz, data.period_s)
     v = np.gradient(x, data.period_s)
     beside = {}
-    for name, other in others.items():
+    for name, other in data.others.items():
         xo = smoothed(other.position[rows], 0.5 * smooth_hz, data.period_s)
         vo = np.gradient(xo, data.period_s)
         beside[name] = np.column_stack([xo, vo, second_difference(xo, data.period_s)])

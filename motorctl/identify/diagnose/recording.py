@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import (
     Measured,
-    beside,
     check_usable,
     counterpart,
-    measured,
     with_others,
     within,
 )
@@ -48,8 +46,6 @@ from motorctl.model.sign_function import sign_of, slope_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-Test = tuple[Measured, Mapping[str, Measured]]
-"""An axis of another recording, and the other axes there."""
 
 
 def diagnose_recording(
@@ -89,7 +85,6 @@ def diagnose_recording(
     catalogue = dict(known_effects())
     catalogue |= {type(e).name: type(e) for model in models.values() for e in model.effects}
     catalogue |= {cls.name: cls for cls in further}
-    every = {name: measured(recording, name) for name in recording.axes}
     axes: dict[str, AxisDiagnosis] = {}
     refused: dict[str, str] = {}
     for k, (name, model) in enumerate(models.items()):
@@ -98,12 +93,12 @@ def diagnose_recording(
             if progress is not None:
                 progress(f"axis {name}: {what}", k / len(models))
 
-        others = {other: data for other, data in every.items() if other != name}
         try:
-            test = None if evaluate_on is None else _test_on(evaluate_on, name)
-            axes[name] = diagnose_axis(
-                every[name], model, others, tell, recording.segments, test, catalogue
-            )
+            test = None
+            if evaluate_on is not None:
+                test = with_others(evaluate_on, counterpart(evaluate_on, name))
+            data = with_others(recording, name)
+            axes[name] = diagnose_axis(data, model, tell, recording.segments, test, catalogue)
         except (DataError, UsageError) as error:
             refused[name] = str(error)
     if not axes:
@@ -123,10 +118,9 @@ def diagnose_recording(
 def diagnose_axis(
     data: Measured,
     declared: EffectList,
-    others: Mapping[str, Measured] | None = None,
     tell: Callable[[str], None] | None = None,
     segments: Mapping[Part, tuple[float, float]] | None = None,
-    test: Test | None = None,
+    test: Measured | None = None,
     catalogue: Catalogue | None = None,
 ) -> AxisDiagnosis:
     """Diagnose one axis.
@@ -134,18 +128,16 @@ def diagnose_axis(
     Parameters
     ----------
     data
-        What was measured of the axis, in its own units.
+        What was measured of the axis, in its own units; the others beside it are possible causes.
     declared
         The effects that its model has.
-    others
-        The other axes of the recording, as possible causes.
     tell
         Called with what is being done.
     segments
         Begin and end [s] of the parts to fit and to hold out; the held-out part stays out of the
         search.
     test
-        The axis in another recording, with the other axes there, to measure errors on.
+        The axis in another recording, to measure errors on.
     catalogue
         The effects that are tried, by name; every known one by default.
 
@@ -168,18 +160,17 @@ def diagnose_axis(
     check_columns(data)
     check_magnitude(data)
     tell("reading its motion")
-    moving = beside(data, others or {})
     slope = slope_of(declared.effects)
-    signals = make_signals(data, moving, slope_s_m=slope)
+    signals = make_signals(data, slope_s_m=slope)
     check_motion(data, signals)
     pieces = shortened(signals, LONGEST_SEARCH_S)
     model, dropped = carried(pieces, declared)
     plain = too_plain(signals)
-    heard = check_explains(data, pieces, model, bool(plain), moving)
+    heard = check_explains(data, pieces, model, bool(plain), data.others)
     hint = late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     if band_hz < signals.band_hz:
-        signals = make_signals(data, moving, band_hz, slope)
+        signals = make_signals(data, band_hz, slope)
     if plain:
         found = nothing_sought(signals, model)
     else:
@@ -190,11 +181,4 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    notes = axis.notes if hint is None else (*axis.notes, hint)
-    return replace(axis, others=moving, notes=notes)
-
-
-def _test_on(recording: Recording, name: str) -> Test:
-    """Return the axis of another recording that errors are measured on, and those beside it."""
-    own = with_others(recording, counterpart(recording, name))
-    return own, own.others
+    return axis if hint is None else replace(axis, notes=(*axis.notes, hint))

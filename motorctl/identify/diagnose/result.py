@@ -178,8 +178,6 @@ class AxisDiagnosis:
     """Declared effects that have other options in `declared` than the model that was given."""
     doubted: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Effects that lower the error and are not named, each with the figures that speak against."""
-    others: Mapping[str, Measured] = field(default_factory=dict)
-    """The recording's other axes that moved."""
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
 

@@ -85,7 +85,7 @@ def refine_axis(
     if found.verdict == "insufficient_data" and not found.mended:
         return unchanged(f"unchanged, for this recording shows too little: {found.sentence}")
     crowded = _too_many(axis, found, without)
-    signals = make_signals(found.data, dict(found.others))
+    signals = make_signals(found.data)
     carried = carry_over(found, spans_of(signals), {*without, *crowded})
     # rounded before bounds are made: the range of a parameter may depend on an option
     as_declared = {*axis.declared.names} - {term.name for term in found.mended}
@@ -237,7 +237,7 @@ def _error_of(wanted: tuple[WantedEffect, ...], found: AxisDiagnosis) -> float:
     model = EffectList([part.effect for part in wanted])
     theta = np.array([e.initial for part in wanted for e in part.estimates])
     try:
-        return force_error_rms(found.data, found.others, model, theta, found.declared.names)
+        return force_error_rms(found.data, model, theta, found.declared.names)
     except DataError:
         return float("nan")
 

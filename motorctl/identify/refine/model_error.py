@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 def force_error_rms(
     data: Measured,
-    others: Mapping[str, Measured],
     model: EffectList,
     theta: Array,
     corrected_by: Collection[str] = (),
@@ -32,7 +31,7 @@ def force_error_rms(
     recording is too short.
     """
     data = corrected(data, model, corrected_by)
-    signals = make_signals(data, dict(others), choose_band_hz(data))
+    signals = make_signals(data, choose_band_hz(data))
     path = CommandPath(model.delay_s, model.lag_s)
     # at the full rate: the raw second difference has noise far above the band
     acceleration = [second_difference(s.position, signals.period_s) for s in signals.stretches]

@@ -94,7 +94,7 @@ def test_the_simulated_position_is_that_of_the_second_recording():
     first = OtherPlant(cogging=0.05).run(seed=4, duration_s=10.0)
     stronger = OtherPlant(cogging=0.15).run(seed=4, duration_s=10.0)
     own = diagnose_axis(first, C1).error
-    told = diagnose_axis(first, C1, test=(stronger, {})).error
+    told = diagnose_axis(first, C1, test=stronger).error
     # a third of the cogging is compensated there, and two thirds are left
     assert told.simulated_position_before_rms > 2.0 * own.simulated_position_before_rms
     assert told.simulated_position_after_rms == pytest.approx(

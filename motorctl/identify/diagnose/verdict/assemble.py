@@ -102,7 +102,7 @@ def assemble(
     declared: EffectList,
     dropped: Mapping[str, str],
     segments: dict[str, tuple[float, float]],
-    test: tuple[Measured, Mapping[str, Measured]] | None,
+    test: Measured | None,
     began: float,
     too_plain: str | None = None,
 ) -> AxisDiagnosis:
@@ -139,7 +139,7 @@ def assemble(
     own_error = error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
     if test is not None:  # it is told, and decides nothing
-        error, tested = error_on(*test, found, own_error)
+        error, tested = error_on(test, found, own_error)
     effects = _effects(found, values, split, error, supports)
     sign = sign_of(declared.effects)
     catalogue = found.final.regressors.catalogue

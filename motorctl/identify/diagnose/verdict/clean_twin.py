@@ -76,10 +76,10 @@ def clean_twin(found: Found) -> Found | None:
         command[rows] = _command(values, s, x, real.period_s)
         position[rows] = _as_measured(x, real, draw)
         usable[rows] = True
-    data = replace(real.data, position=position, command=command, usable=usable)
+    data = replace(real.data, position=position, command=command, usable=usable, others={})
     declared = final.regressors.declared
     try:
-        signals = make_signals(data, None, real.band_hz, slope_of(declared.effects))
+        signals = make_signals(data, real.band_hz, slope_of(declared.effects))
     except DataError:
         return None
     signals = _with_others(signals.with_response(real.response), real)

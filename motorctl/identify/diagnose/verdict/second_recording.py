@@ -7,7 +7,6 @@ shifted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,15 +33,10 @@ TRIALS = 48
 Chosen by hand."""
 
 
-def error_on(
-    test: Measured, others: Mapping[str, Measured], found: Found, error: ModelError
-) -> tuple[ModelError, list[str]]:
-    """Return the errors before and after on `test`, and what was found again there.
-
-    others are the other axes of the same recording.
-    """
+def error_on(test: Measured, found: Found, error: ModelError) -> tuple[ModelError, list[str]]:
+    """Return the errors before and after on `test`, and what was found again there."""
     declared = found.final.regressors.declared
-    moved = make_signals(test, dict(others), None, slope_of(declared.effects))
+    moved = make_signals(test, slope_s_m=slope_of(declared.effects))
     signals = moved.plain(REPORT_HZ)
     unit_left = per_command(found)
     before, command = _rms(found.base, signals, unit_left)
