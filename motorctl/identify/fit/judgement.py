@@ -11,7 +11,7 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured, check_usable
 from motorctl.identify.columns.regression_data import prepare
 from motorctl.identify.fit.least_squares import LeastSquares
-from motorctl.identify.fit.regression import Regression, Solution, inertia_index, regression, solve
+from motorctl.identify.fit.regression import Regression, Solution, regression, solve
 from motorctl.identify.fit.result import AxisFit, FitError
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.identify.fit.standard_errors import sandwich
@@ -150,7 +150,7 @@ def judge(fit: AxisFit, found: LeastSquares) -> AxisFit:
         *_instrument_notes(fit),
         *_map_notes(fit),
     ]
-    if inertia_index(fit.model) is None and fit.options.left == "acceleration":
+    if fit.model.index_of("acceleration") is None and fit.options.left == "acceleration":
         notes.append("the model has no inertia, so the regression has the command on its left side")
     if found.delay_at_end and fit.estimator == "least_squares":
         notes.append(

@@ -168,11 +168,6 @@ def fit_axis(
     return judge(fit, found)
 
 
-def evaluate(fit: AxisFit, other: Measured) -> FitError:
-    """Return the error that the identified model leaves on another recording, in the same band."""
-    return _evaluate(other, fit.columns, fit.estimate)
-
-
 def _described(recording: Recording, part: str) -> tuple[Segment, ...] | None:
     found = [segment for name, segment in recording.segments.items() if name == part]
     return tuple(found) or None

@@ -51,17 +51,12 @@ def regression(psi: Array, command: Array, model: EffectList, left: Side) -> Reg
 
     A model without inertia can only have the command on the left.
     """
-    inertia = inertia_index(model)
+    inertia = model.index_of("acceleration")
     if left == "command" or inertia is None:
         return Regression(psi, command, None)
     X = psi.copy()
     X[:, inertia] = command
     return Regression(X, psi[:, inertia], inertia)
-
-
-def inertia_index(model: EffectList) -> int | None:
-    """Return the index of the parameter whose column is the acceleration."""
-    return model.index_of("acceleration")
 
 
 @dataclass(frozen=True)
