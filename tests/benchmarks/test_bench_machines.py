@@ -329,6 +329,13 @@ def test_a_machine_of_each_generator_is_answered(tmp_path):
     json.dumps(result.document()["judged"])
 
 
+@pytest.mark.slow
+def test_the_stairs_of_a_coarse_encoder_hide_no_lag():
+    outcome = run_machine.run_machine(MachineKey("scipy_ode", "command_lag", 920))
+    assert outcome.noise == 3
+    assert outcome.right, str(outcome)
+
+
 LATE, STUCK = "mistake_late_command", "mistake_stuck_encoder"
 
 

@@ -31,6 +31,7 @@ from motorctl.identify.columns.repetition import period_of
 from motorctl.identify.columns.reversals import slow_reversal
 from motorctl.identify.columns.rows import Rows
 from motorctl.identify.columns.stretches import (
+    COUNTS_PER_PERIOD,
     REST_RANGE,
     REST_S,
     TRIM_PERIODS,
@@ -387,6 +388,7 @@ def make_signals(
     density = position_noise_density(data)
     noise = velocity_noise_rms(density, band)
     rms = position_noise_rms(density, rate)
+    slowest = COUNTS_PER_PERIOD * band * (data.resolution or 0.0)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
     stretches, kept, enough = [], [], 0
     for rows in data.stretches(shortest):
@@ -396,7 +398,7 @@ def make_signals(
         used[trim : len(used) - trim] = True
         enough += int(used.sum())
         row_s = decimation * data.period_s
-        used &= ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band)
+        used &= ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band, slowest)
         kept.append(used)
     if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
         raise DataError(

@@ -48,6 +48,14 @@ TOLD_APART = 8e-3
 """Part of the top speed: an encoder that cannot tell slower motion from a rest within that time
 shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
 by hand."""
+COUNTS_PER_PERIOD = 1.0
+"""Counts that a coarse encoder passes in a period of the band's end, below which its steps are no
+motion that the rows could show. Larger drops slow motion, smaller takes an encoder's stairs for
+forces. Chosen on six machines of other hands, of 0.5, 1 and 2: half a count leaves more
+unexplained, two find no other effect."""
+MOST_SLOW = 0.5
+"""Part of a stretch that may be dropped for it. Larger leaves too little of slow recordings,
+smaller keeps the stairs. Chosen by hand."""
 REST_SPEED = 3.0
 """Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
 throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
@@ -228,6 +236,7 @@ def at_rest(
     velocity_noise: float,
     noise: float,
     margin_s: float,
+    slowest: float,
 ) -> NDArray[np.bool_]:
     """Find the rows of rests, where friction is no function of velocity.
 
@@ -241,6 +250,8 @@ def at_rest(
         Rms of the noise of velocity and of position, in the position's unit (per second).
     margin_s
         As far as the rows' filter reaches [s].
+    slowest
+        Speed below which the encoder's counts come too seldom for the rows to show motion.
 
     Returns
     -------
@@ -253,18 +264,26 @@ def at_rest(
     still = np.abs(v) < REST_SPEED * velocity_noise
     still |= _stays(x, within, max(3, round(REST_S / row_period_s)))
     return _inside_of_rests(still, row_period_s) | sticks(
-        stretch, row_period_s, decimation, noise, margin_s
+        stretch, row_period_s, decimation, noise, margin_s, slowest
     )
 
 
 def sticks(
-    stretch: Stretch, row_period_s: float, decimation: int, noise: float, margin_s: float
+    stretch: Stretch,
+    row_period_s: float,
+    decimation: int,
+    noise: float,
+    margin_s: float,
+    slowest: float,
 ) -> NDArray[np.bool_]:
     """Find the rows in which the axis sticks: there friction is whatever the command asks of it.
 
+    An encoder that is too coarse to tell that shows stairs instead of slow motion: where its counts
+    come too seldom, the rows are dropped as well.
+
     Parameters
     ----------
-    stretch, row_period_s, decimation, noise
+    stretch, row_period_s, decimation, noise, slowest
         As of `at_rest`.
     margin_s
         What is dropped on each side of it [s]: as far as the rows' filter reaches.
@@ -278,8 +297,11 @@ def sticks(
     size = max(FEWEST_STUCK_SAMPLES, round(STICK_S / period_s))
     within = REST_RANGE * noise
     if within > TOLD_APART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S:
-        return np.zeros(len(stretch.x[::decimation]), dtype=np.bool_)  # too coarse to tell
-    stuck = _stays(stretch.x, within, size)
+        stuck, size = np.abs(stretch.v) < slowest, 1
+        if np.mean(stuck) > MOST_SLOW:
+            stuck = np.zeros_like(stuck)
+    else:
+        stuck = _stays(stretch.x, within, size)
     reach = size + 2 * round(margin_s / period_s)
     return np.asarray(maximum_filter1d(stuck.astype(np.int8), reach)[::decimation] > 0)
 

@@ -34,10 +34,10 @@ def test_a_motion_one_way_has_no_reversal():
     assert slow_reversal(np.zeros_like(T), 0.0, PERIOD_S) is None
 
 
-def dropped(x, noise, margin_s=0.0):
+def dropped(x, noise, margin_s=0.0, slowest=0.0):
     v = np.gradient(x, PERIOD_S)
     stretch = Stretch(T, x, x, v, np.zeros_like(x), {}, v)
-    return sticks(stretch, PERIOD_S, 1, noise, margin_s)
+    return sticks(stretch, PERIOD_S, 1, noise, margin_s, slowest)
 
 
 STUCK = np.interp(T, [0.0, 0.9, 1.0, 2.0], [0.0, 0.45, 0.45, 0.95])
@@ -56,8 +56,15 @@ def test_slow_motion_that_the_encoder_shows_is_kept():
     assert not dropped(creeping, 1e-7).any()
 
 
-def test_an_encoder_too_coarse_to_tell_slow_motion_from_rest_drops_nothing():
-    assert not dropped(STUCK, 1e-3).any()
+def test_a_coarse_encoder_drops_what_is_slower_than_it_shows():
+    found = dropped(STUCK, 1e-3, slowest=0.1)
+    inside = (T > 0.9) & (T < 1.0)
+    assert found[inside].all()
+    assert found.sum() * PERIOD_S == pytest.approx(0.1, abs=2e-3)
+
+
+def test_an_encoder_too_coarse_for_most_of_a_motion_drops_nothing():
+    assert not dropped(STUCK, 1e-3, slowest=0.6).any()
 
 
 GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 2e-5), ("clip", 0.05, 5e-6)]
