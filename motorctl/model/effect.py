@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import sys
 from abc import ABC
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, TypeVar
@@ -155,6 +156,9 @@ class Effect(ABC):
     """Motions that show it and tell it from others, besides moves all over the travel."""
     load_sign: ClassVar[float] = 1.0
     """Sign of its parameters as forces on the load's side."""
+
+    held: tuple[str, ...] = ()
+    """Names of parameters that are zero and not fitted."""
 
     def __init__(self, options: EffectOptions | None = None) -> None:
         self.options = self.Options() if options is None else options
@@ -432,7 +436,21 @@ class Effect(ABC):
         pydantic.ValidationError
             An option is unknown or its value is not allowed.
         """
-        return type(self)(self.Options.model_validate(self.options.model_dump() | changes))
+        other = type(self)(self.Options.model_validate(self.options.model_dump() | changes))
+        other.held = self.held
+        return other
+
+    def holding(self, parameters: Iterable[str]) -> Effect:
+        """Return this effect with some parameters at zero, not to be fitted.
+
+        Parameters
+        ----------
+        parameters
+            Their names.
+        """
+        other = copy(self)
+        other.held = tuple(dict.fromkeys((*self.held, *parameters)))
+        return other
 
     def kernel(self, name: str) -> Callable[..., float]:
         """Return a compiled function of the effect's module, such as ``column`` or ``advance``."""

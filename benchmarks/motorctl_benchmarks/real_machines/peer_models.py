@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch
-from motorctl.identify.diagnose.verdict.simulated_position import Missed, missed_by
+from motorctl.identify.diagnose.search.simulated_position import Missed, missed_by
 from motorctl_benchmarks.diagnosis.peers import MODULES, THRESHOLDS, bic, installed_peers
 
 Array = NDArray[np.float64]

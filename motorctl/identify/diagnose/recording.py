@@ -21,14 +21,10 @@ from motorctl.identify.columns.pieces import shortened, without
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.diagnose.search.both_sides import searched
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
-from motorctl.identify.diagnose.search.search import (
-    LONGEST_SEARCH_S,
-    both_ways,
-    nothing_sought,
-    over_all,
-)
+from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
 from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.late_command import late_command
@@ -177,7 +173,7 @@ def diagnose_axis(
         tried = tested_apart(known_effects() if catalogue is None else catalogue, data, signals)
         tried = {name: cls for name, cls in tried.items() if name not in dropped}
         rows = without(signals, *parts["held_out"]) if "held_out" in parts else signals
-        found = both_ways(rows, model, sign_of(declared.effects), tell, tried)
+        found = searched(rows, model, sign_of(declared.effects), tell, tried)
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)

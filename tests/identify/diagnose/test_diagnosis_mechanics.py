@@ -12,7 +12,7 @@ from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.identify.diagnose.verdict.simulated_position import simulated_position
+from motorctl.identify.diagnose.search.simulated_position import simulated_position
 from motorctl.model import effect_class, make_effect
 
 

@@ -80,9 +80,10 @@ def test_a_real_machine_gets_a_right_answer_or_none(machine: RealAxis, tmp_path:
         axis.error.simulated_position_before_rms,
         axis.error.simulated_position_after_rms,
     )
-    assert before is not None
-    assert after is not None
-    assert after <= 1.02 * before
+    if before is None or after is None:  # the declared model's inertia is negative beside a weight
+        assert axis.declared_theta[0] < 0.0
+    else:
+        assert after <= 1.02 * before
     if machine.read is brushless:
         cogging = next(e for e in axis.effects if e.name == "cogging")
         assert cogging.effect.options.pitch_m == pytest.approx(2.0 * np.pi / 6.0, rel=1e-3)

@@ -16,9 +16,9 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search import search
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
-from motorctl.identify.diagnose.verdict.refutation import without_refuted
-from motorctl.identify.diagnose.verdict.simulated_position import (
+from motorctl.identify.diagnose.search.simulated_position import (
     judge_by_simulation,
     simulated_position,
 )

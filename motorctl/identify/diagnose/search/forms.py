@@ -164,7 +164,8 @@ def measure(hypothesis: Hypothesis, effect: Effect, scan: bool = False) -> Form 
     problem = hypothesis.extended(effect, scan)
     if not np.all(np.isfinite(problem.gram)):
         return None
-    if effect.kind != "command" and not problem.gram[:, -2, -2].any():
+    count = problem.size - hypothesis.problem.size
+    if effect.kind != "command" and not problem.gram[:, -1 - count : -1, -1 - count : -1].any():
         return None
     sse = solve(problem).sse
     held_out = float(held_out_sse(problem).sum())

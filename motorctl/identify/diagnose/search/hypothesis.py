@@ -211,6 +211,8 @@ class Hypothesis:
         columns += [regressors.state(e, self.acceleration, undo) for e in self.of_kind("state")]
         columns += [regressors.measurement(e, undo) for e in self.of_kind("measurement")]
         X, y = np.vstack(columns), regressors.left
+        held = [i for i, (e, j) in enumerate(self.places, 1) if j in held_columns(e)]
+        X[held] = 0.0
         if command_is_left:
             y, X = X[0].copy(), np.vstack([regressors.measured_acceleration(undo)[None], X[1:]])
         if self.regressors.offset is not None:
@@ -269,10 +271,16 @@ class Hypothesis:
             spectra = signals.measurement_spectra(effect, keep=scan)
             return with_columns(self.problem, signals.rows_of(spectra, undo))
         if effect.kind == "input":
-            return with_columns(self.problem, signals.input(effect, self.applied, keep=scan))
-        step = signals.decimation if scan else None
-        spectra = signals.state_spectra(effect, self.acceleration, step, keep=scan)
-        return with_columns(self.problem, signals.rows_of(spectra, undo), is_loose(effect))
+            columns = signals.input(effect, self.applied, keep=scan)
+        else:
+            step = signals.decimation if scan else None
+            spectra = signals.state_spectra(effect, self.acceleration, step, keep=scan)
+            columns = signals.rows_of(spectra, undo)
+        held = held_columns(effect)
+        if held:
+            columns = columns.copy()
+            columns[held] = 0.0
+        return with_columns(self.problem, columns, is_loose(effect))
 
     def refreshed(self) -> Hypothesis:
         """Let effects that act on the acceleration see the one that this hypothesis predicts.
@@ -336,6 +344,13 @@ class Hypothesis:
                 mode, shares = e.on_rigid_acceleration(shares)
             added -= np.asarray(shares) @ s.columns(mode, rigid)
         return added
+
+
+def held_columns(effect: Effect) -> list[int]:
+    """Return which columns of an effect belong to parameters that are held at zero."""
+    if not effect.held or effect.kind == "measurement":
+        return []
+    return [j for j, p in enumerate(effect.parameters) if p.name in effect.held]
 
 
 def is_loose(effect: Effect) -> bool:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from motorctl.identify.columns.left_side import turned, turned_jacobian
 from motorctl.identify.diagnose.search.forms import measure
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedFit, BlockedRegression, solve
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, held_columns
 from motorctl.model import Effect, EffectList, Spans
 
 Array = NDArray[np.float64]
@@ -78,6 +78,10 @@ def values_of(hypothesis: Hypothesis, extra: Compensation | None = None) -> Fitt
             error.append(math.sqrt(covariance[0, 0]) / b[0] ** 2)
             continue
         for column in columns.get(effect.name, []):
+            if columns[effect.name].index(column) in held_columns(effect):
+                theta.append(0.0)
+                error.append(0.0)
+                continue
             value = -b[column] / b[0]
             slope = np.zeros(len(b))
             slope[column], slope[0] = -1.0 / b[0], b[column] / b[0] ** 2

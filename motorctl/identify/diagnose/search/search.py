@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -27,6 +26,7 @@ from motorctl.identify.diagnose.search.forms import (
     at_bound,
     best_form,
     candidates,
+    measure,
     refined,
 )
 from motorctl.identify.diagnose.search.held_out_blocks import (
@@ -44,8 +44,9 @@ from motorctl.identify.diagnose.search.mending import (
     mended,
     without_unneeded,
 )
-from motorctl.identify.diagnose.search.physics import beyond_physics
+from motorctl.identify.diagnose.search.physics import physical
 from motorctl.identify.diagnose.search.settling import settled
+from motorctl.identify.diagnose.search.simpler import freedom, instead_of, simplest_first
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
@@ -64,16 +65,6 @@ lets it count, smaller hides fast effects. Chosen by hand."""
 LONGEST_SEARCH_S = 30.0
 """Length of the recording that is searched [s]; the outcome is then fitted to all of it. Larger
 takes time, smaller may miss rare events. Chosen by hand."""
-UNEXPLAINED = 0.01
-"""Rms that is left over the command's: what real machines leave unexplained, and clean simulations
-do not. Larger puts the command on the left too seldom, smaller too often. Chosen by hand."""
-MUCH_UNEXPLAINED = 0.1
-"""The same, from which the command is tried on the left even where the rest looks like the noise of
-the acceleration: a joint's weight may hide in it. Larger misses weights, smaller searches twice for
-nothing. Chosen by hand."""
-UNEXPLAINED_NOISE = 4.0
-"""Squared residual over that of noise alone, below which the acceleration stays on the left. Larger
-biases real machines, smaller searches twice for nothing. Chosen by hand."""
 BLOCK_S: dict[Side, float] = {"acceleration": 2.0, "command": 0.5}
 """Blocks that are held out in turn [s], by the left side. A real machine passes each place but a
 few times, and in long blocks a whole pass would be held out; shorter ones are correlated with their
@@ -100,9 +91,6 @@ effects, smaller looks for names in noise. Chosen by hand."""
 AS_GOOD: dict[Side, float] = {"acceleration": 0.8, "command": 0.4}
 """Part of the best form's gain from which another is taken where the best is not acceptable, by the
 left side. Larger ends the search too early, smaller takes poor substitutes. Chosen by hand."""
-LOSES = 0.1
-"""Part of the explainable error by which the search with the command on the left may explain less
-and still count. Larger takes poor searches, smaller drops good ones. Chosen by hand."""
 NEARLY = 0.05
 """Part of what two effects take that one of them may leave and still stand for both, where one move
 is repeated. Larger drops true second effects, smaller keeps shadows. Chosen by hand on the
@@ -137,6 +125,8 @@ class Found:
     force_noise: float
     rival_gains: dict[str, float] = field(default_factory=dict)
     """What smooth functions take away of the squared residual that the final model leaves."""
+    refuted: tuple[str, ...] = ()
+    """Why effects were refuted that an earlier search found."""
 
 
 def declared_alone(found: Found) -> Found:
@@ -246,22 +236,16 @@ def search(
             added = hypothesis.added
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
-        taken = next(
-            (
-                f
-                for f in near
-                if acceptable(hypothesis, f, noise, spans, least)
-                and beyond_physics(hypothesis.plus(f.effect)) is None
-            ),
-            None,
-        )
+        fit = (f for f in near if acceptable(hypothesis, f, noise, spans, least))
+        taken = next(filter(None, (physical_form(hypothesis, f) for f in fit)), None)
         steps.append(Step(tuple(forms), hypothesis, taken))
         if taken is None:
             break
         added = (*added, taken.effect)
         best = gain(hypothesis, taken.held_out)
         near = [f for f in forms if gain(hypothesis, f.held_out) > RIVAL_SHARE * best]
-        rivals[taken.effect.name] = [type(f.effect) for f in near if f is not taken] * TRIES
+        others = [type(f.effect) for f in near if f.effect.name != taken.effect.name]
+        rivals[taken.effect.name] = others * TRIES
         if side == "acceleration":
             regressors, noise = whitened(signals, declared, added, side, catalogue)
         hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
@@ -280,55 +264,6 @@ def nothing_sought(signals: Signals, declared: EffectList) -> Found:
     regressors, noise = whitened(signals, declared, ())
     base = Hypothesis(regressors).refreshed()
     return Found(base, base, (), spans_of(signals), noise, {})
-
-
-def both_ways(
-    signals: Signals,
-    declared: EffectList,
-    sign: Sign | None,
-    progress: Progress | None = None,
-    catalogue: Catalogue | None = None,
-) -> Found:
-    """Search with the acceleration on the left, and again with the command where that fits better.
-
-    The acceleration carries the measurement's noise, so it belongs on the left as long as that
-    noise is what is left over. Where unexplained forces are, which the feedback answers to, the
-    command carries them, and would be scaled down as a regressor.
-
-    Parameters
-    ----------
-    signals
-        The axis' motion and command.
-    declared
-        The effects that its model has.
-    sign
-        How its friction turns over at rest, None where none is declared.
-    progress
-        Called with what is being done.
-    catalogue
-        The effects that are tried, by name; every known one by default.
-
-    Returns
-    -------
-    Found
-        The search that explains more, fitted to the whole recording.
-    """
-    short = shortened(signals, LONGEST_SEARCH_S)
-    found = search(short, declared, sign, progress, catalogue=catalogue)
-    left = found.final.regressors
-    command = found.final.problem.columns[:, 0].ravel()[: left.signals.rows]
-    relative = math.sqrt(found.final.solution.sse / float(command @ command))
-    relative /= abs(float(found.final.b[0]))
-    noisy = found.final.solution.sse < UNEXPLAINED_NOISE * found.final.noise_sse(found.force_noise)
-    if relative < UNEXPLAINED or (noisy and relative < MUCH_UNEXPLAINED):
-        return over_all(found, signals, catalogue)
-    if progress is not None:
-        progress("unexplained forces outweigh the noise: once more with the command on the left")
-    other = search(short, declared, sign, progress, "command", catalogue)
-    if explained_share(other) < explained_share(found) - LOSES:
-        # effects of the input cannot be sought there
-        return over_all(found, signals, catalogue)
-    return over_all(other, signals, catalogue)
 
 
 def explained_share(found: Found) -> float:
@@ -375,7 +310,8 @@ def ranked(
             front.append(k)
     improved = [refined(hypothesis, forms[k], spans) for k in front]
     rest = [form for k, form in enumerate(forms) if k not in front]
-    return sorted([*improved, *rest], key=lambda f: f.held_out)
+    by_error = sorted([*improved, *rest], key=lambda f: f.held_out)
+    return simplest_first(hypothesis, by_error, spans)
 
 
 def _shown_of_rare_events(hypothesis: Hypothesis, form: Form) -> float:
@@ -407,16 +343,26 @@ def sideways(
         rest = hypothesis.without(effect.name)
         forms = ranked(rest, list(dict.fromkeys(classes)), spans, sign)
         forms = [f for f in forms if not at_bound(f.effect, spans)]
-        better = bool(forms) and forms[0].held_out < hypothesis.held_out * (1.0 - 0.01)
-        if better and beyond_physics(rest.plus(forms[0].effect)) is None:
-            old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
-            steps.append(Step((*forms, old), rest, forms[0]))
-            hypothesis = settled(rest.plus(forms[0].effect), spans)
-            rivals[forms[0].effect.name] = [type(effect), *classes]
+        old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
+        better = bool(forms) and instead_of(rest, old, forms[0], spans)
+        new = physical_form(rest, forms[0]) if better else None
+        if new is not None:
+            steps.append(Step((*forms, old), rest, new))
+            hypothesis = settled(rest.plus(new.effect), spans)
+            rivals[new.effect.name] = [type(effect), *classes]
         else:
             # each stands in the list as often as it may still be tried
             rivals[effect.name] = [cls for k, cls in enumerate(classes) if cls in classes[:k]]
     return hypothesis
+
+
+def physical_form(hypothesis: Hypothesis, form: Form) -> Form | None:
+    """Return a form that physics allows beside the hypothesis, or None."""
+    name = form.effect.name
+    fit = physical(hypothesis.plus(form.effect), name)
+    if fit is None or fit.added[-1].held == form.effect.held:
+        return None if fit is None else form
+    return measure(hypothesis, fit.added[-1])
 
 
 def merged(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Hypothesis:
@@ -426,7 +372,8 @@ def merged(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Hypothesi
     """
     forces = forces_of_position(hypothesis.added)
     waves = [effect for effect in forces if "wave_over_position" in effect.groups]
-    if not waves or len(waves) == len(forces):
+    others = [effect for effect in forces if effect not in waves]
+    if not waves or not others or not all(effect.is_spline for effect in others):
         return hypothesis
     rest = hypothesis
     for effect in forces:
@@ -437,6 +384,8 @@ def merged(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Hypothesi
         enough = max(enough, hypothesis.held_out + NEARLY * (rest.held_out - hypothesis.held_out))
     if not forms or forms[0].held_out > enough:
         return hypothesis
+    if freedom(forms[0].effect, spans) > sum(freedom(effect, spans) for effect in forces):
+        return hypothesis  # with orders enough a wave draws anything
     return settled(rest.plus(forms[0].effect), spans)
 
 

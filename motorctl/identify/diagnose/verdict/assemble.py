@@ -32,6 +32,7 @@ from motorctl.identify.diagnose.search.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.search.physics import is_physical
+from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
@@ -57,7 +58,6 @@ from motorctl.identify.diagnose.verdict.errors import (
 )
 from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
-from motorctl.identify.diagnose.verdict.refutation import without_refuted
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
@@ -128,10 +128,10 @@ def assemble(
         doubted |= {name: support.grounds for name, support in supports.items()}
         found, supports = declared_alone(found), {}
         judged = _beside_twin(found, judge(found))
-    extra = compensation(found, judged)
+    extra, impossible = compensation(found, judged), None
     if extra is not None and not is_physical(found.final, extra):
         # where a place is passed at one acceleration, any function of it explains that
-        extra, judged = None, replace(judged, rival=None)
+        extra, judged, impossible = None, replace(judged, rival=None), judged.rival
     if extra is not None and not _lowers(found, extra[1], found.final.problem, split):
         extra = None
     values = values_of(found.final, extra)
@@ -145,7 +145,8 @@ def assemble(
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
-    drowned = why_undetermined(found, judged, own_error)
+    doubted_most = most_doubted(fitted, doubted)
+    drowned = why_undetermined(found, judged, own_error, doubted_most)
     if drowned:
         missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)
     if too_plain:
@@ -165,10 +166,10 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    kin = None if effects or extra else most_doubted(fitted, doubted)
+    kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":
-        unknown = unknown_structure(judged, extra, values, kin)
+        unknown = unknown_structure(judged, extra, values, kin, impossible)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -193,6 +194,7 @@ def assemble(
         mended=mended,
         notes=(
             *(term.sentence for term in mended),
+            *found.refuted,
             *refuted,
             *shown,
             *useless,
@@ -355,7 +357,7 @@ def _sentence(
         beside = f" Beside it, {names} was found." if effects else ""
         if unknown.family is not None and unknown.compensation is None:
             return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
-        if kin is not None and not unknown.depends_on:
+        if kin is not None:
             return f"The model lacks something that cannot be named: {unknown.sentence}."
         return (
             f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"

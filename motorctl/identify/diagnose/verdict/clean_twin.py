@@ -24,7 +24,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
-from motorctl.identify.diagnose.verdict.simulated_position import ratios_of, simulated_position
+from motorctl.identify.diagnose.search.simulated_position import ratios_of, simulated_position
 from motorctl.model import Effect
 from motorctl.model.sign_function import slope_of
 

@@ -21,8 +21,9 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.simulated_position import (
+from motorctl.identify.diagnose.search.simulated_position import (
     judge_by_simulation,
+    position_of_declared,
     simulated_position,
 )
 from motorctl.model import Effect
@@ -134,7 +135,7 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
     floor = min(floor_of(found), after, before)
     regressors = found.final.regressors
     command = final.columns[:, regressors.command_column].ravel()[: regressors.signals.rows][held]
-    missed = (simulated_position(each, held) for each in (found.base, found.final))
+    missed = position_of_declared(found.base, held), simulated_position(found.final, held)
     simulated = judge_by_simulation(regressors.signals, *missed)
     return ModelError(
         unit=unit,
@@ -174,6 +175,8 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             if other is None:
                 continue
             other = by_simplex(rest, other, found.spans, RIVAL_STEPS)
+            if draws_any_form(other.effect, effect):
+                continue
             if other.held_out <= found.final.held_out * (1.0 + SAME):
                 same.append(name)
         if effect.kind == "command":
@@ -192,6 +195,11 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             same += alike
         break
     return same
+
+
+def draws_any_form(other: Effect, effect: Effect) -> bool:
+    """Return whether another effect is a spline of the same family: no rival of a formula."""
+    return other.is_spline and not effect.is_spline and other.family() == effect.family()
 
 
 def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, ...]:

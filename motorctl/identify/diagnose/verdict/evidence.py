@@ -72,18 +72,22 @@ def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> 
 
 
 def _unsteady(final: Hypothesis, effect: Effect) -> float:
-    """Return how far the fits to each third of the blocks disagree on an effect's columns."""
+    """Return how far fits to each third of the blocks disagree on what an effect does there.
+
+    Each third answers for its own rows: of an event in one of them the others know nothing.
+    """
     places = [i for i, name in enumerate(final.names) if name == effect.name]
     if not places:  # what acts on the command has no column of its own
         return 0.0
     problem = final.problem
-    own = problem.total[np.ix_(places, places)]
     whole = final.solution.b[places]
-    apart = []
+    apart = 0.0
     for k in range(FOLDS):
+        own = problem.gram[k::FOLDS].sum(axis=0)[np.ix_(places, places)]
         away = fit_of_fold(problem, k).b[places] - whole
-        apart.append(float(away @ own @ away))
-    return math.sqrt(float(np.mean(apart)) / max(float(whole @ own @ whole), TINY))
+        apart += float(away @ own @ away)
+    own = problem.total[np.ix_(places, places)]
+    return math.sqrt(apart / max(float(whole @ own @ whole), TINY))
 
 
 def _contains(found: Found, other: str, effect: Effect) -> bool:

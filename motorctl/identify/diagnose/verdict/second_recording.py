@@ -19,11 +19,12 @@ from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
-from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained, per_command
-from motorctl.identify.diagnose.verdict.simulated_position import (
+from motorctl.identify.diagnose.search.simulated_position import (
     judge_by_simulation,
+    position_of_declared,
     simulated_position,
 )
+from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained, per_command
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -55,7 +56,9 @@ def error_on(test: Measured, found: Found, error: ModelError) -> tuple[ModelErro
             after = shifted
             moved = _shifted(moved, shift)
     simulated = judge_by_simulation(
-        moved, *(simulated_position(each.on(moved)) for each in (found.base, found.final))
+        moved,
+        position_of_declared(found.base.on(moved)),
+        simulated_position(found.final.on(moved)),
     )
     gain = abs(float(found.final.b[0]))
     floor = min(float(np.sqrt(signals.noise_variance(found.force_noise))) / gain, before, after)

@@ -6,6 +6,7 @@ import math
 
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
 from motorctl.identify.diagnose.verdict.verdict import Judged
 
 DROWNED = 0.1
@@ -16,9 +17,15 @@ TINY = 1e-300
 """Least command that anything is divided by. Convention."""
 
 
-def why_undetermined(found: Found, judged: Judged, error: ModelError) -> str | None:
-    """Return why no model can be told complete or lacking from a recording, or None."""
-    return _drowned(found, judged) or _worse_than_nothing(error)
+def why_undetermined(
+    found: Found, judged: Judged, error: ModelError, doubted: DoubtedMember | None
+) -> str | None:
+    """Return why no model can be told complete or lacking from a recording, or None.
+
+    `doubted` is an effect that is not named and takes most of the error: with it the recording
+    determines a model.
+    """
+    return _drowned(found, judged) or (None if doubted else _worse_than_nothing(error))
 
 
 def _drowned(found: Found, judged: Judged) -> str | None:

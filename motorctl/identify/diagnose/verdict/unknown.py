@@ -43,10 +43,22 @@ def unknown_structure(
     extra: Compensation | None,
     values: FittedModel,
     kin: DoubtedMember | None = None,
+    impossible: str | None = None,
 ) -> UnknownStructure:
     """Say what unknown structure depends on, and of which kind it is.
 
-    `kin` is an effect that takes most of the error and is too unsure to be named.
+    Parameters
+    ----------
+    judged
+        What the verdict rests on.
+    extra
+        A spline that compensates it.
+    values
+        The parameters of the whole model, the spline's last.
+    kin
+        An effect that takes most of the error and is too unsure to be named.
+    impossible
+        The smooth function that would explain it if physics allowed that.
     """
     variables = depends_on(judged.rival)
     share = min(judged.rival_share, 1.0)
@@ -66,12 +78,17 @@ def unknown_structure(
         sentence = (
             f"the residual depends on {' and '.join(variables)}: a smooth function of "
             f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
-            f"explainable error, and {kind} has this form"
+            "explainable error, and "
+            + (f"{kind} has this form" if kin is None else _unsure(kin, family is None))
         )
     elif kin is not None:
+        sentence = _unsure(kin, True)
+    elif impossible is not None:
+        needed = " and ".join(depends_on(impossible))
         sentence = (
-            f"{kin.member} takes {100 * kin.share:.0f} % of the squared error away, but neither it "
-            f"nor its kind (confidence {kin.sure:.2f}) is sure enough to be named"
+            f"a smooth function of {needed} would explain the residual, but only beside a negative "
+            "inertia or with forces far beyond the largest command: this motion passes each place "
+            "at about one acceleration"
         )
     elif judged.bursts > BURSTS:
         sentence = (
@@ -93,3 +110,13 @@ def unknown_structure(
         return UnknownStructure(variables, sentence, None, family, nothing, nothing, share)
     theta, std_error = theta_of(values, extra[0])
     return UnknownStructure(variables, sentence, extra[0], family, theta, std_error, share)
+
+
+def _unsure(kin: DoubtedMember, kind_too: bool) -> str:
+    """Say what a doubted effect takes, and that it is not named."""
+    takes = f"{kin.member} takes {100 * kin.share:.0f} % of the squared error away, but "
+    if kind_too:
+        return (
+            f"{takes}neither it nor its kind (confidence {kin.sure:.2f}) is sure enough to be named"
+        )
+    return f"{takes}is not sure enough to be named (its kind has confidence {kin.sure:.2f})"

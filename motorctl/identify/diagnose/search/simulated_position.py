@@ -97,6 +97,20 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
     return missed_by(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
 
 
+def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
+    """Return what the declared model misses of the position, that any other is compared with.
+
+    Nothing where its inertia would be negative, as beside a weight that outweighs it: such a model
+    cannot be simulated.
+    """
+    return simulated_position(base, held) if float(base.b[0]) > 0.0 else {}
+
+
+def coasting(signals: Signals, held: Rows | None = None) -> Missed:
+    """Return what going on at the measured velocity misses of the position."""
+    return missed_by([np.zeros_like(s.x) for s in signals.stretches], signals, held)
+
+
 def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
     """Return what any prediction of the acceleration misses of the position [m, rms].
 
