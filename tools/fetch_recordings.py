@@ -8,11 +8,12 @@ The recordings belong to their authors and stay out of this repository.
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from motorctl_benchmarks.real_machines.readers import REPOSITORIES, folder_of
+from motorctl_benchmarks.real_machines.readers import COMMITS, REPOSITORIES, folder_of
 
 
 def main() -> int:
@@ -27,9 +28,22 @@ def main() -> int:
             print(f"{repository}: there already")
             continue
         address = f"https://github.com/{repository}.git"
-        done = subprocess.run(["git", "clone", "--depth", "1", address, str(place)], check=False)
-        failed += done.returncode != 0
+        failed += not _fetched(address, place, COMMITS.get(repository, "HEAD"))
     return int(failed > 0)
+
+
+def _fetched(address: str, place: Path, commit: str) -> bool:
+    """Fetch one commit without the history before it; return whether that was possible."""
+    place.mkdir(parents=True)
+    for command in (
+        ["init", "--quiet"],
+        ["fetch", "--depth", "1", address, commit],
+        ["checkout", "--quiet", "FETCH_HEAD"],
+    ):
+        if subprocess.run(["git", *command], cwd=place, check=False).returncode != 0:
+            shutil.rmtree(place)  # so that the next run tries again
+            return False
+    return True
 
 
 if __name__ == "__main__":

@@ -21,8 +21,12 @@ from motorctl_benchmarks.other_machines.mistakes import MISTAKES, told
 Group = Literal["known", "outside", "clean", "mistake"]
 
 UNKNOWN_PREFIX = "unknown_"
-ALSO_RIGHT = {"unknown_shaker": frozenset({"periodic_disturbance"})}
-"""Names that are right for what its author thought to be without one: a force of one frequency."""
+ALSO_RIGHT = {
+    "unknown_shaker": frozenset({"periodic_disturbance"}),
+    "unknown_spindle_imbalance": frozenset({"periodic_disturbance"}),
+}
+"""Names that are right for what its author thought to be without one: a force of one frequency, the
+spindle's changing by less than 0.1 % a second."""
 OTHERWISE_TOLD = "another mistake told"
 CLEAN = ("none", "gravity_constant")
 """Kinds that lack nothing: a constant weight is an offset."""

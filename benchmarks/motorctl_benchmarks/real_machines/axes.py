@@ -15,18 +15,26 @@ from motorctl_benchmarks.real_machines.readers import (
     Read,
     actuator,
     arm,
+    bare_motor,
     beam,
     brushless,
     cart,
     damper,
     double,
+    driven_pendulum,
+    flexible_link,
+    flywheel,
     instrument,
     joint,
     kuka,
     panda,
     pendulum,
+    tiago,
+    two_links,
     two_motors,
+    tx40,
     walking_joint,
+    wam,
     wheel,
 )
 
@@ -82,6 +90,15 @@ INSTRUMENT = {
 }
 ON_CABLES = ("flexible_mode", "input_lag", "input_delay", "position_force")
 """Its frequency response has an antiresonance at 3 to 4 Hz and a resonance above it."""
+COGGING_SLOWLY = {
+    "0.03 turns/s": "slow2_slower/nocomp_0",
+    "0.1 turns/s": "slow_goodgains_2/nocomp_0",
+    "0.1 turns/s again": "slow2/nocomp_0",
+    "0.03 turns/s, compensated": "slow2_slower/comp_0",
+}
+OF_LINKS = ("gravity", "position_force", "cross_axis", "flexible_mode")
+"""The second link is driven by a belt."""
+BENDING = ("flexible_mode", "cross_axis")
 AXES: tuple[RealAxis, ...] = (
     RealAxis("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
     RealAxis("UR10e joint 1", joint(1), "A"),
@@ -98,7 +115,8 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("screw actuator B", LIN_B, "A", position_unit="mm", scale=-1),
     RealAxis("screw actuator D", LIN_D, "mA", position_unit="mm"),
     RealAxis("eccentric actuator A", ECC_A, "A", position_unit="deg", scale=-1),
-    *(RealAxis(f"Panda joint {k}", panda(k), "N*m") for k in (1, 2, 3, 5, 7)),
+    *(RealAxis(f"Panda joint {k}", panda(k), "N*m") for k in (1, 2, 3, 5)),
+    RealAxis("Panda joint 7", panda(7), "N*m", ("presliding",)),
     RealAxis("cart, chirp", CART_CHIRP, "%", SWINGING, position_unit="m"),
     RealAxis("cart, many sines", CART_LINES, "%", SWINGING, position_unit="m"),
     RealAxis("pendulum, swing-up of 6 s", SWING_UP, "N*m", GRAVITY),
@@ -122,6 +140,28 @@ AXES: tuple[RealAxis, ...] = (
         for what, read in INSTRUMENT.items()
     ),
     RealAxis("wheel in the air, one way", wheel, "%"),
+    *(
+        RealAxis(f"bare motor, {what}", bare_motor(name), "A", ("cogging",))
+        for what, name in COGGING_SLOWLY.items()
+    ),
+    RealAxis("WAM joint 2", wam(2), "N*m", (*GRAVITY, "cross_axis")),
+    *(RealAxis(f"TX40 axis {k}", tx40(k), "A", ("cross_axis",), "deg") for k in (1, 4, 6)),
+    *(RealAxis(f"TX40 axis {k}", tx40(k), "A", CARRIED, "deg") for k in (2, 3)),
+    RealAxis("TIAGo torso", tiago("torso_lift"), "A", ("hard_stop",), "m"),
+    RealAxis("TIAGo joint 1", tiago("arm_1"), "A", ("cross_axis",)),
+    RealAxis("TIAGo joint 2", tiago("arm_2"), "A", CARRIED),
+    RealAxis("TIAGo joint 4, turned", tiago("arm_4"), "A", CARRIED, scale=-1),
+    *(RealAxis(f"flywheel {k}", flywheel(k), "mA") for k in (1, 4)),
+    *(RealAxis(f"driven pendulum {k}", driven_pendulum(k), "A", GRAVITY) for k in (1, 2)),
+    *(
+        RealAxis(f"two links, {speed}, link {k}", two_links(speed, k), "mA", OF_LINKS)
+        for speed in ("fast", "norm", "slow")
+        for k in (1, 2)
+    ),
+    *(
+        RealAxis(f"flexible links, stage {k}", flexible_link(k), "A", BENDING, "deg")
+        for k in (1, 2)
+    ),
 )
 
 

@@ -35,6 +35,12 @@ TWO_MOTORS = "malik-robert/HSM150-data"
 GO1 = "rimim/bam"
 INSTRUMENT = "liamjosephnolan/thesis_matlab"
 WHEEL = "vhsabino/MATLAB"
+BARE_MOTOR = "gchenfc/ODrive"
+WAM = "amir-noohian/dynamics-estimation"
+CALIBRATED_ARMS = "thanhndv212/figaroh-examples"
+LINKS = "lvjonok/mujoco-sysid"
+FLEXIBLE_LINKS = "basta/quanser-2-dof-serial-flexible-link"
+HOBBY_SERVO = "spfrommer/servo-experiment"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -52,8 +58,19 @@ REPOSITORIES = (
     GO1,
     INSTRUMENT,
     WHEEL,
+    BARE_MOTOR,
+    WAM,
+    CALIBRATED_ARMS,
+    LINKS,
+    FLEXIBLE_LINKS,
+    HOBBY_SERVO,
 )
 """On GitHub."""
+COMMITS = {
+    BARE_MOTOR: "54611550c141fb024b663d1d17fc98dc2c5b7fd3",
+    LINKS: "b30002b6f7fb9bb7d4410ab304c18fbcbbedcfd5",
+}
+"""Of those whose newest commit no longer has the recordings."""
 
 
 def folder_of(recordings: Path, repository: str) -> Path:
@@ -275,3 +292,121 @@ def wheel(recordings: Path) -> Columns:
 def mat(path: Path) -> dict[str, Any]:
     """Return the variables of a MATLAB file."""
     return dict(loadmat(path, squeeze_me=True))
+
+
+def bare_motor(name: str) -> Read:
+    """Return the reader of a hobby motor without a load, under a velocity or position loop."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, BARE_MOTOR) / "analysis" / "cogging_torque"
+        time_s, counts, current = np.load(folder / f"{name}.npy")[:3]
+        return {"time_s": time_s, "position": 2.0 * np.pi * counts / 8192.0, "command": current}
+
+    return read
+
+
+def wam(number: int) -> Read:
+    """Return the reader of a joint of a cable-driven arm of which joints 2 and 4 move."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, WAM) / "pest_2dof_nogravity" / "wam_data"
+        rows = json.loads((folder / "state_4.json").read_text())
+        time = np.array([row["time"] for row in rows])
+        return {
+            "time_s": time - time[0],
+            "position": np.array([row["position"][number - 1] for row in rows]),
+            "command": np.array([row["effort"][number - 1] for row in rows]),
+        }
+
+    return read
+
+
+def tx40(number: int) -> Read:
+    """Return the reader of an axis of an industrial arm whose axes all move, 5 kHz, in degrees."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, CALIBRATED_ARMS) / "examples" / "staubli_TX40" / "data"
+        angle, current = (
+            np.genfromtxt(folder / name, delimiter=",", skip_header=1)[:, number - 1]
+            for name in ("pos_read_data.csv", "curr_data.csv")
+        )
+        return {"time_s": 2e-4 * np.arange(len(angle)), "position": angle, "command": current}
+
+    return read
+
+
+def tiago(name: str) -> Read:
+    """Return the reader of a joint of a service robot whose joints all move, 100 Hz, uneven."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, CALIBRATED_ARMS) / "examples/tiago/data/identification"
+        columns: Columns = {}
+        for column, what in (("position", "position"), ("command", "effort")):
+            rows = np.genfromtxt(folder / f"dynamic/tiago_{what}.csv", delimiter=",", names=True)
+            columns["time_s"] = rows["t"]
+            columns[column] = rows[f"_{name}_joint_{what}"]
+        return columns
+
+    return read
+
+
+def flywheel(number: int) -> Read:
+    """Return the reader of a motor with a flywheel, 1.7 kHz."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, LINKS) / "data" / "trajectories" / "dc_motor"
+        path = folder / f"Identification_traj_{number}.csv"
+        rows = np.genfromtxt(path, delimiter=",", skip_header=1)
+        return {"time_s": rows[:, 1], "position": rows[:, 2], "command": rows[:, 4]}
+
+    return read
+
+
+def driven_pendulum(number: int) -> Read:
+    """Return the reader of a pendulum on a motor that follows one sine, 500 Hz."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, LINKS) / "data" / "trajectories" / "pendulum"
+        rows = np.genfromtxt(folder / f"harmonic_input_{number}.csv", delimiter=",")
+        return {"time_s": rows[:, 0], "position": rows[:, 1], "command": rows[:, 3]}
+
+    return read
+
+
+def two_links(speed: str, number: int) -> Read:
+    """Return the reader of one link of two, 100 Hz; the drive is off after 50 s."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, LINKS) / "data" / "trajectories" / "two_link"
+        rows = np.genfromtxt(folder / f"two_link_observer_05_{speed}.csv")
+        return {
+            "time_s": rows[:, 0],
+            "position": rows[:, 2 * number - 1],
+            "command": rows[:, 4 + number],
+        }
+
+    return read
+
+
+def flexible_link(stage: int) -> Read:
+    """Return the reader of one stage of two with a flexible link each, 500 Hz, in degrees."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, FLEXIBLE_LINKS) / "software" / "quanser_original" / "Results"
+        current = loadmat(folder / f"data_fsf_Im{stage}.mat")[f"data_Im{stage}"]
+        angle = loadmat(folder / f"data_fsf_th{stage}1.mat")[f"data_th{stage}1"]
+        return {
+            "time_s": angle[:, 0],
+            "position": angle[:, 2],
+            "command": current[:, 2],
+            "reference": angle[:, 1],
+        }
+
+    return read
+
+
+def hobby_servo(recordings: Path) -> Columns:
+    """Read a hobby servo that lifts a weight: whole degrees, and current without a sign."""
+    folder = folder_of(recordings, HOBBY_SERVO) / "processed"
+    rows = np.loadtxt(folder / "processed400-1.txt")
+    return {"time_s": rows[:, 0] / 1e3, "position": rows[:, 1], "command": rows[:, 2]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import traceback
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import controller_list
 from motorctl.log import Recording, read_recording
 from motorctl.model.sign_function import slope_of
-from motorctl_benchmarks.diagnosis.answer import in_one_line
+from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
 from motorctl_benchmarks.real_machines.axes import AXES, RealAxis, described
 from motorctl_benchmarks.real_machines.peer_models import peer_errors
 from motorctl_benchmarks.real_machines.readers import Columns
@@ -52,10 +52,15 @@ class AxisOutcome:
     """Of the declared model, and with what was found."""
     peers: dict[str, float] = field(default_factory=dict)
     traceback: str = ""
+    may_name: tuple[str, ...] = ()
+    """Effects that the machine has."""
+    answer: Answer | None = None
+    """What was said, with what it rests on."""
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return asdict(self)
+        told = None if self.answer is None else self.answer.document()
+        return asdict(replace(self, answer=None)) | {"answer": told}
 
 
 def run_axis(task: AxisTask) -> AxisOutcome:
@@ -90,6 +95,8 @@ def _judged(axis: RealAxis, columns: Columns, folder: Path) -> AxisOutcome:
         declared=_number(error.simulated_position_before_rms),
         ours=_number(error.simulated_position_after_rms),
         peers={} if math.isnan(window_s) else peer_errors(seen, unseen, window_s),
+        may_name=axis.may_name,
+        answer=answer_of(found, found.seconds, math.nan),
     )
 
 

@@ -41,6 +41,7 @@ from motorctl_benchmarks.real_machines.readers import (
     folder_of,
     panda,
     propeller,
+    wam,
 )
 from motorctl_benchmarks.real_machines.run_axis import RELIED_UPON
 
@@ -95,8 +96,11 @@ def test_a_current_of_the_other_sign_is_told_as_that(tmp_path: Path) -> None:
         diagnosed(as_recorded, tmp_path)
 
 
-def test_a_joint_that_other_joints_load_is_refused_with_what_to_record(tmp_path: Path) -> None:
-    loaded = RealAxis("Panda joint 4", panda(4), "N*m")
+@pytest.mark.parametrize("read", [panda(4), wam(4)], ids=["Panda joint 4", "WAM joint 4"])
+def test_a_joint_that_other_joints_load_is_refused_with_what_to_record(
+    read: Read, tmp_path: Path
+) -> None:
+    loaded = RealAxis("a joint", read, "N*m")
     with pytest.raises(DataError, match="record them beside it"):
         diagnosed(loaded, tmp_path)
 
