@@ -2,8 +2,9 @@
 
     motorctl bench machines --cases 2 --seed 701 --out machines.jsonl
     motorctl bench diagnosis --cases 8 --seed 940000 --out campaign.jsonl
-    python tools/learn_confidence.py machines.jsonl campaign.jsonl            # tells
-    python tools/learn_confidence.py machines.jsonl campaign.jsonl --write    # and writes the table
+    motorctl bench recordings --recordings recordings --out recordings.jsonl
+    python tools/learn_confidence.py *.jsonl            # tells
+    python tools/learn_confidence.py *.jsonl --write    # and writes the table
 
 The score is logistic, held near zero by a ridge. How well it holds is told for each author of
 machines with the weights that were learned on all the others; the table is learned on all.
@@ -36,12 +37,14 @@ TABLE = Path(shipped.__file__).with_name(shipped.WEIGHTS)
 RIDGE = 0.3
 """Weight of the squared weights, of features scaled to unit spread: some names' worth of doubt."""
 CAMPAIGN = "simulated gantry"
+RECORDED = "real machines"
 FOR, AGAINST = (0.0, None), (None, 0.0)
 MAY_BE = {
     "lead": FOR,
     "strength": FOR,
     "unexplained": AGAINST,
     "over_noise": AGAINST,
+    "reduction": FOR,
     "unsteady": AGAINST,
 }
 """Signs that a weight may have: what speaks for a name never makes it less sure."""
@@ -66,6 +69,8 @@ def names_of(path: Path) -> Iterator[Name]:
         record = json.loads(line)
         author, right, family = _truth(record)
         answer = record["answer"]
+        if answer is None:  # a recording that was refused
+            continue
         given = [(n["name"], n["grounds"], n["indistinguishable_from"]) for n in answer["named"]]
         given += [(name, figures, ()) for name, figures in answer["doubted"].items()]
         for name, figures, alike in given:
@@ -77,11 +82,14 @@ def _truth(record: Mapping[str, Any]) -> tuple[str, frozenset[str], frozenset[st
     if "generator" in record:
         kind = truth_of(record["kind"])
         return record["generator"], kind.names, kind.family
-    truth = record["case"]["truth"]
     effects = built_in_effects()
-    right = frozenset(truth) | also_right(truth)
+    if "axis" in record:
+        author, right = RECORDED, frozenset(record["may_name"])
+    else:
+        truth = record["case"]["truth"]
+        author, right = CAMPAIGN, frozenset(truth) | also_right(truth)
     families = families_of(right)
-    return CAMPAIGN, right, frozenset(n for n, e in effects.items() if e.family() in families)
+    return author, right, frozenset(n for n, e in effects.items() if e.family() in families)
 
 
 def learned(names: Sequence[Name], of_family: bool) -> dict[str, float]:

@@ -20,7 +20,7 @@ def figures(random: np.random.Generator) -> dict[str, float]:
         "rival_share": rival,
         "stranger_share": stranger * rival,
         "unexplained": unexplained,
-        "over_noise": math.exp(random.uniform(0.0, 2.0)),
+        "over_noise": math.exp(random.uniform(0.0, 1.6)),
         "reduction": math.exp(random.uniform(0.0, 2.0)),
         "unsteady": random.random(),
     }

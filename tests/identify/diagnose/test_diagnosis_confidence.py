@@ -120,16 +120,17 @@ def test_the_family_of_a_doubted_name_is_told_where_it_takes_most(with_chance):
 def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
     clear = Evidence(
         gain=100.0,
-        rival_share=0.1,
-        stranger_share=0.1,
+        rival_share=0.3,
+        stranger_share=0.3,
         unexplained=0.0,
         over_noise=1.0,
-        reduction=5.0,
+        reduction=1.8,
         unsteady=0.01,
     )
     for doubt in (
         {"gain": 3.0},
         {"over_noise": 10.0},
+        {"reduction": 1.1},
         {"gain": 3.0, "unexplained": 0.5},
         {"unsteady": 1.0},
     ):

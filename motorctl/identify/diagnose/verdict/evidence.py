@@ -7,13 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.identify.diagnose.result import Alternative
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
-from motorctl.identify.diagnose.search.held_out_blocks import FOLDS, fit_of_fold
+from motorctl.identify.diagnose.search.held_out_blocks import FOLDS, fit_of_fold, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found, explained_share
-from motorctl.model import Effect
+from motorctl.model import Effect, Spans
+
+Array = NDArray[np.float64]
 
 TINY = 1e-300
 """Sum of squares below which there is nothing left: keeps divisions whole. Convention."""
@@ -21,10 +24,22 @@ FAINT_RIVAL = 0.1
 """Share of the gain below which a rival counts as one of it: much smaller ones say no more. Larger
 does not tell close rivals from far ones, smaller lets a lead alone make a name sure. Chosen by how
 well the weights hold on authors left out, of 0.001, 0.01, 0.03 and 0.1."""
+MOST_OVER_NOISE = 5.0
+"""Rms of what is left over that of noise alone beyond which more says nothing: real machines have 5
+to 200 beside a weight that is plainly there. Larger doubts these, smaller trusts what simulated
+machines show to be only a part. Chosen by how well the weights hold on authors left out, of 3, 5,
+10, 30 and none."""
+MOST_REDUCTION = 3.0
+"""Factor on the rms that is left without an effect, beyond which more says nothing. Larger doubts
+every small effect beside a large one, smaller does not tell a main cause from a side one. Chosen by
+how well the weights hold on authors left out, of 3, 10 and 30."""
 MOST_UNSTEADY = 1.0
 """Disagreement beyond which parts of the recording say nothing of an effect at all, as where none
 of its events falls into one of them. Larger doubts what acts in few places, smaller does not tell
 chance from such. Arithmetic: as large as the effect itself."""
+SMALL_STEP = 0.02
+"""Part of a lag or delay by which it is changed to see what it does. Larger leaves the straight
+line, smaller drowns in rounding. Chosen by hand."""
 FAINTEST = 1e-3
 """Shares and parts below it count as it: their logarithms would run away. Convention."""
 
@@ -67,27 +82,47 @@ def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> 
         unexplained=min(max(1.0 - explained_share(found), 0.0), 1.0),
         over_noise=math.sqrt(max(final.held_out / noise, 1.0)),
         reduction=math.sqrt(max(rest.held_out, TINY) / max(final.held_out, TINY)),
-        unsteady=_unsteady(final, effect),
+        unsteady=_unsteady(found, effect),
     )
 
 
-def _unsteady(final: Hypothesis, effect: Effect) -> float:
+def _unsteady(found: Found, effect: Effect) -> float:
     """Return how far fits to each third of the blocks disagree on what an effect does there.
 
     Each third answers for its own rows: of an event in one of them the others know nothing.
     """
+    final, problem = found.final, found.final.problem
     places = [i for i, name in enumerate(final.names) if name == effect.name]
-    if not places:  # what acts on the command has no column of its own
-        return 0.0
-    problem = final.problem
     whole = final.solution.b[places]
+    if not places and not effect.steps(found.spans):
+        return 0.0
+    if effect.kind == "command":  # no column is its own: asked is by how much its time would change
+        name, value = _time_of(effect, found.spans)
+        problem = with_columns(problem, _change_by(final, effect, name, value)[None])
+        places, whole = [problem.size - 1], np.array([value])
     apart = 0.0
     for k in range(FOLDS):
         own = problem.gram[k::FOLDS].sum(axis=0)[np.ix_(places, places)]
-        away = fit_of_fold(problem, k).b[places] - whole
+        away = fit_of_fold(problem, k).b[places]
+        away = away if effect.kind == "command" else away - whole
         apart += float(away @ own @ away)
     own = problem.total[np.ix_(places, places)]
     return math.sqrt(apart / max(float(whole @ own @ whole), TINY))
+
+
+def _time_of(effect: Effect, spans: Spans) -> tuple[str, float]:
+    """Return the one option of an effect on the command that is fitted, and its value."""
+    name = next(iter(effect.steps(spans)))
+    return name, float(getattr(effect.options, name))
+
+
+def _change_by(final: Hypothesis, effect: Effect, name: str, value: float) -> Array:
+    """Return by how much the fitted rows would change with an option, for each unit of it, (m,)."""
+    step = SMALL_STEP * value
+    moved = final.exchanged(effect.with_options(**{name: value + step}))
+    rows, b = final.regressors.signals.rows, final.solution.b
+    before, after = (each.problem.joined(rows)[:-1] for each in (final, moved))
+    return np.asarray((b @ after - b @ before) / step)
 
 
 def _contains(found: Found, other: str, effect: Effect) -> bool:
@@ -107,15 +142,16 @@ def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:
 def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str, float]:
     """Return what the logistic score is linear in, from the figures of an `Evidence`.
 
-    Shares of the command or of what is explained, the reduction of what is left, and how many other
-    names are given, were tried too: they learn how many effects a machine has, which differs from
-    author to author.
+    Shares of the command or of what is explained, and how many other names are given, were tried
+    too: they learn how many effects a machine has, which differs from author to author. So does
+    the reduction of what is left, where it counts without a limit.
     """
     rival = figures["stranger_share" if of_family else "rival_share"]
     return {
         "lead": -math.log(min(max(rival, FAINT_RIVAL), 10.0)),
         "strength": math.log(max(figures["gain"], 1.0)),
         "unexplained": figures["unexplained"],
-        "over_noise": math.log(figures["over_noise"]),
+        "over_noise": math.log(min(figures["over_noise"], MOST_OVER_NOISE)),
+        "reduction": math.log(min(figures["reduction"], MOST_REDUCTION)),
         "unsteady": math.log(min(max(figures["unsteady"], FAINTEST), MOST_UNSTEADY)),
     }
