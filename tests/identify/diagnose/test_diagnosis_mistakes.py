@@ -167,7 +167,7 @@ def test_an_axis_that_others_may_load_is_not_refused_beside_them():
     check_explains(loaded, make_signals(loaded), C1, others={"y": replace(beside, axis="y")})
 
 
-def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_a_force_of_position():
+def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_gravity():
     moved = ARM.run(seed=4, duration_s=12.0)
     noise = 0.01 * np.random.default_rng(1).standard_normal(len(moved.position))
     held = replace(
@@ -175,8 +175,10 @@ def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_a_force_of_positio
         position_unit="rad", command_unit="N*m",
     )  # fmt: skip
     found = diagnose_axis(held, C1)
-    assert found.unknown is not None  # no inertia: a simulation cannot tell which
-    assert found.unknown.family == "force_of_position"
+    assert [effect.name for effect in found.effects] == ["gravity"]
+    assert found.effects[0].theta == pytest.approx([3.3, 0.0], abs=0.01)
+    # no inertia: neither model can be simulated
+    assert found.error.simulated_position_before_rms is None
 
 
 def test_a_torque_that_does_not_change_tells_nothing_and_says_so():

@@ -61,6 +61,10 @@ REPEATED_SHARE = 0.5
 """The same for a second effect where one move is repeated: all that is left there repeats too, and
 functions of place, time and speed can each draw a part of it. Larger misses true ones, smaller
 names a wrong one. Chosen by hand on the simulated campaign."""
+SAME_PHASE = 1.0
+"""Phase [rad] by which a wave over time leaves one over position where the speed is not quite
+steady, rms, up to which they are one. Larger doubts true disturbances, smaller names a motor's
+second cogging a disturbance over time. Arithmetic: a radian apart, they are hardly alike."""
 NEAR_MODE = 0.1
 """Distance of a line from a resonance, as a part of its frequency, that may be its ringing. Larger
 doubts true lines, smaller names ringing. Chosen by hand on the simulated campaign."""
@@ -96,16 +100,13 @@ def acceptable(
     taken = before.held_out - form.held_out
     over_time = "line_over_time" in form.effect.groups
     frequency = form.effect.lines[0] if over_time else 0.0
-    least = LEAST_SHARE[before.regressors.side]
+    signals, least = before.regressors.signals, LEAST_SHARE[before.regressors.side]
     if "resonance" in form.effect.groups:
         # the feedback of the encoder's own noise looks like a resonance where little else moves
-        faint = frequency > BAND_END * before.regressors.signals.band_hz
+        faint = frequency > BAND_END * signals.band_hz
         if faint or not _moves_at(before, frequency):
             least = 1.0 if faint and before.held_out < NOISE_LIKE * floor else AT_END_SHARE
-    elif (
-        "wave_over_time" in form.effect.groups
-        and frequency > BAND_END * before.regressors.signals.band_hz
-    ):
+    elif "wave_over_time" in form.effect.groups and frequency > BAND_END * signals.band_hz:
         least = AT_END_SHARE
     if shadows(before.added, form.effect, spans):
         least = SHADOW_SHARE
@@ -113,11 +114,10 @@ def acceptable(
         least = max(least, IMPACT_SHARE)
     if taken < SMALL_PART * before.regressors.declared_held_out:
         least = max(least, SMALL_SHARE)
-    if before.added and before.regressors.signals.repeats_s:
-        if _repeats_with(before, form.effect):
-            least = SAME_SHARE
-        elif before.regressors.side == "acceleration":
-            least = REPEATED_SHARE
+    if before.added and _repeats_with(before, form.effect):
+        least = SAME_SHARE
+    elif before.added and signals.repeats_s and before.regressors.side == "acceleration":
+        least = REPEATED_SHARE
     return bool(
         gain(before, form.held_out) > least_gain
         and (form.effect.kind == "measurement" or taken > relevant_part(before.regressors))
@@ -153,12 +153,35 @@ def shadows(added: tuple[Effect, ...], effect: Effect, spans: Spans) -> bool:
 def _repeats_with(before: Hypothesis, effect: Effect) -> bool:
     """Return whether an effect repeats with the one move as what is there already does."""
     over_place = len(forces_of_position((effect, *before.added))) > 1
-    if over_place and before.regressors.side == "acceleration":
+    repeats = before.regressors.signals.repeats_s > 0.0
+    if over_place and repeats and before.regressors.side == "acceleration":
         return True
+    return in_step(before, effect)
+
+
+def in_step(before: Hypothesis, effect: Effect) -> bool:
+    """Return whether an effect is a wave over time that repeats with the one move that is made.
+
+    So does every wave at one steady speed, beside one over position.
+    """
     if "wave_over_time" not in effect.groups:
+        return False
+    over_position = any("wave_over_position" in other.groups for other in before.added)
+    if over_position and _as_over_position(before, effect.lines[0]):
+        return True
+    if not before.regressors.signals.repeats_s:
         return False
     cycles = effect.lines[0] * before.regressors.signals.repeats_s
     return abs(cycles - round(cycles)) < IN_STEP
+
+
+def _as_over_position(before: Hypothesis, frequency_hz: float) -> bool:
+    """Return whether a wave over time is one over position too, the speed being nearly steady."""
+    signals = before.regressors.signals
+    time, place = signals.time_s, signals.picked(lambda s: s.x)
+    speed, start = np.polyfit(time, place, 1)
+    apart = float(np.std(place - start - speed * time))
+    return bool(2.0 * np.pi * frequency_hz * apart < SAME_PHASE * abs(speed))
 
 
 def forces_of_position(effects: Iterable[Effect]) -> list[Effect]:

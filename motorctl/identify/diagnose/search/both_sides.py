@@ -112,10 +112,9 @@ def both_ways(
     if progress is not None:
         progress("unexplained forces outweigh the noise: once more with the command on the left")
     other = search(short, declared, sign, progress, "command", catalogue)
-    if _explained(other) < _explained(found) - LOSES:
-        # effects of the input cannot be sought there
-        return over_all(found, signals, catalogue)
-    return over_all(other, signals, catalogue)
+    found, other = (over_all(each, signals, catalogue) for each in (found, other))
+    # effects of the input cannot be sought there
+    return found if _explained(other) < _explained(found) - LOSES else other
 
 
 def _explained(found: Found) -> float:

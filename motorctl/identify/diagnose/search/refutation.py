@@ -7,7 +7,7 @@ model. Such an effect is taken out, and it is told why.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from motorctl.identify.diagnose.search.search import Found, rival_gains
 from motorctl.identify.diagnose.search.simulated_position import (
     Missed,
     Rows,
-    coasting,
     judge_by_simulation,
     position_of_declared,
     simulated_position,
@@ -27,11 +26,6 @@ from motorctl.model import Effect
 WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
 impossible models pass, smaller refutes by chance. Chosen by hand."""
-WORSE_THAN_COASTING = 3.0
-"""The same over going on at the measured velocity, where the declared model's inertia is negative
-and it cannot be simulated. Larger lets an inertia shrink that the motion does not show, smaller
-refutes weights of joints whose motor does much else than to move them. Chosen by hand on real
-joints: 1.3 to 1.8 with gravity, 3.2 with a payload that is not there."""
 CERTAIN = 1e-9
 """Relative size below which a simulation that is worse means nothing: rounding. Convention."""
 
@@ -45,14 +39,15 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     notes: list[str] = []
     final = found.final
     asked = (None,) if held_out is None else (None, held_out)
-    others = [(rows, _other(found.base, rows)) for rows in asked if final.added]
+    yardstick, name = _yardstick(found)
+    others = [(rows, position_of_declared(yardstick, rows)) for rows in asked if final.added]
     while final.added:
         forbidden = beyond_physics(final)
         allowed = forbidden and physical(final, forbidden[0].name)
         if allowed:
             final = allowed.refreshed()
             continue
-        worse = (_worse_when_simulated(other, final, rows) for rows, other in others)
+        worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
         refuted = forbidden or next(filter(None, worse), None)
         if refuted is None:
             break
@@ -64,53 +59,53 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     return replace(found, final=final, rival_gains=rival_gains(final)), tuple(notes)
 
 
-@dataclass(frozen=True)
-class _Other:
-    """What a model's own motion must come as near as."""
+def _yardstick(found: Found) -> tuple[Hypothesis, str]:
+    """Return the model whose own motion no other may be further from, the declared one, and a name.
 
-    name: str
-    missed: Missed
-    most: float
-    """How many times as much the model may miss."""
-
-
-def _other(base: Hypothesis, rows: Rows | None) -> _Other:
-    """Return the declared model, or coasting where that cannot be simulated."""
-    missed = position_of_declared(base, rows)
-    if missed:
-        return _Other("the declared one", missed, WORSE)
-    return _Other("coasting", coasting(base.regressors.signals, rows), WORSE_THAN_COASTING)
+    Where its inertia is negative it cannot be simulated: then that with the one effect which takes
+    most away and lets it move, as a weight does. What was found beside that one is measured by it.
+    """
+    base, added = found.base, found.final.added
+    if float(base.b[0]) > 0.0:
+        return base, "the declared one"
+    alone = [base.plus(effect).refreshed() for effect in added if effect.kind == "state"]
+    able = [each for each in alone if float(each.b[0]) > 0.0 and beyond_physics(each) is None]
+    best = min(able, key=lambda each: each.held_out, default=base)
+    return best, "the one with " + " and ".join(effect.name for effect in best.added) + " alone"
 
 
 def _worse_when_simulated(
-    other: _Other, final: Hypothesis, rows: Rows | None
+    name: str, yardstick: Missed, final: Hypothesis, rows: Rows | None
 ) -> tuple[Effect, str] | None:
     """Find the effect that takes a model's own motion too far from the recorded one.
 
-    Errors of the measurement change no motion and are not asked.
+    `yardstick` is what the model called `name` misses: it must come as near as that. Errors of the
+    measurement change no motion and are not asked.
     """
     signals = final.regressors.signals
     suspects = [effect for effect in final.added if effect.kind != "measurement"]
     if not suspects:
         return None
-    simulated = judge_by_simulation(signals, other.missed, simulated_position(final, rows))
+    simulated = judge_by_simulation(signals, yardstick, simulated_position(final, rows))
     rounding = CERTAIN * float(np.ptp(signals.stretches[0].x))
-    if simulated is None or simulated.worse <= other.most or simulated.after_rms < rounding:
+    if simulated is None or simulated.worse <= WORSE or simulated.after_rms < rounding:
         return None
 
     rest = {effect.name: final.without(effect.name).refreshed() for effect in suspects}
 
     def left(effect: Effect) -> float:
         missed = simulated_position(rest[effect.name], rows)
-        again = judge_by_simulation(signals, other.missed, missed)
+        again = judge_by_simulation(signals, yardstick, missed)
         return np.inf if again is None else again.worse
 
-    # the least of those that may be to blame alone, or the one that is to blame most
-    alone = [effect for effect in suspects if left(effect) <= other.most]
-    effect = min(alone, key=lambda e: rest[e.name].held_out, default=min(suspects, key=left))
+    # what takes least goes first: a side effect may spoil the motion of the right main one
+    worse = {effect.name: left(effect) for effect in suspects}
+    alone = [effect for effect in suspects if worse[effect.name] <= WORSE]
+    part = [effect for effect in suspects if worse[effect.name] < simulated.worse]
+    effect = min(alone or part or suspects, key=lambda e: rest[e.name].held_out)
     return effect, (
         f"{effect.name} is refuted: simulated over windows of {simulated.window_s:.3g} s, the "
         f"model with it would be {simulated.after_rms:.3g} from the recorded position, "
-        f"{other.name} {simulated.before_rms:.3g}; over all lengths of window the ratio is "
+        f"{name} {simulated.before_rms:.3g}; over all lengths of window the ratio is "
         f"{simulated.ratio:.3g}"
     )

@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.search.acceptance import (
     acceptable,
     forces_of_position,
     gain,
+    in_step,
 )
 from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
@@ -342,7 +343,9 @@ def sideways(
             continue
         rest = hypothesis.without(effect.name)
         forms = ranked(rest, list(dict.fromkeys(classes)), spans, sign)
-        forms = [f for f in forms if not at_bound(f.effect, spans)]
+        # what moves in step with the move has no place to take from a force of position
+        fit = (f for f in forms if not at_bound(f.effect, spans) and not in_step(rest, f.effect))
+        forms = list(fit)
         old = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
         better = bool(forms) and instead_of(rest, old, forms[0], spans)
         new = physical_form(rest, forms[0]) if better else None

@@ -106,11 +106,6 @@ def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
     return simulated_position(base, held) if float(base.b[0]) > 0.0 else {}
 
 
-def coasting(signals: Signals, held: Rows | None = None) -> Missed:
-    """Return what going on at the measured velocity misses of the position."""
-    return missed_by([np.zeros_like(s.x) for s in signals.stretches], signals, held)
-
-
 def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
     """Return what any prediction of the acceleration misses of the position [m, rms].
 

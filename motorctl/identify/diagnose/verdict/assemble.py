@@ -48,6 +48,7 @@ from motorctl.identify.diagnose.verdict.confidence import (
 from motorctl.identify.diagnose.verdict.errors import (
     REPORT_HZ,
     Split,
+    alternatives,
     explained,
     held_out_rms,
     in_plain_band,
@@ -56,7 +57,7 @@ from motorctl.identify.diagnose.verdict.errors import (
     per_command,
     split_rows,
 )
-from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
+from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, outside_family
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
@@ -118,10 +119,16 @@ def assemble(
     judged = _beside_twin(found, judge(found))
     if too_plain:
         judged = replace(judged, verdict="complete", kept=(), rival=None)
-    for effect in found.final.added:
-        if effect.name not in judged.kept:
-            found = replace(found, final=found.final.without(effect.name))
-    found = replace(found, final=found.final.refreshed())
+    unkept = {
+        effect.name: evidence_of(found, effect, alternatives(found, effect.name))
+        for effect in found.final.added
+        if effect.name not in judged.kept
+    }
+    for name in unkept:
+        found = replace(found, final=found.final.without(name))
+    # a form of friction that shows only beside missing effects goes with them
+    final = found.final if found.final.added else found.base
+    found = replace(found, final=final.refreshed())
     supports = {effect.name: support_of(found, effect) for effect in found.final.added}
     if supports and all(confidence(support.grounds) < TOLD for support in supports.values()):
         # the family of what is left says more than a name that is hardly ever right
@@ -145,7 +152,7 @@ def assemble(
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
-    doubted_most = most_doubted(fitted, doubted)
+    doubted_most = most_doubted(fitted, doubted | unkept)
     drowned = why_undetermined(found, judged, own_error, doubted_most)
     if drowned:
         missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from motorctl.identify.diagnose.result import MendedTerm
 from motorctl.identify.diagnose.search.declared_shape import turning_over
-from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
 from motorctl.model import EffectList
 from motorctl.model.sign_function import sign_of
@@ -26,7 +26,10 @@ def with_better_base(found: Found, declared: EffectList) -> Found:
     if sign is None or sign == sign_of(found.base.regressors.declared.effects):
         return found
     plain = turning_over(found.base, sign).refreshed()
-    return replace(found, base=plain) if plain.held_out < found.base.held_out else found
+    if plain.held_out >= found.base.held_out:
+        return found
+    better = replace(found, base=plain)
+    return better if found.final.added else declared_alone(better)
 
 
 def mended_terms(
