@@ -44,7 +44,6 @@ MAY_BE = {
     "strength": FOR,
     "unexplained": AGAINST,
     "over_noise": AGAINST,
-    "reduction": FOR,
     "unsteady": AGAINST,
 }
 """Signs that a weight may have: what speaks for a name never makes it less sure."""

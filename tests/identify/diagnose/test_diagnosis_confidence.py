@@ -130,7 +130,6 @@ def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
     for doubt in (
         {"gain": 3.0},
         {"over_noise": 10.0},
-        {"reduction": 1.1},
         {"gain": 3.0, "unexplained": 0.5},
         {"unsteady": 1.0},
     ):

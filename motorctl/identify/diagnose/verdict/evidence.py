@@ -24,15 +24,11 @@ FAINT_RIVAL = 0.1
 """Share of the gain below which a rival counts as one of it: much smaller ones say no more. Larger
 does not tell close rivals from far ones, smaller lets a lead alone make a name sure. Chosen by how
 well the weights hold on authors left out, of 0.001, 0.01, 0.03 and 0.1."""
-MOST_OVER_NOISE = 5.0
+MOST_OVER_NOISE = 10.0
 """Rms of what is left over that of noise alone beyond which more says nothing: real machines have 5
 to 200 beside a weight that is plainly there. Larger doubts these, smaller trusts what simulated
 machines show to be only a part. Chosen by how well the weights hold on authors left out, of 3, 5,
-10, 30 and none."""
-MOST_REDUCTION = 3.0
-"""Factor on the rms that is left without an effect, beyond which more says nothing. Larger doubts
-every small effect beside a large one, smaller does not tell a main cause from a side one. Chosen by
-how well the weights hold on authors left out, of 3, 10 and 30."""
+8, 10, 15, 20 and none."""
 MOST_UNSTEADY = 1.0
 """Disagreement beyond which parts of the recording say nothing of an effect at all, as where none
 of its events falls into one of them. Larger doubts what acts in few places, smaller does not tell
@@ -142,9 +138,9 @@ def outside_family(found: Found, effect: Effect, names: list[str]) -> set[str]:
 def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str, float]:
     """Return what the logistic score is linear in, from the figures of an `Evidence`.
 
-    Shares of the command or of what is explained, and how many other names are given, were tried
-    too: they learn how many effects a machine has, which differs from author to author. So does
-    the reduction of what is left, where it counts without a limit.
+    Shares of the command or of what is explained, the reduction of what is left (also with a limit
+    of 1.5 or 3), and how many other names are given, were tried too: they learn how many effects a
+    machine has, which differs from author to author.
     """
     rival = figures["stranger_share" if of_family else "rival_share"]
     return {
@@ -152,6 +148,5 @@ def features(figures: Mapping[str, float], of_family: bool = False) -> dict[str,
         "strength": math.log(max(figures["gain"], 1.0)),
         "unexplained": figures["unexplained"],
         "over_noise": math.log(min(figures["over_noise"], MOST_OVER_NOISE)),
-        "reduction": math.log(min(figures["reduction"], MOST_REDUCTION)),
         "unsteady": math.log(min(max(figures["unsteady"], FAINTEST), MOST_UNSTEADY)),
     }
