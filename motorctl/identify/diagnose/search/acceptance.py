@@ -18,9 +18,10 @@ LEAST_GAIN = 60.0
 """Gain in log-likelihood of held-out rows that a name needs. Larger misses weak effects, smaller
 names chance. Chosen by hand; the clean twins guard what lies just above it."""
 RELEVANT = 6e-4
-"""Part of the command's rms that an effect must take: less does not matter to any axis, and no
-declared form is exact to such a degree. Larger misses weak effects, smaller names what is left of a
-wrong shape. Chosen by hand on the simulated campaign."""
+"""Part of the command's rms (of an encoder's error: of what the declared model misses) that an
+effect must take: less does not matter to any axis, and no declared form is exact to such a degree.
+Larger misses weak effects, smaller names what is left of a wrong shape. Chosen by hand on the
+simulated campaign."""
 LEAST_SHARE: dict[Side, float] = {"acceleration": 0.08, "command": 0.03}
 """Part of the squared residual left so far that an effect must take, by the left side. Larger
 misses weak effects, smaller names what is left of others. Chosen by hand."""
@@ -120,11 +121,22 @@ def acceptable(
         least = REPEATED_SHARE
     return bool(
         gain(before, form.held_out) > least_gain
-        and (form.effect.kind == "measurement" or taken > relevant_part(before.regressors))
+        and taken > _least_part(before.regressors, form.effect)
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.regressors.side] * excess
     )
+
+
+def _least_part(regressors: Regressors, effect: Effect) -> float:
+    """Return the squared residual that an effect must take to matter.
+
+    An error of the encoder may be far below the command and still spoil a following error: it is
+    measured by what the declared model misses.
+    """
+    if effect.kind == "measurement":
+        return RELEVANT**2 * regressors.declared_held_out
+    return relevant_part(regressors)
 
 
 def relevant_part(regressors: Regressors) -> float:
