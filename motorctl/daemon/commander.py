@@ -32,6 +32,7 @@ from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.axis_records import STANDSTILL_RATIO
 from motorctl.loop.faults import device_message, lasting_words
 from motorctl.loop.plan import plan_move, plan_program
+from motorctl.loop.states import State, possible_words, state_words
 from motorctl.motion import Program, Trajectory
 
 REPLY_TIMEOUT_S = 1.0
@@ -40,15 +41,6 @@ MOST_MOTIONS = 1000
 START_MARGIN_S = 0.05
 """How long before its first tick a motion is ordered: time for the orders of all its axes."""
 
-IN_WORDS = {
-    AxisState.OFF: ("off", "start, home"),
-    AxisState.HOMING: ("homing", "stop"),
-    AxisState.IDLE: ("idle", "stop, home, move, program"),
-    AxisState.RUNNING: ("running", "stop"),
-    AxisState.STOPPING: ("stopping", "nothing until it stands"),
-    AxisState.FAULT: ("in fault", "reset"),
-}
-"""How an axis' state is called in a sentence, and which commands it allows."""
 _WHY = {
     Reply.NOT_AT_START: "the axis no longer stands where the motion was planned to begin",
     Reply.LATE: f"the loop took the order after its first tick, {START_MARGIN_S * 1e3:g} ms ahead",
@@ -323,9 +315,8 @@ class Commander:
             raise RefusedError(Code.NOT_READY, message)
 
     def _must_stand(self, command: str, name: str) -> None:
-        state = self._state(name)
-        if state is not AxisState.IDLE:
-            raise self._wrong_state(command, name, state)
+        if self._state(name) is not AxisState.IDLE:
+            raise self._wrong_state(command, name)
         if not self._homed(name):
             raise self._not_homed(name)
 
@@ -333,7 +324,7 @@ class Commander:
         command = verb.name.lower()
         match reply:
             case Reply.WRONG_STATE:
-                return self._wrong_state(command, name, self._state(name))
+                return self._wrong_state(command, name)
             case Reply.NOT_HOMED:
                 return self._not_homed(name)
             case Reply.STILL_FAULTY:
@@ -364,9 +355,12 @@ class Commander:
         message = f"axis {name} is not homed: `motorctl home {name}` first"
         return RefusedError(Code.NOT_HOMED, message)
 
-    def _wrong_state(self, command: str, name: str, state: AxisState) -> RefusedError:
-        words, possible = IN_WORDS[state]
-        message = f"axis {name} is {words}: {command} is not possible; possible now: {possible}"
+    def _wrong_state(self, command: str, name: str) -> RefusedError:
+        state = State(int(self._memory.axis_status["inner_state"][self._names.index(name)]))
+        message = (
+            f"axis {name} is {state_words(state)}: {command} is not possible; "
+            f"possible now: {possible_words(state)}"
+        )
         return RefusedError(Code.WRONG_STATE, message)
 
     def _unknown(self, axis: str) -> RefusedError:

@@ -19,6 +19,7 @@ from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, reasons
 from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message, partner_words
+from motorctl.loop.states import State
 
 
 def faults_of(machine: Machine, statuses: NDArray[np.void]) -> dict[str, dict[str, str] | None]:
@@ -170,6 +171,7 @@ class Report:
         theta = status["theta_hat"][: len(axis.model)]
         return {
             "state": state.name.lower(),
+            "drive_state": State(int(status["inner_state"])).drive.name.lower(),
             "fault": fault,
             "device": self._trouble(axis, status),
             "samples": {

@@ -8,7 +8,7 @@ from typing import Any
 from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.log.sample import FaultCause, SampleFlag
 from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
 from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
@@ -27,6 +27,7 @@ from motorctl.loop.guards.encoder import (
     note_step,
 )
 from motorctl.loop.guards.motion import check_motion, set_soft_limits
+from motorctl.loop.guards.readiness import check_readiness
 from motorctl.loop.guards.supervision import check_pause
 from motorctl.loop.homing import home
 from motorctl.loop.missed_samples import (
@@ -41,12 +42,12 @@ from motorctl.loop.missed_samples import (
     predicts,
 )
 from motorctl.loop.reference import UNDECIDED, brake, follow, hold_where_it_is, start_from_motion
+from motorctl.loop.states import TOLD, Event, State, is_enabled, is_off, is_stopping, take
 
-OFF = int(AxisState.OFF)
-HOMING = int(AxisState.HOMING)
-RUNNING = int(AxisState.RUNNING)
-STOPPING = int(AxisState.STOPPING)
-FAULT = int(AxisState.FAULT)
+HOMING = int(State.HOMING)
+FOLLOWING = int(State.FOLLOWING)
+LAW_BEGINS = int(Event.LAW_BEGINS)
+AT_REST = int(Event.AT_REST)
 
 LAW_SATURATED = int(LawFlag.SATURATED)
 LAW_ADAPTED = int(LawFlag.ADAPTED)
@@ -157,7 +158,7 @@ def axis_inputs(
     else:
         # A pause between waking and reading: nobody knows when in it the sample was taken.
         old = behind >= settings.divisor
-    if axis.state != OFF:
+    if not is_off(axis):
         check_device(axis, t)
     if status & UNTRUSTED:
         forget_pause(axis)
@@ -165,7 +166,7 @@ def axis_inputs(
     elif status & STALE or old:
         axis.held_status |= status
         hold_position(feedforward, settings, axis, law, elapsed, t)
-        if axis.state != OFF:
+        if not is_off(axis):
             check_freshness(settings, axis, elapsed, t)
     else:
         unexpected = is_unexpected(correct, settings, axis, raw, elapsed)
@@ -256,19 +257,20 @@ def axis_reference(
             axis.reference_m += shift
             begin_watching(axis)
             set_soft_limits(settings, axis)
-    elif axis.state == RUNNING:
+    elif axis.state == FOLLOWING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
-    elif axis.state == STOPPING and brake(settings, axis, elapsed):
-        axis.state = FAULT if axis.fault else OFF
-    if axis.state not in (OFF, FAULT):
+    elif is_stopping(axis) and brake(settings, axis, elapsed):
+        take(axis, AT_REST)
+    if is_enabled(axis):
         check_pause(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)
         check_encoder(settings, axis, t)
         check_motion(settings, axis, elapsed, t)
         check_command(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)
-    if axis.state in (OFF, FAULT):
+    if not is_enabled(axis):
         hold_where_it_is(axis)
+        check_readiness(settings, axis)
 
 
 @inner_kernel
@@ -278,7 +280,7 @@ def begin_quick_stop(settings: Any, axis: Any, law: Any, elapsed: int) -> None:
     An axis that does not follow, or was not led for a while, is ramped down from where it is: the
     old reference would pull it on.
     """
-    if axis.state != STOPPING or axis.brake != UNDECIDED:
+    if not is_stopping(axis) or axis.brake != UNDECIDED:
         return
     if axis.fault in NOT_FOLLOWING:
         start_from_motion(settings, axis)
@@ -305,7 +307,7 @@ def axis_step(
     t: float,
     sample: Any,
 ) -> float:
-    """Return the voltage [V] for this tick; OFF and FAULT are the states of a disabled amplifier.
+    """Return the voltage [V] for this tick; zero where the amplifier is disabled.
 
     The references of all axes, and what the law is told of them, stand before.
     """
@@ -316,7 +318,7 @@ def axis_step(
         flags |= HELD
         if just_left_out(axis):
             flags |= LEFT_OUT
-    if axis.state in (OFF, FAULT):
+    if not is_enabled(axis):
         axis.fresh, axis.gap_ticks = 0, 0
         law.d0 = 0.0
     else:
@@ -332,6 +334,7 @@ def axis_step(
             if axis.fresh:
                 start_law(feedforward, advance_context, law_settings, law, t, axis.position_m)
                 axis.fresh = 0
+                take(axis, LAW_BEGINS)
             elif passed > 1:
                 carry_over_gap(
                     advance_context,
@@ -393,7 +396,7 @@ def axis_step(
     sample.d0_hat_v = law.d0
     for i in range(law_settings.n):
         sample.theta_hat[i] = law.theta[i]
-    sample.state = axis.state
+    sample.state = TOLD[axis.state]
     sample.fault = axis.fault
     sample.flags = flags
     sample.device_status = status
@@ -403,7 +406,7 @@ def axis_step(
 @inner_kernel
 def axis_between(axis: Any, sample: Any) -> None:
     """Change a copy of the axis' last row to that of a tick that is none of its own."""
-    sample.state = axis.state
+    sample.state = TOLD[axis.state]
     sample.fault = axis.fault
     sample.flags |= BETWEEN
 
@@ -411,7 +414,8 @@ def axis_between(axis: Any, sample: Any) -> None:
 @inner_kernel
 def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     """Copy all that `status` shows of an axis; the row is announced when the tick is published."""
-    status.state = axis.state
+    status.state = TOLD[axis.state]
+    status.inner_state = axis.state
     status.fault = axis.fault
     status.homed = axis.homed
     status.slot = axis.slot

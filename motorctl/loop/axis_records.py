@@ -63,7 +63,7 @@ AXIS_SETTINGS = np.dtype(
 
 AXIS_STATE = np.dtype(
     [
-        ("state", "i8"),  # AxisState
+        ("state", "i8"),  # motorctl.loop.states.State
         ("fault", "i8"),  # FaultCause
         ("fault_value", "f8"),
         ("fault_limit", "f8"),

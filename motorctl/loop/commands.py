@@ -1,29 +1,21 @@
-"""Commands from the mailbox: which state allows which, and what each one begins."""
+"""Commands from the mailbox: what each asks besides the table of states, and what it begins."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.command import is_hot
-from motorctl.loop.guards.device import DEVICE_FAULTS, is_overdue
 from motorctl.loop.guards.encoder import begin_watching
-from motorctl.loop.guards.motion import is_too_fast, set_soft_limits, still_moves
-from motorctl.loop.guards.reactions import stop, trip
+from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
+from motorctl.loop.guards.reactions import emergency_stop, stop
+from motorctl.loop.guards.readiness import check_readiness, is_unwell
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import hold_where_it_is
 from motorctl.loop.shared import MAILBOX_SIZE
+from motorctl.loop.states import allows, is_off, take
 from motorctl.loop.vocabulary import Reply, Verb
-
-OFF = int(AxisState.OFF)
-HOMING = int(AxisState.HOMING)
-IDLE = int(AxisState.IDLE)
-RUNNING = int(AxisState.RUNNING)
-STOPPING = int(AxisState.STOPPING)
-FAULT = int(AxisState.FAULT)
-CAUSE_ESTOP = int(FaultCause.ESTOP)
 
 START = int(Verb.START)
 STOP = int(Verb.STOP)
@@ -42,7 +34,6 @@ NOT_AT_START = int(Reply.NOT_AT_START)
 STILL_FAULTY = int(Reply.STILL_FAULTY)
 NO_HOMING = int(Reply.NO_HOMING)
 LATE = int(Reply.LATE)
-STILL_MOVING = int(Reply.STILL_MOVING)
 CAUSE_LASTS = int(Reply.CAUSE_LASTS)
 
 AT_START_M = 1e-6
@@ -75,7 +66,7 @@ def take_commands(
             answer = OK
         elif command.verb == ESTOP:
             for i in range(axes.size):
-                trip(axes[i], CAUSE_ESTOP, 0.0, 0.0, t)
+                emergency_stop(axes[i], t)
             answer = OK
         elif not 0 <= command.axis < axes.size or (watch.shutdown and command.verb in BEGINNINGS):
             answer = WRONG_STATE
@@ -88,65 +79,62 @@ def take_commands(
 
 @inner_kernel
 def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: float) -> int:
+    """Carry out what the table of states allows, and answer.
+
+    A verb has the number of its event in the table.
+    """
     verb = command.verb
-    if verb == START:
-        return _enable(settings, axis)
     if verb == STOP:
-        if axis.state == FAULT:
-            return WRONG_STATE
-        stop(axis)
-        return OK
+        return OK if stop(axis) else WRONG_STATE
+    if verb == HOME and settings.absolute:
+        return NO_HOMING
+    if verb in (START, HOME):
+        answer = check_readiness(settings, axis)
+        if answer != OK:
+            return answer
+    if verb not in (START, HOME, FOLLOW, RESET) or not allows(axis, verb):
+        return WRONG_STATE
     if verb == RESET:
-        if axis.state != FAULT:
-            return WRONG_STATE
-        if axis.status & DEVICE_FAULTS or is_overdue(settings, axis):
+        if is_unwell(settings, axis):
             return STILL_FAULTY
         if is_hot(settings, axis) or is_too_fast(settings, axis):
             return CAUSE_LASTS
-        axis.state, axis.fault = OFF, 0
-        return OK
-    if verb == HOME:
-        if settings.absolute:
-            return NO_HOMING
-        if axis.state == OFF:
-            answer = _enable(settings, axis)
-            if answer != OK:
-                return answer
-        if axis.state != IDLE:
-            return WRONG_STATE
-        axis.state = HOMING
-        begin_homing(settings, axis)
-        return OK
-    if verb == FOLLOW:
-        if axis.state != IDLE or not 0 <= command.slot < len(segments):
-            return WRONG_STATE
-        if not axis.homed:
-            return NOT_HOMED
-        if 0 < command.tick < tick:
-            return LATE
-        first = segments[command.slot][0].c[0]
-        if abs(first - axis.reference_m) > AT_START_M:
-            return NOT_AT_START
-        axis.state = RUNNING
-        axis.slot, axis.start_tick = command.slot, max(command.tick, tick)
-        axis.segment, axis.segment_time_s = 0, 0.0
-        axis.program = command.program
-        return OK
-    return WRONG_STATE
+        axis.fault = 0
+    elif verb == FOLLOW:
+        answer = _begin_program(command, axis, segments, tick)
+        if answer != OK:
+            return answer
+    else:
+        if is_off(axis):
+            _switch_on(settings, axis)
+        if verb == HOME:
+            begin_homing(settings, axis)
+    take(axis, verb)
+    return OK
 
 
 @inner_kernel
-def _enable(settings: Any, axis: Any) -> int:
-    if axis.state != OFF:
+def _begin_program(command: Any, axis: Any, segments: Any, tick: int) -> int:
+    if not 0 <= command.slot < len(segments):
         return WRONG_STATE
-    if axis.status & DEVICE_FAULTS or is_overdue(settings, axis):
-        return STILL_FAULTY
-    if still_moves(settings, axis):
-        return STILL_MOVING
-    axis.state = IDLE
+    if not axis.homed:
+        return NOT_HOMED
+    if 0 < command.tick < tick:
+        return LATE
+    first = segments[command.slot][0].c[0]
+    if abs(first - axis.reference_m) > AT_START_M:
+        return NOT_AT_START
+    axis.slot, axis.start_tick = command.slot, max(command.tick, tick)
+    axis.segment, axis.segment_time_s = 0, 0.0
+    axis.program = command.program
+    return OK
+
+
+@inner_kernel
+def _switch_on(settings: Any, axis: Any) -> None:
+    """Prepare an axis for its first tick with power: it will hold where it is."""
     axis.fresh = 1
     axis.error_count, axis.fast_count, axis.saturated_ticks = 0, 0, 0
     hold_where_it_is(axis)
     begin_watching(axis)
     set_soft_limits(settings, axis)
-    return OK

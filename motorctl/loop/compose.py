@@ -12,12 +12,8 @@ from types import ModuleType
 from typing import Any
 
 from motorctl.kernels import load_generated, source_digest
-from motorctl.log.sample import AxisState
 from motorctl.loop.handover import STATUS_ROWS
 from motorctl.model import EffectList
-
-OFF = int(AxisState.OFF)
-FAULT = int(AxisState.FAULT)
 
 HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""
 
@@ -30,6 +26,7 @@ from motorctl.loop.commands import take_commands
 from motorctl.loop.guards.partners import stop_partners
 from motorctl.loop.guards.supervision import supervise
 from motorctl.loop.preview import fill_motion
+from motorctl.loop.states import is_enabled
 {imports}
 
 @njit(cache=True)
@@ -81,7 +78,7 @@ BETWEEN = """    samples[row, {i}] = samples[row - 1, {i}]
     axis_between(axes[{i}], samples[row, {i}])
 """
 
-REPORT = """    enable[{c}] = axes[{i}].state != {off} and axes[{i}].state != {fault}
+REPORT = """    enable[{c}] = is_enabled(axes[{i}])
     moving += enable[{c}]
     report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[told, {i}])
 """
@@ -114,8 +111,6 @@ def compose_tick(
             "i": i,
             "c": channel,
             "m": model.kernels.__name__,
-            "off": OFF,
-            "fault": FAULT,
             "divisor": divisor,
             "passed": "elapsed" if divisor == 1 else f"passed{i}",
         }

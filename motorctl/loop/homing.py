@@ -6,12 +6,13 @@ from typing import Any
 
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.motion import LIMIT_NEGATIVE, LIMIT_POSITIVE
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.reference import ramp
+from motorctl.loop.states import Event, take
 
-IDLE = int(AxisState.IDLE)
+HOMED = int(Event.HOMED)
 HOMING_FAILED = int(FaultCause.HOMING_FAILED)
 HOME_SWITCH = int(Status.HOME_SWITCH)
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
@@ -84,6 +85,6 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
     elif ramp(settings, axis, 0.0, elapsed):
         axis.shift_m += settings.home_position_m - axis.latched_m
         axis.homed = 1
-        axis.state = IDLE
+        take(axis, HOMED)
         return True
     return False

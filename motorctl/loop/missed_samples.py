@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState
 from motorctl.loop.axis_records import (
     DOUBT_ACCELERATION_RATIO,
     DOUBT_PERIODS,
@@ -17,10 +16,9 @@ from motorctl.loop.axis_records import (
     MOST_DOUBTED_TICKS,
 )
 from motorctl.loop.guards.encoder import count_is_ambiguous
+from motorctl.loop.states import State, is_enabled
 
-OFF = int(AxisState.OFF)
-HOMING = int(AxisState.HOMING)
-FAULT = int(AxisState.FAULT)
+HOMING = int(State.HOMING)
 
 
 @inner_kernel(error_model="numpy")
@@ -114,7 +112,7 @@ def just_left_out(axis: Any) -> bool:
 @inner_kernel
 def predicts(settings: Any, axis: Any) -> bool:
     """Return whether the model stands in for samples that do not come."""
-    moving = axis.state not in (OFF, FAULT) and not axis.fresh
+    moving = is_enabled(axis) and not axis.fresh
     return settings.predict and axis.have_counts and moving
 
 

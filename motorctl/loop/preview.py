@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState
+from motorctl.loop.states import State, is_stopping
 from motorctl.motion import advance, evaluate, velocity_ramp_step
 
-HOMING = int(AxisState.HOMING)
-RUNNING = int(AxisState.RUNNING)
-STOPPING = int(AxisState.STOPPING)
+HOMING = int(State.HOMING)
+FOLLOWING = int(State.FOLLOWING)
 
 
 @inner_kernel
@@ -54,7 +53,7 @@ def _look_ahead(
     that comes from outside, such as a stop, is not known before it comes.
     """
     x, v, a = axis.reference_m, axis.reference_velocity_m_s, axis.reference_acceleration_m_s2
-    if ahead_s > 0.0 and axis.state == RUNNING:
+    if ahead_s > 0.0 and axis.state == FOLLOWING:
         table, count = segments[axis.slot], counts[axis.slot]
         passed_s = ahead_s - max(axis.start_tick - tick, 0) * tick_s
         if passed_s > 0.0:
@@ -62,7 +61,7 @@ def _look_ahead(
             x, v, a = evaluate(table, count, index, time_s)
             if done:
                 v, a = 0.0, 0.0
-    elif ahead_s > 0.0 and axis.state in (HOMING, STOPPING):
+    elif ahead_s > 0.0 and (axis.state == HOMING or is_stopping(axis)):
         v, a, dx = velocity_ramp_step(
             v, a, axis.ramp_velocity_m_s, axis.ramp_acceleration_m_s2, axis.ramp_jerk_m_s3, ahead_s
         )

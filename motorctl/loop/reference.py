@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState
+from motorctl.loop.states import Event, take
 from motorctl.motion import advance, evaluate, velocity_ramp_distance, velocity_ramp_step
 
-OFF = int(AxisState.OFF)
-IDLE = int(AxisState.IDLE)
-RUNNING = int(AxisState.RUNNING)
-STOPPING = int(AxisState.STOPPING)
+PROGRAM_ENDS = int(Event.PROGRAM_ENDS)
 
 UNDECIDED, GENTLE, HARD = 0, 1, 2
 
@@ -106,7 +103,7 @@ def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elap
     axis.reference_velocity_m_s = v
     axis.reference_acceleration_m_s2 = a
     if done:
-        axis.state = IDLE
+        take(axis, PROGRAM_ENDS)
         axis.slot, axis.program = -1, 0
         axis.reference_velocity_m_s = 0.0
         axis.reference_acceleration_m_s2 = 0.0

@@ -76,6 +76,7 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
     return np.dtype(
         [
             ("state", "i4"),  # AxisState
+            ("inner_state", "i4"),  # motorctl.loop.states.State
             ("fault", "i4"),  # FaultCause
             ("homed", "i4"),
             ("slot", "i4"),  # program slot in use, or -1

@@ -6,11 +6,12 @@ import math
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.reactions import react, trip
+from motorctl.loop.states import State
 
-FAULT = int(AxisState.FAULT)
+FAULT = int(State.FAULT)
 CAUSE_NOT_A_NUMBER = int(FaultCause.NOT_A_NUMBER)
 CAUSE_SATURATION = int(FaultCause.SATURATION)
 CAUSE_THERMAL = int(FaultCause.THERMAL)

@@ -6,11 +6,11 @@ from typing import Any
 
 from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import OVERSPEED_RATIO
 from motorctl.loop.guards.reactions import trip
+from motorctl.loop.states import is_off
 
-OFF = int(AxisState.OFF)
 CAUSE_ENCODER_JUMP = int(FaultCause.ENCODER_JUMP)
 CAUSE_ENCODER_STUCK = int(FaultCause.ENCODER_STUCK)
 CAUSE_ENCODER_NOISE = int(FaultCause.ENCODER_NOISE)
@@ -46,7 +46,7 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
     elapsed counts the axis' periods since its last tick: where the computer paused for so long that
     motion may have carried the counter a quarter round, the pause is the cause, not the encoder.
     """
-    if axis.state != OFF:
+    if not is_off(axis):
         fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
         quarter_m = 0.25 * settings.counter_span * abs(settings.metres_per_count)
         longest = quarter_m / (fastest * settings.period_s)

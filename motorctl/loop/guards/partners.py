@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.reactions import react_to_others
+from motorctl.loop.states import State
 
-RUNNING = int(AxisState.RUNNING)
+FOLLOWING = int(State.FOLLOWING)
 CAUSE_PARTNER = int(FaultCause.PARTNER)
 
 
@@ -36,5 +37,5 @@ def _are_partners(settings: Any, axes: Any, i: int, j: int) -> bool:
     """Return whether axis j stops when axis i trips: of one group, or on one program."""
     if settings[i].group != 0 and settings[i].group == settings[j].group:
         return True
-    together = settings[i].stops_with_program and axes[j].state == RUNNING
+    together = settings[i].stops_with_program and axes[j].state == FOLLOWING
     return together and axes[i].program != 0 and axes[i].program == axes[j].program  # type: ignore[no-any-return]

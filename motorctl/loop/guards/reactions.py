@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import AxisState
+from motorctl.log.sample import FaultCause
 from motorctl.loop.reference import UNDECIDED
+from motorctl.loop.states import Event, is_powered, take
 
-OFF = int(AxisState.OFF)
-HOMING = int(AxisState.HOMING)
-IDLE = int(AxisState.IDLE)
-RUNNING = int(AxisState.RUNNING)
-STOPPING = int(AxisState.STOPPING)
-FAULT = int(AxisState.FAULT)
+STOP = int(Event.STOP)
+ESTOP = int(Event.ESTOP)
+QUICK_STOP = int(Event.QUICK_STOP)
+TRIP = int(Event.TRIP)
+CAUSE_ESTOP = int(FaultCause.ESTOP)
 
 
 @inner_kernel
@@ -31,8 +31,7 @@ def quick_stop(axis: Any, cause: int, value: float, limit: float, t: float) -> N
 
     An ordinary stop that is under way becomes one for this cause.
     """
-    if axis.fault == 0 and axis.state not in (OFF, FAULT):
-        axis.state = STOPPING
+    if take(axis, QUICK_STOP):
         axis.brake = UNDECIDED
         axis.slot = -1
         _note(axis, cause, value, limit, t)
@@ -48,7 +47,7 @@ def _note(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 @inner_kernel
 def react_to_others(settings: Any, axis: Any, cause: int, value: float, t: float) -> None:
     """Stop an axis that is in order itself; one that is off, or is being stopped, is left so."""
-    if axis.state in (IDLE, RUNNING, HOMING):
+    if is_powered(axis):
         react(settings, axis, cause, value, 0.0, t)
 
 
@@ -58,17 +57,32 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 
     An axis that is being stopped for a cause has that one already.
     """
-    if axis.state != FAULT:
-        if axis.fault == 0:
-            _note(axis, cause, value, limit, t)
-        axis.state = FAULT
-        axis.slot = -1
+    if take(axis, TRIP):
+        _let_go(axis, cause, value, limit, t)
 
 
 @inner_kernel
-def stop(axis: Any) -> None:
-    """Let an enabled axis ramp down and switch off, as it was told to."""
-    if axis.state in (IDLE, RUNNING, HOMING):
-        axis.state = STOPPING
+def emergency_stop(axis: Any, t: float) -> None:
+    """Put the axis into FAULT because somebody said so, whatever it does."""
+    before = axis.state
+    if take(axis, ESTOP) and axis.state != before:
+        _let_go(axis, CAUSE_ESTOP, 0.0, 0.0, t)
+
+
+@inner_kernel
+def _let_go(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
+    if axis.fault == 0:
+        _note(axis, cause, value, limit, t)
+    axis.slot = -1
+
+
+@inner_kernel
+def stop(axis: Any) -> bool:
+    """Let an enabled axis ramp down and switch off, as it was told to; False: its state refuses."""
+    before = axis.state
+    if not take(axis, STOP):
+        return False
+    if axis.state != before:
         axis.brake = UNDECIDED
         axis.slot, axis.program, axis.fault = -1, 0, 0
+    return True

@@ -1,0 +1,37 @@
+"""What keeps a disabled axis from being enabled: a device that is not ready, or motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from motorctl.kernels import inner_kernel
+from motorctl.loop.guards.device import DEVICE_FAULTS, is_overdue
+from motorctl.loop.guards.motion import still_moves
+from motorctl.loop.states import Event, is_off, take
+from motorctl.loop.vocabulary import Reply
+
+READY = int(Event.READY)
+NOT_READY = int(Event.NOT_READY)
+OK = int(Reply.OK)
+STILL_FAULTY = int(Reply.STILL_FAULTY)
+STILL_MOVING = int(Reply.STILL_MOVING)
+
+
+@inner_kernel
+def is_unwell(settings: Any, axis: Any) -> bool:
+    """Return whether the device reports a fault, or nothing at all."""
+    return axis.status & DEVICE_FAULTS != 0 or is_overdue(settings, axis)
+
+
+@inner_kernel
+def check_readiness(settings: Any, axis: Any) -> int:
+    """Let the state of an axis that is off say whether it may be enabled; return OK, or why not."""
+    if not is_off(axis):
+        return OK
+    answer = OK
+    if is_unwell(settings, axis):
+        answer = STILL_FAULTY
+    elif still_moves(settings, axis):
+        answer = STILL_MOVING
+    take(axis, READY if answer == OK else NOT_READY)
+    return answer
