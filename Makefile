@@ -37,6 +37,7 @@ lint: $(STAMP)
 	$(BIN)/python tools/effects_quoted.py
 	$(BIN)/python tools/constants_told.py
 	$(BIN)/python tools/effects_table.py --check
+	$(BIN)/python tools/draw_states.py --check
 
 clean:
 	rm -rf $(VENV)

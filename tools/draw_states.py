@@ -48,22 +48,23 @@ AREAS: dict[State, Area] = {
     State.FAULT: (840, 690, 200, 48),
 }
 OPERATION = tuple(s for s in POWERED if s.drive is DriveState.OPERATION_ENABLED)
-FRAMES: dict[str, tuple[str, tuple[State, ...], Area]] = {
-    "enabled": ("amplifier enabled", (*POWERED, *STOPPING), (34, 240, 1030, 400)),
-    "powered": ("", POWERED, (46, 272, 628, 350)),
-    "off": ("amplifier disabled", OFF, (130, 24, 460, 190)),
-    "operation": (drive_words(DriveState.OPERATION_ENABLED), OPERATION, (58, 430, 604, 170)),
+FRAMES: dict[str, tuple[str, tuple[State, ...], Area, float]] = {
+    "enabled": ("amplifier enabled", (*POWERED, *STOPPING), (34, 240, 1030, 400), 18),
+    "powered": ("", POWERED, (46, 272, 628, 350), 18),
+    "off": ("off", OFF, (130, 24, 460, 190), 18),
+    "operation": (drive_words(DriveState.OPERATION_ENABLED), OPERATION, (58, 430, 604, 170), 160),
 }
-"""Larger ones first: an event that all states in a frame know is one arrow from the frame."""
+"""Larger ones first: an event that all states in a frame know is one arrow from the frame. The last
+figure is how far below its top the title stands."""
 
 WAYS: dict[tuple[str, str], tuple[list[Point], Point, str]] = {
     ("SWITCH_ON_DISABLED", "READY_TO_SWITCH_ON"): ([(330, 98), (330, 150)], (322, 128), "end"),
     ("READY_TO_SWITCH_ON", "SWITCH_ON_DISABLED"): ([(390, 150), (390, 98)], (398, 128), "start"),
     ("READY_TO_SWITCH_ON", "SWITCHED_ON"): ([(360, 198), (360, 296)], (368, 234), "start"),
     ("READY_TO_SWITCH_ON", "HOMING"): ([(260, 174), (110, 174), (110, 512)], (118, 234), "start"),
-    ("SWITCHED_ON", "HOLDING"): ([(360, 344), (360, 512)], (368, 400), "start"),
+    ("SWITCHED_ON", "HOLDING"): ([(360, 344), (360, 512)], (368, 376), "start"),
     ("SWITCHED_ON", "HOMING"): ([(260, 320), (170, 320), (170, 512)], (178, 400), "start"),
-    ("SWITCHED_ON", "FOLLOWING"): ([(460, 320), (580, 320), (580, 512)], (572, 400), "end"),
+    ("SWITCHED_ON", "FOLLOWING"): ([(460, 320), (580, 320), (580, 512)], (572, 412), "end"),
     ("HOLDING", "HOMING"): ([(295, 526), (204, 526)], (250, 518), "middle"),
     ("HOMING", "HOLDING"): ([(204, 546), (295, 546)], (250, 564), "middle"),
     ("HOLDING", "FOLLOWING"): ([(425, 526), (516, 526)], (470, 518), "middle"),
@@ -110,7 +111,7 @@ def arrows() -> dict[tuple[str, str], dict[str, set[str]]]:
     found: dict[tuple[str, str], dict[str, set[str]]] = {}
     for (words, after), states in reached.items():
         left = set(states)
-        for name, (_, inside, _) in FRAMES.items():
+        for name, (_, inside, *_) in FRAMES.items():
             if left >= set(inside):
                 left -= set(inside)
                 union = set().union(*(numbers[words, after][s] for s in inside))
@@ -123,9 +124,9 @@ def arrows() -> dict[tuple[str, str], dict[str, set[str]]]:
 def states_svg() -> str:
     """Return the drawing as SVG text."""
     parts = []
-    for title, _, (x, y, w, h) in FRAMES.values():
+    for title, _, (x, y, w, h), below in FRAMES.values():
         parts.append(f'<rect class="frame" x="{x}" y="{y}" width="{w}" height="{h}" rx="8"/>')
-        parts.append(_text(x + w - 10, y + 18, title, "note", "end"))
+        parts.append(_text(x + w - 10, y + below, title, "note", "end"))
     for state, area in AREAS.items():
         parts += _box(state, area)
     words = []

@@ -112,7 +112,9 @@ def test_the_wrong_state_is_told_with_what_is_possible(idle: Daemon) -> None:
     idle.ask("program", axis="x", name="shuttle")
     no = refusal(idle, "move", axis="x", position_m=0.1)
     assert (no.code, no.exit_status) == ("wrong_state", 2)
-    assert str(no) == "axis x is running (operation enabled): move is not possible; possible now: stop"
+    assert (
+        str(no) == "axis x is running (operation enabled): move is not possible; possible now: stop"
+    )
     assert refusal(idle, "start", axis="x").code == "wrong_state"
     assert refusal(idle, "program", axis="x", name="shuttle").code == "wrong_state"
     assert refusal(idle, "reset", axis="x").code == "wrong_state"
