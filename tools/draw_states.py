@@ -49,7 +49,7 @@ AREAS: dict[State, Area] = {
 }
 OPERATION = tuple(s for s in POWERED if s.drive is DriveState.OPERATION_ENABLED)
 FRAMES: dict[str, tuple[str, tuple[State, ...], Area, float]] = {
-    "enabled": ("amplifier enabled", (*POWERED, *STOPPING), (34, 240, 1030, 400), 18),
+    "enabled": ("enabled", (*POWERED, *STOPPING), (34, 240, 1030, 400), 18),
     "powered": ("", POWERED, (46, 272, 628, 350), 18),
     "off": ("off", OFF, (130, 24, 460, 190), 18),
     "operation": (drive_words(DriveState.OPERATION_ENABLED), OPERATION, (58, 430, 604, 170), 160),
@@ -200,7 +200,7 @@ DOING = {
     State.SWITCH_ON_DISABLED: "is disabled and may not be enabled: its device is not ready, or it "
     "moves",
     State.READY_TO_SWITCH_ON: "is disabled and may be enabled",
-    State.SWITCHED_ON: "is enabled with zero volts; its law begins in its next tick",
+    State.SWITCHED_ON: "is started; its amplifier and its law begin with its next tick",
     State.HOLDING: "holds its position",
     State.HOMING: "looks for its zero",
     State.FOLLOWING: "follows a move or a program",

@@ -39,7 +39,7 @@ class State(IntEnum):
     READY_TO_SWITCH_ON = 1
     """Off, and it may be enabled."""
     SWITCHED_ON = 2
-    """Enabled with zero volts until its law begins, in the axis' next tick."""
+    """Started; amplifier and law begin with the axis' next tick, in the same write."""
     HOLDING = 3
     HOMING = 4
     FOLLOWING = 5
@@ -249,5 +249,5 @@ def is_stopping(axis: Any) -> bool:
 
 @inner_kernel
 def is_enabled(axis: Any) -> bool:
-    """Return whether the axis' amplifier is enabled: stopping or not."""
+    """Return whether the next write enables the axis' amplifier: stopping or not."""
     return _IS_POWERED[axis.state] or _IS_STOPPING[axis.state]  # type: ignore[no-any-return]
