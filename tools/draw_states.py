@@ -92,7 +92,8 @@ STYLE = """
   .fault { fill: #f9e9e5; stroke: #b5533c; stroke-width: 1.5 }
   .frame { fill: #5a6b78; fill-opacity: 0.05; stroke: #b9b1a2; stroke-dasharray: 5 4 }
   .way { stroke: #4c5f6d; stroke-width: 1.3; fill: none; marker-end: url(#tip) }
-  .words { stroke: #ffffff; stroke-width: 3; paint-order: stroke; font-size: 12px }
+  .halo { stroke: #ffffff; stroke-width: 3; font-size: 12px }
+  .words { font-size: 12px }
   .tip { fill: #4c5f6d }
 """
 
@@ -173,6 +174,8 @@ def _labels(x: float, y: float, events: Mapping[str, Iterable[str]], anchor: str
     for row, (words, numbers) in enumerate(events.items()):
         told = ", ".join(sorted(numbers, key=int))
         text = f"{words} · {told}" if told else words
+        # Twice, for not every viewer draws a letter's outline behind its filling.
+        lines.append(_text(x, y + LINE * row, text, "halo", anchor))
         lines.append(_text(x, y + LINE * row, text, "words", anchor))
     return lines
 
