@@ -20,6 +20,7 @@ GROUPS = (
     "daemon",
     "simulate",
     "log",
+    "fault",
     "fit",
     "diagnose",
     "refine",

@@ -36,6 +36,8 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
             parts.append(Text(f"{name}: its device now: {axis['device']}", "yellow"))
         if axis.get("samples", {}).get("missed"):
             parts.append(_missed(name, axis["samples"]))
+    if any(axis["fault"] for axis in document["axes"].values()):
+        parts += _flight_record(document["recording"].get("flight_records") or {})
     if detailed:
         parts += [_parameters(axis) for axis in document["axes"].values()]
     parts += [Text(), _loop(document["loop"], document["recording"])]
@@ -49,6 +51,14 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
         border_style="dim",
         expand=False,
     )
+
+
+def _flight_record(flight: Mapping[str, str | None]) -> list[RenderableType]:
+    if flight.get("failure"):
+        return [Text(f"the seconds before it could not be kept: {flight['failure']}", "yellow")]
+    if flight.get("newest"):
+        return [Text(f"the seconds before it: motorctl fault show {flight['newest']}", "dim")]
+    return []
 
 
 def _missed(name: str, samples: Mapping[str, int]) -> Text:

@@ -42,6 +42,7 @@ def freeze(
         further_effects=dict(further_effects),
         loop=keys.loop,
         log_directory=keys.recording.directory,
+        flight_recorder=keys.recording.flight_recorder,
         resolved=_resolved(keys, drivers, models, programs),
         stop_together=_groups(keys),
     )

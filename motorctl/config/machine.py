@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import ConfigDict
 
 from motorctl.config.axis_keys import AxisSettings
-from motorctl.config.keys import LateSamples, LoopSettings
+from motorctl.config.keys import FlightRecorderSettings, LateSamples, LoopSettings
 from motorctl.hal import Driver, DriverOptions
 from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
@@ -67,6 +67,7 @@ class Machine:
     """Effects that diagnosis tries beside those that are known or declared."""
     loop: LoopSettings
     log_directory: Path
+    flight_recorder: FlightRecorderSettings
     resolved: Mapping[str, object]
     """The configuration with every default filled in, JSON-serialisable, for log metadata."""
     stop_together: tuple[tuple[str, ...], ...] | None = None

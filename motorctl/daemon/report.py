@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,13 @@ from motorctl.loop import LoopMemory, reasons
 from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message, partner_words
 from motorctl.loop.states import State
 
+if TYPE_CHECKING:
+    from motorctl.daemon.flight_recorder import FlightRecorder
 
-def faults_of(machine: Machine, statuses: NDArray[np.void]) -> dict[str, dict[str, str] | None]:
+
+def faults_of(
+    machine: Machine, statuses: NDArray[np.void], *, with_remedy: bool = True
+) -> dict[str, dict[str, str] | None]:
     """Return cause and message of every axis' fault; None for an axis without one.
 
     Parameters
@@ -31,19 +36,30 @@ def faults_of(machine: Machine, statuses: NDArray[np.void]) -> dict[str, dict[st
         Whose axes.
     statuses
         Their status records, all of one tick, of `motorctl.loop.shared.axis_status`, shape (axes,).
+    with_remedy
+        Whether the messages say what to do about it.
     """
     names = list(machine.axes)
     periods_s = [machine.period_of(name) for name in names]
     return {
         name: fault_of(
-            name, statuses[i], periods_s[i], partner_words(i, statuses, names, periods_s)
+            name,
+            statuses[i],
+            periods_s[i],
+            partner_words(i, statuses, names, periods_s),
+            with_remedy=with_remedy,
         )
         for i, name in enumerate(names)
     }
 
 
 def fault_of(
-    axis: str, status: np.void, period_s: float, partner: str = ""
+    axis: str,
+    status: np.void,
+    period_s: float,
+    partner: str = "",
+    *,
+    with_remedy: bool = True,
 ) -> dict[str, str] | None:
     """Return cause and message of an axis' fault; None without one.
 
@@ -57,6 +73,8 @@ def fault_of(
         Period of the axis [s].
     partner
         Why another axis tripped that this one was stopped for, from `partner_words`.
+    with_remedy
+        Whether the message says what to do about it.
     """
     if AxisState(int(status["state"])) is not AxisState.FAULT:
         return None
@@ -66,6 +84,8 @@ def fault_of(
     message = fault_message(
         cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
     )
+    if not with_remedy:
+        return {"cause": cause.name.lower(), "message": message}
     remedy = f"`motorctl reset {axis}` clears the fault"
     if word & UNTIL_OPENED:
         remedy = (
@@ -83,6 +103,7 @@ class Report:
         self._socket = socket
         self._started_at = time.monotonic()
         self.recorder: Recorder | None = None
+        self.flight: FlightRecorder | None = None
         self.stopping = False
 
     def document(
@@ -151,6 +172,17 @@ class Report:
             "rows": recorder.rows_written if recorder else 0,
             "rows_lost": recorder.rows_lost if recorder else 0,
             "failure": recorder.failure if recorder else None,
+            "flight_records": self._flight_records(),
+        }
+
+    def _flight_records(self) -> dict[str, Any] | None:
+        flight = self.flight
+        if flight is None:
+            return None
+        return {
+            "folder": str(flight.folder.absolute()),
+            "newest": flight.newest.stem if flight.newest else None,
+            "failure": flight.failure,
         }
 
     def _trouble(self, axis: Axis, status: np.void) -> str | None:

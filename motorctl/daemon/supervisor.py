@@ -20,6 +20,7 @@ from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.error_text import in_words
+from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.journal import Journal
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.notify import ServiceNotifier
@@ -88,6 +89,8 @@ class Supervisor:
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
         self._recorder: Recorder | None = None
+        self._flight = FlightRecorder(machine, self._loop.memory, directory, self._loop_facts)
+        self._report.flight = self._flight
         self._asked = asyncio.Event()
 
     async def live(self) -> None:
@@ -111,6 +114,8 @@ class Supervisor:
             self._report.stopping = True
             wrong += await _problems(asyncio.to_thread(self._loop.end))
             beating.cancel()
+            died = "\n".join(wrong) if wrong and not orderly else None
+            wrong += await _problems(asyncio.to_thread(self._flight.finish, died))
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
                 wrong += self._keep_learned()
@@ -171,6 +176,7 @@ class Supervisor:
                 self._notifier.status(self._report.summary())
             self._recorder.insist()
             journal.tell_changes(self._recorder)
+            self._flight.watch()
             await asyncio.sleep(WATCH_PERIOD_S)
 
     async def _stop(self) -> None:
@@ -228,11 +234,10 @@ class Supervisor:
 
     def _closing_facts(self) -> dict[str, Any]:
         assert self._recorder is not None
-        return {
-            "rows_lost": self._recorder.rows_lost,
-            "loop": self._report.loop(),
-            "motions": self._commander.history,
-        }
+        return {"rows_lost": self._recorder.rows_lost, **self._loop_facts()}
+
+    def _loop_facts(self) -> dict[str, Any]:
+        return {"loop": self._report.loop(), "motions": self._commander.history}
 
     def _announce(self, recorder: Recorder) -> None:
         machine = self._machine

@@ -314,17 +314,40 @@ class LoopMemory:
         lost
             How many rows before these were overwritten unread.
         """
+        ticks, samples, first, head = self._copy_from(self._drained)
+        lost = first - self._drained
+        self._drained = max(head, first)
+        return ticks, samples, lost
+
+    def newest(self, rows: int) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Copy the newest rows, whoever has drained them.
+
+        Parameters
+        ----------
+        rows
+            How many at most; fewer where the ring holds fewer.
+
+        Returns
+        -------
+        ticks
+            Of TICK_SAMPLE, shape (N,).
+        samples
+            Of `axis_sample`, shape (N, axes).
+        """
         head = self._look_at(self.status, Word.RING_HEAD)
-        first = max(self._drained, head - self.ring_rows)
+        return self._copy_from(max(0, head - rows))[:2]
+
+    def _copy_from(self, row: int) -> tuple[NDArray[np.void], NDArray[np.void], int, int]:
+        """Copy every whole row from this one on; return the number of the first and of the next."""
+        head = self._look_at(self.status, Word.RING_HEAD)
+        first = max(row, head - self.ring_rows)
         index = np.arange(first, head) % self.ring_rows
         ticks, samples = self.ticks[index], self.samples[index]
         # Rows that the loop overwrote while they were copied are lost, not passed on torn.
         torn = self._look_at(self.status, Word.RING_HEAD) + 1 - self.ring_rows - first
         if torn > 0:
             ticks, samples, first = ticks[torn:], samples[torn:], first + torn
-        lost = first - self._drained
-        self._drained = max(head, first)
-        return ticks, samples, lost
+        return ticks, samples, first, head
 
     def close(self) -> None:
         """Close the file descriptor; the mapping goes with its last view."""

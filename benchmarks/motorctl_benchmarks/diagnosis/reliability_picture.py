@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import beta
 
 from motorctl.errors import UsageError
-from motorctl.identify.picture_style import colour, panels_in_file
+from motorctl.picture_style import colour, panels_in_file
 from motorctl_benchmarks.diagnosis.outcome_report import Scored
 from motorctl_benchmarks.diagnosis.score import BIN_EDGES, Bin, calibration
 

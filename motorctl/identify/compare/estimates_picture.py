@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from motorctl.identify.compare.runs import ComparedRun, Comparison
-from motorctl.identify.picture_style import colour, draw_curve, panels_in_file
 from motorctl.log import AxisRecording
 from motorctl.model import known_effects, make_effect
+from motorctl.picture_style import colour, draw_curve, panels_in_file
 
 
 def plot_estimates(comparison: Comparison, axis: str, path: Path) -> Path:

@@ -12,7 +12,7 @@ from motorctl.identify.compare.estimates_picture import plot_estimates
 from motorctl.identify.compare.measures import table_cells, table_headings
 from motorctl.identify.compare.runs import ComparedRun, Comparison
 from motorctl.identify.compare.turnaround_picture import plot_turnaround
-from motorctl.identify.picture_style import colour, draw_curve, panels_in_file
+from motorctl.picture_style import colour, draw_curve, panels_in_file
 
 __all__ = [
     "plot_command",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.picture_style import colour, panels_in_file
+from motorctl.picture_style import colour, panels_in_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,8 +15,8 @@ from motorctl.cli import compare as command
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.compare.measures import Measures
 from motorctl.identify.compare.runs import compare, comparison_document, ratios
-from motorctl.identify.picture_style import MOST_PIECES, colour, draw_curve
 from motorctl.log import read_recording
+from motorctl.picture_style import MOST_PIECES, colour, draw_curve
 
 MODEL = {"inertia": {"bounds": [-4.0, 4.0]}, "offset": {"bounds": [-0.5, 0.5]}}
 

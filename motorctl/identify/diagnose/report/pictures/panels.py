@@ -12,7 +12,7 @@ import numpy as np
 from motorctl.identify.columns.measured import Array
 from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.statistics import Bins, unbroken
-from motorctl.identify.picture_style import COLOURS, STYLE, draw_curve
+from motorctl.picture_style import COLOURS, STYLE, draw_curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,192 @@
+"""`motorctl fault`: the flight records of axes that tripped."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from motorctl.cli.socket_option import SocketOption
+
+if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
+    from motorctl.flight import FlightRecord, Listing
+    from motorctl.flight.fault_moment import AxisMoment, FaultMoment
+
+LogDirOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--log-dir",
+        metavar="DIR",
+        help="Where `motorctl run` logs to; without it the running daemon is asked.",
+        show_default=False,
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+MOST_LISTED = 20
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    group = typer.Typer(no_args_is_help=True)
+    group.command("list", epilog="Example: motorctl fault list --log-dir logs")(_list)
+    group.command("show", epilog="Example: motorctl fault show --out pictures")(_show)
+    app.add_typer(group, name="fault", help="List and show what was kept of axes that tripped.")
+
+
+def _list(
+    log_dir: LogDirOption = None,
+    every: Annotated[bool, typer.Option("--all", help="All of them, however many.")] = False,
+    as_json: AsJson = False,
+    socket: SocketOption = None,
+) -> None:
+    """List the flight records, the newest first."""
+    listing = _listing(log_dir, socket)
+    if as_json:
+        records = [record.document() for record in listing.records]
+        print(
+            json.dumps(
+                {"folder": str(listing.folder), "records": records, "broken": list(listing.broken)}
+            )
+        )
+        return
+    if not listing.records:
+        print(f"{listing.folder}: no flight records: no axis has tripped")
+    shown = listing.records if every else listing.records[:MOST_LISTED]
+    for record in shown:
+        others = [axis for axis in record.faults if axis != record.first_axis]
+        beside = f"  (and {', '.join(others)})" if others else ""
+        print(f"{record.id}{beside}\n    {record.message}")
+    if left := len(listing.records) - len(shown):
+        print(f"and {left} older ones: --all")
+    for message in listing.broken:
+        print(f"! {message}")
+
+
+def _show(
+    record: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[ID]",
+            help="As `fault list` tells it, a part that only one has, or a file; else the newest.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Where pictures go; none without it."),
+    ] = None,
+    log_dir: LogDirOption = None,
+    as_json: AsJson = False,
+    socket: SocketOption = None,
+) -> None:
+    """Show what happened: cause, axes before and in the fault's tick, versions, and pictures."""
+    from motorctl.flight import find_record, load_record
+    from motorctl.flight.fault_moment import fault_moment, read_rows
+
+    if record is not None and Path(record).is_file():
+        found = load_record(Path(record))
+    else:
+        found = find_record(_listing(log_dir, socket), record)
+    rows = read_rows(found)
+    moment = fault_moment(found, rows)
+    pictures: list[Path] = []
+    if out is not None:
+        from motorctl.flight.pictures import plot_record
+
+        pictures = plot_record(found, rows, out)
+    if as_json:
+        print(json.dumps(_document(found, moment) | {"pictures": [str(p) for p in pictures]}))
+        return
+    print(_told(found, moment))
+    for picture in pictures:
+        print(picture)
+    if out is None:
+        print("  pictures: --out DIR")
+
+
+def _listing(log_dir: Path | None, socket: Path | None) -> Listing:
+    from motorctl.daemon.client import Client
+    from motorctl.errors import MotorctlError, UsageError
+    from motorctl.flight import Listing, list_records
+
+    if log_dir is not None:
+        return list_records(log_dir)
+    try:
+        with Client(socket) as client:
+            folder = Path(client.ask("status")["recording"]["flight_records"]["folder"])
+    except MotorctlError as error:
+        raise UsageError(
+            f"{error}\nflight records can be read without a daemon: name the folder of its logs "
+            "with --log-dir"
+        ) from error
+    return list_records(folder) if folder.is_dir() else Listing(folder, (), ())
+
+
+def _document(record: FlightRecord, moment: FaultMoment) -> dict[str, Any]:
+    own = record.own
+    return record.document() | {
+        "moment": {
+            "time_s": moment.time_s,
+            "before": {axis: asdict(found) for axis, found in moment.before.items()},
+            "at": {axis: asdict(found) for axis, found in moment.at.items()},
+        },
+        "version": record.metadata.get("version"),
+        "host": record.metadata.get("host"),
+        "libraries": own.get("libraries"),
+        "motions": record.metadata.get("motions"),
+        "loop": record.metadata.get("loop"),
+        "config": record.metadata.get("config"),
+    }
+
+
+def _told(record: FlightRecord, moment: FaultMoment) -> str:
+    meta = record.metadata
+    lines = [record.id, f"  {record.path}", f"  {record.machine}, {record.written_utc} UTC"]
+    lines += [f"  {axis}: {f['message']}" for axis, f in record.faults.items()]
+    if record.own.get("loop_ended"):
+        lines.append(f"  the loop ended: {record.own['loop_ended']}")
+    lines += ["", *_table(moment), ""]
+    lines += [f"  {motion}" for motion in _motions(meta.get("motions"))]
+    settings = record.own.get("settings", {})
+    lines.append(
+        f"  {record.rows} rows at {meta.get('rate_hz', 0):g} Hz, {meta.get('rows_lost', 0)} lost; "
+        f"up to {settings.get('before_s', 0):g} s before and {settings.get('after_s', 0):g} s after"
+    )
+    host, libraries = meta.get("host", {}), record.own.get("libraries", {})
+    versions = {"motorctl": meta.get("version"), "Python": host.get("python"), **libraries}
+    lines.append("  " + ", ".join(f"{name} {number}" for name, number in versions.items()))
+    lines.append(f"  an ordinary log: motorctl diagnose {record.path}")
+    return "\n".join(lines)
+
+
+def _table(moment: FaultMoment) -> list[str]:
+    heading = (
+        f"  {'axis':<8} {'':<7} {'state':<9} {'reference':>13} {'position':>13} {'velocity':>12} "
+        f"{'error':>12} {'command':>10}"
+    )
+    lines = [heading]
+    for axis in moment.at:
+        for when, found in (("before", moment.before[axis]), ("at", moment.at[axis])):
+            lines.append(f"  {axis:<8} {when:<7} {_cells(found)}")
+    return lines
+
+
+def _cells(found: AxisMoment) -> str:
+    values = found.values
+    words = ", ".join(found.flags + tuple(f"device: {word}" for word in found.device))
+    return (
+        f"{found.state:<9} {values['reference_m'] * 1e3:>10.4f} mm "
+        f"{values['position_m'] * 1e3:>10.4f} mm {values['velocity_m_s'] * 1e3:>7.1f} mm/s "
+        f"{values['following_error_m'] * 1e6:>9.1f} µm {values['command_v']:>8.3f} V"
+        + (f"  {words}" if words else "")
+    )
+
+
+def _motions(motions: Any) -> list[str]:
+    if not isinstance(motions, list) or not motions:
+        return []
+    last = motions[-1]
+    return [f"last motion: {last.get('name')} of {', '.join(last.get('axes', []))}"]
