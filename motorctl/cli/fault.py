@@ -26,6 +26,14 @@ LogDirOption = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 MOST_LISTED = 20
+COLUMNS = {
+    "reference_m": (1e3, "10.4f", "mm"),
+    "position_m": (1e3, "10.4f", "mm"),
+    "velocity_m_s": (1e3, "7.1f", "mm/s"),
+    "following_error_m": (1e6, "9.1f", "µm"),
+    "command_v": (1.0, "8.3f", "V"),
+}
+"""Of the table: how a signal is scaled, formatted, and its unit."""
 
 
 def register(app: typer.Typer) -> None:
@@ -144,7 +152,11 @@ def _document(record: FlightRecord, moment: FaultMoment) -> dict[str, Any]:
 
 def _told(record: FlightRecord, moment: FaultMoment) -> str:
     meta = record.metadata
-    lines = [record.id, f"  {record.path}", f"  {record.machine}, {record.written_utc} UTC"]
+    lines = [
+        record.id,
+        f"  {record.path}",
+        f"  {record.machine}, {record.written_utc[:19].replace('T', ' ')} UTC",
+    ]
     lines += [f"  {axis}: {f['message']}" for axis, f in record.faults.items()]
     if record.own.get("loop_ended"):
         lines.append(f"  the loop ended: {record.own['loop_ended']}")
@@ -175,14 +187,16 @@ def _table(moment: FaultMoment) -> list[str]:
 
 
 def _cells(found: AxisMoment) -> str:
-    values = found.values
     words = ", ".join(found.flags + tuple(f"device: {word}" for word in found.device))
-    return (
-        f"{found.state:<9} {values['reference_m'] * 1e3:>10.4f} mm "
-        f"{values['position_m'] * 1e3:>10.4f} mm {values['velocity_m_s'] * 1e3:>7.1f} mm/s "
-        f"{values['following_error_m'] * 1e6:>9.1f} µm {values['command_v']:>8.3f} V"
-        + (f"  {words}" if words else "")
-    )
+    numbers = " ".join(_cell(found.values[signal], *how) for signal, how in COLUMNS.items())
+    return f"{found.state:<9} {numbers}" + (f"  {words}" if words else "")
+
+
+def _cell(value: float | None, scale: float, digits: str, unit: str) -> str:
+    if value is None:
+        width = int(digits.split(".", maxsplit=1)[0])
+        return f"{'–':>{width}} {unit}"
+    return f"{value * scale:>{digits}} {unit}"
 
 
 def _motions(motions: Any) -> list[str]:

@@ -23,8 +23,8 @@ class AxisMoment:
     """One axis in one tick."""
 
     state: str
-    values: Mapping[str, float]
-    """The signals of SHOWN."""
+    values: Mapping[str, float | None]
+    """The signals of SHOWN; None where one is no finite number."""
     flags: tuple[str, ...]
     device: tuple[str, ...]
 
@@ -99,7 +99,7 @@ def _axis(metadata: Mapping[str, Any], rows: pa.Table, axis: str, row: int) -> A
 
     return AxisMoment(
         state=str(metadata["states"].get(str(value("state")), value("state"))).lower(),
-        values={signal: float(value(signal)) for signal in SHOWN},
+        values={name: float(v) if np.isfinite(v := value(name)) else None for name in SHOWN},
         flags=_words(value("flags"), metadata["flags"]),
         device=_words(value("device_status"), metadata.get("device_statuses", {})),
     )

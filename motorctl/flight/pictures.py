@@ -77,7 +77,8 @@ def _plot_axis(record: FlightRecord, rows: pa.Table, axis: str, path: Path) -> P
                 panel.axvline(0.0, color=COLOURS[0], lw=0.8, ls=":")
         panels[0].set_title("the whole record", loc="left", fontsize=9)
         panels[1].set_title(f"{reach_s * 1e3:g} ms to either side", loc="left", fontsize=9)
-        panels[0].legend(loc="best", fontsize=7)
+        for panel in (panels[0], panels[6]):  # once a row: the right column draws the same
+            panel.legend(loc="upper left", fontsize=7, ncols=2)
         figure.suptitle(_title(record, axis), x=0.01, ha="left", wrap=True)
     return path
 
@@ -112,7 +113,6 @@ def _draw_axis(
     timing.set_ylabel("loop\n[µs]")
     timing.set_yscale("symlog", linthresh=10.0)
     timing.set_ylim(bottom=0.0)
-    timing.legend(loc="upper left", fontsize=7, ncols=2)
     _draw_states(states, record, signal("state").astype(np.int64), since)
 
 

@@ -18,6 +18,7 @@ from motorctl.config import load
 from motorctl.daemon import supervisor
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.errors import RunError
+from motorctl.flight import list_records
 from motorctl.log import recover
 from motorctl.log.sample import AxisState, FaultCause
 
@@ -144,6 +145,11 @@ def test_a_loop_that_dies_ends_the_daemon_with_the_reason_and_the_log(tmp_path: 
         assert str(daemon.process.pid) in mark.read_text().split()
         assert pq.read_table(daemon.log())["x.state"][-1].as_py() == AxisState.RUNNING
         assert not daemon.partial_logs()
+        # No axis tripped, and still the last seconds are kept, with the reason.
+        (record,) = list_records(daemon.logs).records
+        assert record.cause == "loop_ended"
+        assert "killed by SIGKILL" in record.message
+        assert record.rows > 0
 
 
 @pytest.mark.slow
