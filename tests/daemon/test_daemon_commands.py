@@ -11,7 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from daemon_rig import Daemon, wait_until
+from typer.testing import CliRunner
 
+from motorctl.cli import make_app
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
 
@@ -159,6 +161,28 @@ def test_an_emergency_stop_trips_every_axis_until_it_is_reset(idle: Daemon) -> N
     x, y = idle.ask("status")["axes"].values()
     assert (x["state"], y["state"], y["drive_state"]) == ("off", "fault", "fault")
     assert x["drive_state"] in ("switch_on_disabled", "ready_to_switch_on")  # it may still coast
+
+
+def test_the_seconds_before_a_fault_are_shown_by_the_running_daemon(idle: Daemon) -> None:
+    def newest() -> str | None:
+        found: str | None = idle.ask("status")["recording"]["flight_records"]["newest"]
+        return found
+
+    wait_until(lambda: idle.state("x") == idle.state("y") == "idle")
+    before = newest()
+    idle.ask("estop")
+    wait_until(lambda: newest() != before)
+    id_ = newest()
+    assert id_ is not None
+    assert id_.endswith("-x-estop")
+    shown = CliRunner().invoke(make_app(), ["fault", "show", "--json", *idle.at])
+    document = json.loads(shown.stdout)
+    assert document["id"] == id_
+    assert set(document["faults"]) == {"x", "y"}
+    moment = document["moment"]
+    assert (moment["before"]["x"]["state"], moment["at"]["x"]["state"]) == ("idle", "fault")
+    assert moment["at"]["x"]["values"]["command_v"] == 0.0
+    assert f"motorctl fault show {id_}" in idle.cli("status").stdout
 
 
 def test_a_program_file_travels_to_the_daemon(idle: Daemon, tmp_path: Path) -> None:

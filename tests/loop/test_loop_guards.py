@@ -215,7 +215,15 @@ def test_a_pause_of_the_computer_is_never_told_as_the_encoders_fault(elapsed):
 
 @pytest.mark.parametrize("controller", ["C1", "C2"])
 @pytest.mark.parametrize(
-    "name", ["published_gantry", "can_gantry", "serial_gantry", "modbus_gantry", "small_stage"]
+    "name",
+    [
+        "published_gantry",
+        "small_stage",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("can_gantry", "serial_gantry", "modbus_gantry")
+        ),
+    ],
 )
 def test_the_shipped_configurations_move_without_tripping(name, controller):
     machine = load(name, controller)

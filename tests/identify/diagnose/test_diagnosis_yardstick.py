@@ -90,6 +90,7 @@ def test_an_effect_that_is_there_is_not_refuted(signals):
     assert without_refuted(found) == (found, ())
 
 
+@pytest.mark.slow
 def test_the_simulated_position_is_that_of_the_second_recording():
     first = OtherPlant(cogging=0.05).run(seed=4, duration_s=10.0)
     stronger = OtherPlant(cogging=0.15).run(seed=4, duration_s=10.0)
