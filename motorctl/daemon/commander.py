@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,9 +69,12 @@ class Commander:
         memory: LoopMemory,
         report: Report,
         reopening: Reopening | None = None,
+        before_reset: Callable[[], None] | None = None,
     ) -> None:
         self._machine = machine
         self._reopening = reopening
+        self._before_reset = before_reset
+        """Called while the fault still stands: whoever looks only now and then sees it, too."""
         self._memory = memory
         self._report = report
         self._names = list(machine.axes)
@@ -157,6 +160,8 @@ class Commander:
         if self._reopening is not None and self._reopening.is_needed(name):
             answer["opened"] = await self._reopening.open_anew(name)
         if "opened" not in answer or self._state(name) is AxisState.FAULT:
+            if self._before_reset is not None:
+                self._before_reset()
             await self._order(Verb.RESET, name)
         return {**answer, "state": self._state(name).name.lower(), "homed": self._homed(name)}
 

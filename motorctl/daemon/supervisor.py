@@ -85,11 +85,13 @@ class Supervisor:
         self._loop = LoopProcess(machine)
         self._report = Report(machine, self._loop.memory, control.path)
         reopening = Reopening(machine, self._loop.memory, self._loop.ring)
-        self._commander = Commander(machine, self._loop.memory, self._report, reopening)
+        self._flight = FlightRecorder(machine, self._loop.memory, directory, self._loop_facts)
+        self._commander = Commander(
+            machine, self._loop.memory, self._report, reopening, self._flight.watch
+        )
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
         self._recorder: Recorder | None = None
-        self._flight = FlightRecorder(machine, self._loop.memory, directory, self._loop_facts)
         self._report.flight = self._flight
         self._asked = asyncio.Event()
 
