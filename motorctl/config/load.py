@@ -65,7 +65,7 @@ def load_resolved(
         Names the data in messages.
     hardware
         Without it the drivers are left out, so that they need not be installed, and so are programs
-        whose files of points are gone.
+        whose files of points are gone; whether an axis can follow the others is not asked again.
 
     Returns
     -------
@@ -110,11 +110,12 @@ def _build(
     problems += refused
     limits = {n: known for n, part in parts.items() if (known := part.motion_limits())}
     voltages = {n: need for n, part in parts.items() if (need := part.required_voltage())}
-    problems += check_programs(document, programs, limits, voltages)
-    thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
-    problems += check_heat(document, programs, thermals, voltages)
-    for name in parts if hardware else ():
-        problems += check_followed(document, name, programs)
+    if hardware:  # else nothing will move: what a log holds was checked before it was recorded
+        problems += check_programs(document, programs, limits, voltages)
+        thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
+        problems += check_heat(document, programs, thermals, voltages)
+        for name in parts:
+            problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)
     problems += refused if hardware else []  # a log may be read where they are not installed
     document.refuse(problems)

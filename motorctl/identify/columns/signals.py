@@ -276,6 +276,10 @@ class Signals(Rows[Spectrum]):
 
         return self._kept(form_key(effect), form) if keep else form()
 
+    def kept_rows(self, key: Hashable, form: Callable[[], Spectra]) -> Array:
+        """Return filtered columns, (p, m), whose spectra are kept under a key of their own."""
+        return self.rows_of(self._kept(key, form))
+
     def _kept(
         self,
         key: Hashable,
@@ -303,10 +307,10 @@ class Signals(Rows[Spectrum]):
         band = min(band_hz, self.band_hz)
         return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
 
-    def history(self, shifts: Sequence[int]) -> Array:
-        """Return the command so many samples later, filtered, (shifts, m)."""
+    def history_spectra(self, shifts: Sequence[int]) -> Spectra:
+        """Return the spectra of the command so many samples later."""
         columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
-        return self.filtered(columns)
+        return self.spectra(columns)
 
     def formed(self, columns: Array, step: int = 1) -> Spectrum:
         """Return the spectrum of columns of one stretch up to the rate of the rows, unfiltered."""

@@ -147,8 +147,8 @@ def whitened(
     With the command on the left nothing is whitened: it is for machines whose unexplained forces
     drown any noise of the measurement. The noise is that of pieces, where a recording is long.
     """
-    pieces = shortened(signals, LONGEST_SEARCH_S)
-    plain = Hypothesis(Regressors(pieces, declared, _blocks(pieces, side)), added)
+    plain = plain_model(signals, declared, added, side)
+    pieces = plain.regressors.signals
     if any(effect.kind == "state" for effect in added):
         plain = plain.refreshed()
     noise = force_noise_density(pieces, saturated_residual(plain, SmoothFunctions(pieces)))
@@ -157,6 +157,17 @@ def whitened(
         return Regressors(signals.plain(COMMAND_BAND_HZ), declared, blocks, side, catalogue), noise
     white = signals.with_response(whitening_response(signals, noise))
     return Regressors(white, declared, blocks, side, catalogue), noise
+
+
+def plain_model(
+    signals: Signals,
+    declared: EffectList,
+    added: tuple[Effect, ...] = (),
+    side: Side = "acceleration",
+) -> Hypothesis:
+    """Return a model on signals that are not whitened: on pieces, where a recording is long."""
+    pieces = shortened(signals, LONGEST_SEARCH_S)
+    return Hypothesis(Regressors(pieces, declared, _blocks(pieces, side)), added)
 
 
 def on_pieces(hypothesis: Hypothesis) -> Hypothesis:

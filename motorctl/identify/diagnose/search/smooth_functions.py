@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.kept_spectra import Spectra
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch
 
@@ -69,10 +70,13 @@ class SmoothFunctions:
 
     def columns(self, name: str) -> Array:
         """Return the filtered columns of a rival, (p, m)."""
-        d = self.signals.decimation
+        return self.signals.kept_rows(("smooth", name), lambda: self._formed(name))
+
+    def _formed(self, name: str) -> Spectra:
         if name == "history":
-            return self.signals.history(self._shifts())
-        return self.signals.filtered([self._of(name, s, d) for s in self.signals.stretches], d)
+            return self.signals.history_spectra(self._shifts())
+        d = self.signals.decimation
+        return self.signals.spectra([self._of(name, s, d) for s in self.signals.stretches], d)
 
     def _shifts(self) -> list[int]:
         """Return delays [samples] from one sample to about a twentieth of a second."""

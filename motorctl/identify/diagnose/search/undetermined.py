@@ -6,7 +6,7 @@ import numpy as np
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.search import whitened
+from motorctl.identify.diagnose.search.search import plain_model, whitened
 from motorctl.model import EffectList, basic_effects
 
 UNSURE = 0.02
@@ -44,8 +44,7 @@ def _with_offset(signals: Signals, declared: EffectList) -> tuple[EffectList, di
     names = [basic_effects()[signal].name for signal in ("direction", "one")]
     if not set(names) <= set(declared.names):
         return declared, {}
-    regressors, _ = whitened(signals, declared, ())
-    hypothesis = Hypothesis(regressors)
+    hypothesis = plain_model(signals, declared)
     direction, constant = (hypothesis.names.index(name) for name in names)
     gram = hypothesis.problem.total
     lengths = float(np.sqrt(gram[direction, direction] * gram[constant, constant]))
