@@ -24,7 +24,16 @@ def run(
         str | None,
         typer.Option(
             metavar="GROUP",
-            help="Whose members may command the machine, besides root; usual: the daemon's own.",
+            help="Whose members may connect, besides root; usual: the daemon's own.",
+            show_default=False,
+        ),
+    ] = None,
+    operators: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GROUP",
+            help="Whose members may command, of those who may connect; the others may ask for the "
+            "status, and for an emergency stop. Usual: all may command.",
             show_default=False,
         ),
     ] = None,
@@ -41,7 +50,8 @@ def run(
     from motorctl.daemon.supervisor import DaemonOptions, run_daemon
 
     open_journal()
-    run_daemon(load(config), DaemonOptions(socket=socket, group=group, log_directory=log_dir))
+    options = DaemonOptions(socket, group, operators, log_dir)
+    run_daemon(load(config), options)
 
 
 def register(app: typer.Typer) -> None:

@@ -10,6 +10,7 @@ import socket
 import stat
 import struct
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 from motorctl.errors import UsageError
@@ -17,6 +18,15 @@ from motorctl.errors import UsageError
 SOCKET_MODE = 0o660
 SO_PEERGROUPS = 59  # Linux 4.13; not among Python's constants
 _MOST_GROUPS = 256
+
+
+class Role(Enum):
+    """What somebody who is connected may do."""
+
+    OBSERVE = "observe"
+    """Look at the machine, and stop it at once: nobody has to watch an accident."""
+    OPERATE = "operate"
+    """All commands."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +45,29 @@ class ControlSocket:
     has ended too.
     """
 
-    def __init__(self, path: Path, group: str | None = None) -> None:
-        """Bind `path`, replacing what a dead daemon left; `group` may connect besides root.
+    def __init__(self, path: Path, group: str | None = None, operators: str | None = None) -> None:
+        """Bind `path`, replacing what a dead daemon left.
 
-        Raises UsageError where a daemon lives there, the path is something else, or the group
-        or the place cannot be used.
+        Parameters
+        ----------
+        path
+            Of the socket's file.
+        group
+            Whose members may connect besides root and the daemon's user; None: its own group.
+        operators
+            The group whose members may command; the others who are connected may only look. None:
+            whoever may connect.
+
+        Raises
+        ------
+        UsageError
+            Where a daemon lives there, the path is something else, or a group or the place cannot
+            be used.
         """
         self.path = path
         self.group_id = os.getegid() if group is None else _group_id(group)
+        self.operators = operators
+        self._operators_id = None if operators is None else _group_id(operators)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._lock = _take_lock(path)
@@ -61,9 +86,17 @@ class ControlSocket:
         """The descriptor whose copies keep a second daemon away."""
         return self._lock
 
-    def admits(self, peer: Peer) -> bool:
-        """Return whether a peer may command this machine: root, the daemon's user, the group."""
-        return peer.uid in {0, os.geteuid()} or self.group_id in peer.groups
+    def role_of(self, peer: Peer) -> Role | None:
+        """Return what a peer may do; None: nothing, it is kept out.
+
+        Root and the daemon's own user may do everything, whatever groups they are in.
+        """
+        if peer.uid in {0, os.geteuid()}:
+            return Role.OPERATE
+        if self.group_id not in peer.groups:
+            return None
+        operates = self._operators_id is None or self._operators_id in peer.groups
+        return Role.OPERATE if operates else Role.OBSERVE
 
     def close(self) -> None:
         """Take the socket away, unless somebody has put another in its place."""

@@ -5,24 +5,29 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from motorctl.daemon.access import ControlSocket, peer_of
+from motorctl.daemon.access import ControlSocket, Role, peer_of
 from motorctl.daemon.protocol import (
     MAX_LINE_BYTES,
     Code,
+    EmergencyStopCommand,
     RefusedError,
     Request,
+    StatusCommand,
     answer,
     parse_request,
     refusal,
     request_id,
 )
+from motorctl.daemon.request_pace import RequestPace
 
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
 
+OBSERVERS_COMMANDS = (StatusCommand, EmergencyStopCommand)
 MAX_CLIENTS_A_USER = 32
 LINE_TIMEOUT_S = 10.0
 """A line that was begun must end within this time."""
@@ -71,7 +76,8 @@ class ControlServer:
     async def _admit(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection: socket.socket = writer.get_extra_info("socket")
         peer = peer_of(connection)
-        if not self._control.admits(peer):
+        role = self._control.role_of(peer)
+        if role is None:
             _log.warning("control socket: refused process %d of user %d", peer.pid, peer.uid)
             message = (
                 f"user {peer.uid} is neither root nor a member of the socket's group "
@@ -85,11 +91,14 @@ class ControlServer:
             return
         self._clients[peer.uid] += 1
         try:
-            await self._serve(reader, writer)
+            await self._serve(reader, writer, role)
         finally:
             self._clients[peer.uid] -= 1
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, role: Role
+    ) -> None:
+        pace = RequestPace(time.monotonic())
         while True:
             try:
                 line = await _read_line(reader)
@@ -100,15 +109,21 @@ class ControlServer:
             except asyncio.IncompleteReadError:
                 return
             if line.strip():
-                await _send(writer, await self._answer(line))
+                await _send(writer, await self._answer(line, role))
             # Lines that are already here are read without waiting: let the others have a turn.
-            await asyncio.sleep(0)
+            await asyncio.sleep(pace.wait_s(time.monotonic()))
 
-    async def _answer(self, line: bytes) -> bytes:
+    async def _answer(self, line: bytes, role: Role) -> bytes:
         try:
             request = parse_request(line)
         except RefusedError as no:
             return refusal(request_id(line), no.code, no.message)
+        if role is Role.OBSERVE and not isinstance(request, OBSERVERS_COMMANDS):
+            message = (
+                f"{request.do}: only members of the group '{self._control.operators}' may command "
+                "this machine; others may ask for its status, and for an emergency stop"
+            )
+            return refusal(request.id, Code.FORBIDDEN, message)
         try:
             return answer(request.id, await self._handle(request))
         except RefusedError as no:

@@ -47,7 +47,9 @@ class DaemonOptions:
 
     socket: Path | None = None
     group: str | None = None
-    """Whose members may command the machine; None: the group that the daemon runs in."""
+    """Whose members may connect; None: the group that the daemon runs in."""
+    operators: str | None = None
+    """Whose members may command, of those who may connect; None: all of them."""
     log_directory: Path | None = None
 
 
@@ -67,7 +69,7 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
 async def _run(machine: Machine, options: DaemonOptions) -> None:
     directory = options.log_directory or machine.log_directory
     _must_be_writable(directory)
-    control = ControlSocket(options.socket or daemon_socket(), options.group)
+    control = ControlSocket(options.socket or daemon_socket(), options.group, options.operators)
     try:
         await Supervisor(machine, control, directory).live()
     finally:

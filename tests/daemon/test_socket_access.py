@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import grp
+import json
 import os
 import socket
 import stat
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from motorctl.daemon.access import ControlSocket, Peer, peer_of
+from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
 from motorctl.daemon.client import Client
 from motorctl.daemon.paths import client_socket, daemon_socket, state_file
 from motorctl.daemon.server import ControlServer
@@ -27,8 +28,9 @@ NOBODY = 65534
 # Connects as another user and prints what comes back.
 ASK_AS_NOBODY = f"""
 import os, socket, sys
-os.setgroups([int(group) for group in sys.argv[2:]])
-os.setgid({NOBODY})
+own, *groups = map(int, sys.argv[3:])
+os.setgroups(groups)
+os.setgid(own)
 os.setuid({NOBODY})
 s = socket.socket(socket.AF_UNIX)
 s.settimeout(20)
@@ -37,7 +39,7 @@ try:
 except PermissionError:
     sys.exit("PermissionError")
 try:
-    s.sendall(b'{{"do": "status"}}' + bytes([10]))
+    s.sendall(sys.argv[2].encode() + bytes([10]))
 except OSError:
     pass  # the refusal is there already
 sys.exit(s.recv(200).decode())
@@ -77,11 +79,36 @@ def test_the_kernel_tells_who_is_there(tmp_path: Path) -> None:
 def test_root_the_own_user_and_members_are_admitted(tmp_path: Path) -> None:
     control = ControlSocket(tmp_path / "s.sock")
     stranger = os.geteuid() + 1
-    assert control.admits(Peer(1, 0, frozenset()))
-    assert control.admits(Peer(1, os.geteuid(), frozenset()))
-    assert control.admits(Peer(1, stranger, frozenset({os.getegid(), 5})))
-    assert not control.admits(Peer(1, stranger, frozenset({os.getegid() + 1})))
+    assert control.role_of(Peer(1, 0, frozenset())) is Role.OPERATE
+    assert control.role_of(Peer(1, os.geteuid(), frozenset())) is Role.OPERATE
+    assert control.role_of(Peer(1, stranger, frozenset({os.getegid(), 5}))) is Role.OPERATE
+    assert control.role_of(Peer(1, stranger, frozenset({os.getegid() + 1}))) is None
     control.close()
+
+
+def test_with_operators_named_the_other_members_may_only_look(tmp_path: Path) -> None:
+    operators = grp.getgrgid(NOBODY)
+    control = ControlSocket(tmp_path / "s.sock", operators=operators.gr_name)
+    stranger, own = os.geteuid() + 1, os.getegid()
+    assert control.role_of(Peer(1, stranger, frozenset({own}))) is Role.OBSERVE
+    assert control.role_of(Peer(1, stranger, frozenset({own, NOBODY}))) is Role.OPERATE
+    assert control.role_of(Peer(1, stranger, frozenset({NOBODY}))) is None  # not of the socket's
+    assert control.role_of(Peer(1, 0, frozenset())) is Role.OPERATE
+    control.close()
+
+
+@ROOT_ONLY
+@pytest.mark.parametrize(
+    ("do", "expected"),
+    [("status", '"ok":true'), ("estop", '"ok":true'), ("start", "only members of the group")],
+)
+def test_an_observer_may_ask_and_stop_at_once_and_nothing_else(
+    tmp_path: Path, do: str, expected: str
+) -> None:
+    request = {"do": do} | ({"axis": "x"} if do == "start" else {})
+    name = grp.getgrgid(NOBODY).gr_name
+    answered = ask_as_nobody(tmp_path, [12345], 0o660, request, operators=name, own_group=12346)
+    assert expected in answered
 
 
 @ROOT_ONLY
@@ -96,25 +123,40 @@ def test_root_the_own_user_and_members_are_admitted(tmp_path: Path) -> None:
 def test_a_user_outside_the_group_is_kept_out(
     tmp_path: Path, groups: list[int], mode: int, expected: str
 ) -> None:
-    tmp_path.chmod(0o755)
-    for folder in tmp_path.parents[:2]:
-        folder.chmod(0o755)
+    assert expected in ask_as_nobody(tmp_path, groups, mode, {"do": "status"})
+
+
+def ask_as_nobody(
+    folder: Path,
+    groups: list[int],
+    mode: int,
+    request: dict[str, str],
+    *,
+    operators: str | None = None,
+    own_group: int = NOBODY,
+) -> str:
+    """Send a request to a server of group 12345 as another user, and return what comes back."""
+    folder.chmod(0o755)
+    for parent in folder.parents[:2]:
+        parent.chmod(0o755)
 
     async def ask() -> str:
-        control = ControlSocket(tmp_path / "s.sock")
+        control = ControlSocket(folder / "s.sock", operators=operators)
         control.group_id = 12345
         os.chown(control.path, -1, control.group_id)
         control.path.chmod(mode)
         server = ControlServer(control, lambda _: asyncio.sleep(0, {}))
         await server.start()
-        arguments = [sys.executable, "-c", ASK_AS_NOBODY, str(control.path), *map(str, groups)]
+        line = json.dumps(request)
+        who = [str(own_group), *map(str, groups)]
+        arguments = [sys.executable, "-c", ASK_AS_NOBODY, str(control.path), line, *who]
         asking = await asyncio.create_subprocess_exec(*arguments, stderr=subprocess.PIPE)
         _, out = await asking.communicate()
         await server.close()
         control.close()
         return out.decode()
 
-    assert expected in asyncio.run(ask())
+    return asyncio.run(ask())
 
 
 def test_a_dead_daemons_socket_is_replaced(tmp_path: Path) -> None:

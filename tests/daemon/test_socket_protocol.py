@@ -6,6 +6,7 @@ import asyncio
 import json
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorctl.daemon import client as client_module
+from motorctl.daemon import request_pace
 from motorctl.daemon import server as server_module
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client, DaemonRefusedError
@@ -210,6 +212,7 @@ def test_a_client_that_takes_no_answers_is_dropped(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server_module, "WRITE_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(request_pace, "REQUESTS_PER_S", 1e9)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as deaf:
         deaf.connect(str(path))
         deaf.settimeout(20)
@@ -224,6 +227,37 @@ def test_a_flood_of_requests_leaves_turns_to_others(path: Path) -> None:
         flood.settimeout(20)
         flood.sendall(b"\n" * 100_000 + b'{"do":"status"}\n' * 1000)
         assert answers_still(path)
+
+
+def test_who_asks_too_fast_waits_and_only_there(path: Path) -> None:
+    at_once = round(request_pace.BURST)
+    more = round(0.5 * request_pace.REQUESTS_PER_S)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hasty:
+        hasty.connect(str(path))
+        hasty.settimeout(20)
+        begin = time.monotonic()
+        hasty.sendall(b'{"do":"status"}\n' * (at_once + more))
+        assert answers_still(path)
+        got = b""
+        while got.count(b"\n") < at_once + more:
+            got += hasty.recv(1 << 16)
+    assert time.monotonic() - begin > 0.4  # half a second's worth beyond what may come at once
+
+
+@given(gaps=st.lists(st.floats(0, 5), min_size=1, max_size=60))
+def test_no_connection_is_answered_faster_than_it_may_be(gaps: list[float]) -> None:
+    now_s, answered_s = 0.0, []
+    pace = request_pace.RequestPace(now_s)
+    for gap in gaps:
+        now_s += gap
+        now_s += pace.wait_s(now_s)
+        answered_s.append(now_s)
+    for first, begin_s in enumerate(answered_s):
+        for last in range(first, len(answered_s)):
+            allowed = request_pace.BURST + request_pace.REQUESTS_PER_S * (
+                answered_s[last] - begin_s
+            )
+            assert last - first <= allowed + 1
 
 
 def test_too_many_connections_of_one_user_are_refused_until_one_ends(path: Path) -> None:
