@@ -153,8 +153,8 @@ def _loop(loop: Mapping[str, Any], recording: Mapping[str, Any]) -> Table:
     table.add_row(
         "overruns",
         Text(
-            f"{loop['overruns']:,}, {loop['skipped_periods']:,} periods skipped, "
-            f"of {loop['ticks']:,} ticks",
+            f"{loop['overruns']:,}, {loop['skipped_periods']:,} periods "
+            f"{'waited' if loop['waits'] else 'skipped'}, of {loop['ticks']:,} ticks",
             "yellow" if missed else "",
         ),
     )

@@ -125,9 +125,10 @@ class LoopSettings(Keys):
     spin_s: Annotated[float, Field(ge=0, le=0.01)] = Field(
         default=60e-6, description="the last part of a wait, spent awake"
     )
-    without_realtime: Literal["degrade", "refuse"] = Field(
+    without_realtime: Literal["degrade", "refuse", "wait"] = Field(
         default="degrade",
-        description="where real time is not given: run and say what is missing, or do not start",
+        description="where real time is not given: run and say what is missing; or do not start; "
+        "or, for simulated machines, let their time wait while the computer pauses",
     )
     overrun_policy: Literal["count", "leaky_bucket", "stop"] = Field(
         default="count",
@@ -137,3 +138,8 @@ class LoopSettings(Keys):
     bucket_size: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=10, description="overruns in a leaky bucket that stop the machine"
     )
+
+    @property
+    def waits(self) -> bool:
+        """Whether the machine's time stands still while the computer pauses."""
+        return self.without_realtime == "wait"

@@ -106,6 +106,7 @@ def _build(
         problems += refused
         wirings = [wiring for part in parts.values() if (wiring := part.wiring(document))]
         problems += check_rates(document, drivers, wirings, rate_hz, divisors)
+        problems += _check_waiting(document, drivers)
     programs, refused = build_programs(document, directory)
     problems += refused
     limits = {n: known for n, part in parts.items() if (known := part.motion_limits())}
@@ -143,6 +144,18 @@ def _check_spin(document: Document, rate_hz: float | None) -> list[Problem]:
         message = f"found {loop.spin_s:g}, should be below the period of {1.0 / rate_hz:g} s"
         return [document.problem(("loop", "spin_s"), message)]
     return []
+
+
+def _check_waiting(document: Document, drivers: Mapping[str, DriverSetup]) -> list[Problem]:
+    loop = read_keys(LoopSettings, document.part(("loop",)))
+    moving = [name for name, setup in drivers.items() if not setup.cls.supports_virtual_time]
+    if loop is None or not loop.waits or not moving:
+        return []
+    message = (
+        f"found 'wait', should be degrade or refuse: driver '{moving[0]}' "
+        f"({drivers[moving[0]].type}) moves a machine whose time waits for no computer"
+    )
+    return [document.problem(("loop", "without_realtime"), message)]
 
 
 def _drop_lost_points(document: Document) -> None:

@@ -141,6 +141,7 @@ class Report:
             "time_s": _finite(status["time_s"]),
             "overruns": int(status["overruns"]),
             "skipped_periods": int(status["skipped_periods"]),
+            "waits": self._machine.loop.waits,
             "degraded": [*reasons(int(status["degraded"])), *self._memory.notes],
             "turnaround": timing.get("turnaround"),
             "lateness": timing.get("lateness"),

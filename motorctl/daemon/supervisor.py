@@ -253,6 +253,10 @@ class Supervisor:
         degraded = reasons(int(self._loop.memory.status["degraded"][0]))
         if degraded:
             _log.warning("DEGRADED, not real time: %s", "; ".join(degraded))
+            if machine.loop.waits:
+                _log.info(
+                    "while this computer pauses the simulated machine waits; a real one would go on"
+                )
         for note in self._loop.memory.notes:
             _log.warning("%s", note)
 

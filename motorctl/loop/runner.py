@@ -9,7 +9,11 @@ START_DELAY_NS = 5_000_000
 
 
 def run_wall(tick: Tick, clock: Clock) -> None:
-    """Tick in wall-clock time until the loop may end: shut down and every axis at rest."""
+    """Tick in wall-clock time until the loop may end: shut down and every axis at rest.
+
+    Periods that the computer missed are skipped; where the machine's time waits they are not, and
+    begin later.
+    """
     period_ns = round(tick.machine.period_s * NS_PER_S)
     step, wait, now = tick.step, clock.wait_until_ns, clock.now_ns
     deadline = now() + START_DELAY_NS
@@ -19,9 +23,12 @@ def run_wall(tick: Tick, clock: Clock) -> None:
         missed, late = deadline, woke - deadline
         if late >= period_ns:
             skipped = late // period_ns
-            number += skipped
             deadline += skipped * period_ns
-            elapsed = skipped + 1
+            if tick.waits:
+                tick.memory.status["skipped_periods"] += skipped
+            else:
+                number += skipped
+                elapsed = skipped + 1
         # Lateness counts from the deadline that was missed: a long gap shows as what it was.
         if step(number, elapsed, overran, missed, woke):
             return

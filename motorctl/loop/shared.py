@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.config.keys import LoopSettings
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
 from motorctl.loop.vocabulary import Phase, Reply, Verb
@@ -33,6 +34,8 @@ PROGRAM_SEGMENTS = 65536
 RING_SECONDS = 8.0
 BEAT_TIMEOUT_S = 0.5
 """How long the loop goes on without a sign of life from the supervisor."""
+WAITING_BEAT_TIMEOUT_S = 5.0
+"""The same for a simulated machine that waits for a busy computer: nothing of it can be damaged."""
 
 LOOP_STATUS = np.dtype(
     [
@@ -69,6 +72,11 @@ COMMAND = np.dtype(
     ],
     align=True,
 )
+
+
+def beat_timeout_s(loop: LoopSettings) -> float:
+    """Return how long a loop goes on without a sign of life from the supervisor [s]."""
+    return WAITING_BEAT_TIMEOUT_S if loop.waits else BEAT_TIMEOUT_S
 
 
 def axis_status(parameters: int) -> np.dtype[np.void]:

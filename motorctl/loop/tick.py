@@ -20,7 +20,7 @@ from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_sett
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
 from motorctl.loop.guards.supervision import WATCH
-from motorctl.loop.shared import BEAT_TIMEOUT_S, LoopMemory
+from motorctl.loop.shared import LoopMemory, beat_timeout_s
 
 with kernels_cached():
     from motorctl.loop.publish import publish
@@ -86,6 +86,8 @@ class Tick:
     ) -> None:
         self.machine = machine
         self.memory = memory
+        self.waits = machine.loop.waits and not virtual
+        """Whether the machine's time stands still while the computer pauses."""
         self.drivers = make_drivers(machine, driver_class)
         self.closed: set[str] = set()
         """Drivers that were closed and could not be opened anew."""
@@ -123,7 +125,7 @@ class Tick:
             fill_state(self.laws[i], theta, covariance)
         self.watch = np.zeros(1, WATCH)
         if not virtual:
-            self.watch["silent_limit"] = round(BEAT_TIMEOUT_S * machine.rate_hz)
+            self.watch["silent_limit"] = round(beat_timeout_s(machine.loop) * machine.rate_hz)
             policy = machine.loop.overrun_policy
             sizes = {"count": 0, "leaky_bucket": machine.loop.bucket_size, "stop": 1}
             self.watch["bucket_size"] = sizes[policy]
@@ -193,6 +195,8 @@ class Tick:
         measured, rows = self.measured_s, memory.ring_rows
         period_s, now = self.machine.period_s, time.monotonic_ns
         period_ns = round(period_s * NS_PER_S)
+        waits = self.waits
+        moves_time = virtual or waits
         written = 0
 
         def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
@@ -203,7 +207,9 @@ class Tick:
                 if divisor == 1 or number // divisor != (number - elapsed) // divisor:
                     read(inputs)
             t1 = now()
-            behind = (t1 - scheduled_ns) // period_ns - elapsed + 1 if scheduled_ns else 0
+            behind = 0  # a machine that waits shows how it is now, however late that is
+            if scheduled_ns and not waits:
+                behind = (t1 - scheduled_ns) // period_ns - elapsed + 1
             may_end: bool = kernel(
                 counts, index_counts, words, volts, enable, elapsed, behind, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
@@ -219,7 +225,7 @@ class Tick:
                 status, ticks, measured, row, written, number, period_s, virtual,
                 scheduled_ns, woke_ns, t1, t2, t3,
             )  # fmt: skip
-            if virtual:
+            if moves_time:
                 for advance, divisor in advances:
                     if divisor == 1 or (number + 1) % divisor == 0:
                         advance()
@@ -257,7 +263,7 @@ class Tick:
         opened: dict[str, Driver] = {}
         try:
             for name, driver in self.drivers.items():
-                if virtual:
+                if virtual or self.waits:
                     driver.start_virtual_time()
                 _open(name, driver)
                 opened[name] = driver

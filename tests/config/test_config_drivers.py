@@ -114,3 +114,9 @@ def test_two_drivers_on_one_line_are_refused(tmp_path, monkeypatch):
     assert told.key == "drivers.other"
     assert "'line'" in told.message
     assert "/dev/a" in told.message
+
+
+def test_the_time_of_a_machine_of_metal_waits_for_no_computer(tmp_path):
+    (problem,) = problems(tmp_path, machine(loop__without_realtime="wait"))
+    assert problem.key == "loop.without_realtime"
+    assert problem.message.startswith("found 'wait', should be degrade or refuse: driver 'line'")

@@ -43,7 +43,13 @@ class ScriptedClock:
         self.time_ns += next(self._step)
 
 
-def run(late_ns: list[int], step_ns: list[int] = ()) -> list[tuple[int, int, bool, int]]:
+waited: list[int] = []
+"""Periods that each run has waited."""
+
+
+def run(
+    late_ns: list[int], step_ns: list[int] = (), *, waits: bool = False
+) -> list[tuple[int, int, bool, int]]:
     """Give (number, elapsed, overran, lateness) of every tick."""
     clock = ScriptedClock(late_ns, list(step_ns))
     seen: list[tuple[int, int, bool, int]] = []
@@ -54,7 +60,9 @@ def run(late_ns: list[int], step_ns: list[int] = ()) -> list[tuple[int, int, boo
         return len(seen) == len(late_ns)
 
     machine = SimpleNamespace(period_s=PERIOD_NS * 1e-9)
-    run_wall(SimpleNamespace(machine=machine, step=step), clock)
+    memory = SimpleNamespace(status={"skipped_periods": np.zeros(1, np.int64)})
+    run_wall(SimpleNamespace(machine=machine, step=step, waits=waits, memory=memory), clock)
+    waited.append(int(memory.status["skipped_periods"][0]))
     return seen
 
 
@@ -73,6 +81,14 @@ def test_a_wake_up_that_misses_periods_skips_them_and_keeps_the_rhythm():
     assert ticks[1] == (4, 4, False, late)
     assert ticks[2] == (5, 1, False, 0)
     assert ticks[3] == (6, 1, False, 0)
+
+
+def test_a_machine_that_waits_misses_no_period_and_its_wait_is_counted():
+    late = 3 * PERIOD_NS + 70
+    ticks = run([0, late, 0, 0], waits=True)
+    assert [tick[:2] for tick in ticks] == [(0, 1), (1, 1), (2, 1), (3, 1)]
+    assert [tick[3] for tick in ticks] == [0, late, 0, 0]  # how late it was is told all the same
+    assert waited[-1] == 3
 
 
 def test_a_step_longer_than_its_period_is_an_overrun():

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import failing_drivers
+import numpy as np
 import pytest
 import real_time
 from loop_bench import gantry, with_axes, with_sim
@@ -119,6 +120,29 @@ def test_the_loop_ends_by_itself_when_the_supervisor_falls_silent():
         assert samples["state"][-1, 0] == AxisState.FAULT
         assert samples["fault"][-1, 0] == FaultCause.SUPERVISOR_LOST
         assert samples["command_v"][-1, 0] == 0.0
+
+
+def test_a_simulated_machine_that_waits_rides_out_a_pause_of_any_length():
+    machine = slow_gantry()
+    settings = machine.loop.model_copy(update={"without_realtime": "wait"})
+    machine = with_axes(
+        dataclasses.replace(machine, loop=settings),
+        limits={"following_error": {"minimum_m": 0.001, "filter_time_s": 0.02}},
+    )
+    with Process(machine) as loop:
+        loop.wait_until_running()
+        assert loop.ask(Verb.START) is Reply.OK
+        for _ in range(3):
+            loop.process.send_signal(signal.SIGSTOP)
+            time.sleep(0.3)  # three times the pause that trips a machine of metal
+            loop.process.send_signal(signal.SIGCONT)
+            head = int(loop.memory.status["ring_head"][0])
+            loop.wait(lambda head=head: int(loop.memory.status["ring_head"][0]) > head + 20)
+        ticks, samples, _ = loop.memory.drain()
+        assert (np.diff(ticks["tick"]) == 1).all()
+        assert loop.memory.status["skipped_periods"][0] >= 3 * 0.3 * machine.rate_hz
+        assert loop.memory.axis_status["state"][0] == AxisState.IDLE
+        assert np.abs(samples["following_error_m"][:, 0]).max() < 1e-3
 
 
 @pytest.mark.slow
