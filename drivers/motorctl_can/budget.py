@@ -97,7 +97,7 @@ def rate_budget(options: CanOptions, layout: Layout) -> RateBudget:
         return budget
     text = (
         f"a read may wait sync.wait_s = {options.sync.wait_s * 1e6:g} us for answers, and that at "
-        f"most {SHARE_OF_BUS:.0%} of a period, makes {rate:.0f} Hz; {budget.arithmetic}"
+        f"most {SHARE_OF_BUS:.0%} of a period: at most {rate:.0f} Hz; {budget.arithmetic}"
     )
     return RateBudget(rate, text)
 
@@ -123,7 +123,7 @@ def _bus_budget(options: CanOptions, layout: Layout) -> RateBudget:
         kind += f"/{options.data_bitrate / 1e6:g}"
     text = (
         f"{kind} Mbit/s, worst-case stuffing: {' + '.join(parts)} = {total_s * 1e6:.1f} us a "
-        f"period, and may take {SHARE_OF_BUS:.0%} of one ({WHY_SHARE}), makes {rate:.0f} Hz; a "
+        f"period, and may take {SHARE_OF_BUS:.0%} of one ({WHY_SHARE}): at most {rate:.0f} Hz; a "
         "USB adapter collects frames for up to 1 ms, which is not counted"
     )
     return RateBudget(rate, text)
@@ -150,7 +150,7 @@ def _line_budget(options: CanOptions, layout: Layout) -> RateBudget:
             f"for {pause_s * 1e6:.0f} us"
         )
     rate = SHARE_OF_BUS / total_s
-    text += f", {SHARE_OF_BUS:.0%} of a period makes {rate:.0f} Hz"
+    text += f", {SHARE_OF_BUS:.0%} of a period: at most {rate:.0f} Hz"
     return RateBudget(rate, text)
 
 
@@ -161,6 +161,6 @@ def _host_budget(options: CanOptions, layout: Layout) -> RateBudget:
     text = (
         f"no bus ({options.interface}); the host itself takes about {cost_s * 1e6:.0f} us a frame "
         f"x {frames} frames = {frames * cost_s * 1e6:.0f} us a period, and may take "
-        f"{SHARE_OF_HOST:.0%} of one, makes {rate:.0f} Hz"
+        f"{SHARE_OF_HOST:.0%} of one: at most {rate:.0f} Hz"
     )
     return RateBudget(rate, text)

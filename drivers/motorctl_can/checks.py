@@ -177,7 +177,7 @@ def _wrong_scale(signal: Signal) -> Iterator[Wrong]:
         return
     low, high = signal.limits
     if signal.means is Means.VOLTS and not low <= 0.0 <= high:
-        text = f"cannot say 0 V: the signal goes from {low:g} to {high:g} V"
+        text = f"cannot represent 0 V: the signal goes from {low:g} to {high:g} V"
         yield Wrong((*key, "offset"), signal.offset, text)
 
 

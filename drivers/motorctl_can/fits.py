@@ -72,7 +72,7 @@ def _misfits(options: CanOptions, channel: Channel) -> Iterator[Problem]:
         yield _entry(options, volts, "scale"), text
     zero_v = volts.value(volts.raw(0.0))
     if abs(zero_v) > limit * MOST_ZERO:
-        text = f"0 V would be sent as {zero_v:g} V, at most {limit * MOST_ZERO:g} V is nothing"
+        text = f"0 V would be sent as {zero_v:g} V, limit {limit * MOST_ZERO:g} V"
         yield _entry(options, volts, "offset"), text
     # two's complement reaches a step less far up than down
     if limit > min(-low, high) + step * (1 + ROUNDING):

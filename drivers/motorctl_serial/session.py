@@ -158,13 +158,13 @@ def _check(
     if device.watchdog_ms != options.watchdog_ms:
         raise RunError(
             f"{here} armed its watchdog with {device.watchdog_ms} ms, watchdog_s: "
-            f"{options.watchdog_s:g} asks for {options.watchdog_ms} ms"
+            f"{options.watchdog_s:g} asks for {options.watchdog_ms} ms; ask for what it can do"
         )
     # The period in HELLO is whole microseconds; a rate is not refused for their rounding.
     if 1.0 / period_s > device.max_rate_hz * (1.0 + 1e-6):
         raise RunError(
             f"{here} carries at most {device.max_rate_hz} Hz, the configured rate is "
-            f"{1.0 / period_s:g} Hz"
+            f"{1.0 / period_s:g} Hz; lower rate_hz"
         )
     for channel in channels:
         axis = f"axis '{channel.axis}'"

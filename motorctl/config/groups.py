@@ -27,8 +27,9 @@ def check_groups(document: Document) -> list[Problem]:
         if not isinstance(group, list) or not all(isinstance(name, str) for name in group):
             continue  # the keys' own check tells
         if len(set(group)) < 2:
-            message = f"found {len(set(group))} axes, of which none can stop another; should be"
-            add(f"{message} two or more axes, or be removed", number)
+            count = len(set(group))
+            message = f"found {count} different {'axis' if count == 1 else 'axes'}, should be"
+            add(f"{message} two or more; or remove the group", number)
         for place, name in enumerate(group):
             if name not in known:
                 add(f"unknown axis '{name}'; {suggest(name, known)}", number, place)

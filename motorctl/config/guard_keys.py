@@ -44,7 +44,7 @@ class EncoderStuck(Disables):
 
 
 class EncoderNoise(Disables):
-    """Trip where the count trembles at rest more than any motion could make it.
+    """Trip where the count at standstill is noisier than any motion could make it.
 
     Looked at is the second difference of the position from tick to tick: of motion it is at most
     the acceleration times the period squared.
@@ -67,8 +67,8 @@ class Thermal(Stops):
     """
 
     continuous_voltage_v: Positive = Field(
-        description="command that the motor stands for ever: its continuous force in newtons "
-        "divided by its force per volt of command"
+        description="command that the motor can carry continuously: its continuous force in "
+        "newtons divided by its force per volt of command"
     )
     time_constant_s: Annotated[float, Field(ge=1e-3, le=1e5)] = Field(
         description="thermal time constant of the motor's winding"
@@ -129,7 +129,7 @@ class Guards(Keys):
         description="the count stands still while the reference moves",
     )
     encoder_noise: EncoderNoise | None = Field(
-        default=None, description="the count trembles at rest; null: not looked at"
+        default=None, description="noise of the count at standstill; null: not looked at"
     )
     saturation: Saturation | None = Field(
         default_factory=Saturation, description="the command stands at its limit for too long"

@@ -143,11 +143,11 @@ def check_heat(
         warmed = -math.expm1(-trajectory.duration_s / thermal.time_constant_s)
         rms_v, continuous = math.sqrt(mean_v2 * warmed), thermal.continuous_voltage_v
         if rms_v > continuous:
-            message = f"found {continuous:g}, trips always: program '{followed}' warms the motor as"
+            message = f"found {continuous:g}, would always trip: program '{followed}' needs"
             problems.append(
                 document.problem(
                     ("axes", axis, "guards", "thermal", "continuous_voltage_v"),
-                    f"{message} {rms_v:.3g} V for ever do; make the program slower, or raise it",
+                    f"{message} {rms_v:.3g} V rms; make the program slower, or raise it",
                 )
             )
     return problems

@@ -71,7 +71,7 @@ class FaultCause(IntEnum):
     SATURATION = 18
     """The command stood at the voltage limit for too long."""
     THERMAL = 19
-    """The model of the motor's heat exceeded what the motor stands for ever."""
+    """The model of the motor's heat exceeded what the motor can carry continuously."""
 
 
 @dataclass(frozen=True)

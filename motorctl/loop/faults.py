@@ -16,19 +16,17 @@ _WITH_LIMIT = {
     FaultCause.SOFT_LIMIT: ("position beyond the soft limit:", 1e3, "mm"),
     FaultCause.OVERSPEED: ("speed", 1.0, "m/s"),
     FaultCause.ENCODER_STUCK: (
-        "the count stands still, as that of a stuck encoder or a blocked axis, while the reference "
-        "moved",
+        "the count did not change (a stuck encoder or a blocked axis) while the reference moved",
         1e3,
         "mm",
     ),
     FaultCause.ENCODER_NOISE: (
-        "the count trembles at rest as no motion does: second difference",
+        "encoder noise at standstill, second difference of the position",
         1e6,
         "um rms",
     ),
     FaultCause.SATURATION: (
-        "the command stood at limits.max_voltage_v, as of an axis that is blocked or overloaded, "
-        "for",
+        "the command stood at limits.max_voltage_v (a blocked or overloaded axis) for",
         1.0,
         "s",
     ),

@@ -68,7 +68,9 @@ def with_seed(machine: Machine, seed: int) -> Machine:
             drivers[name] = dataclasses.replace(setup, options=options)
             resolved["drivers"][name]["seed"] = seed
     if not seeded:
-        raise UsageError("no driver of this machine has a seed: --seed says nothing here")
+        raise UsageError(
+            f"--seed {seed} has no effect: no driver of {machine.name} takes a seed; leave it out"
+        )
     return dataclasses.replace(machine, drivers=drivers, resolved=resolved)
 
 

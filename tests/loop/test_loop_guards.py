@@ -41,7 +41,7 @@ def test_an_encoder_that_sticks_in_motion_trips_before_the_following_error(at_s)
         rig.seconds(0.6)
         assert rig.fault_of("x") is FaultCause.ENCODER_STUCK
         assert rig.state("x")["fault_value"] == pytest.approx(0.001, abs=2e-4)
-        assert "the count stands still" in told(rig)
+        assert "the count did not change" in told(rig)
         assert "limit 1 mm" in told(rig)
         assert np.abs(rig.rows("x")["following_error_m"]).max() < 0.0013
 

@@ -169,7 +169,7 @@ CASES = {
     "volts that cannot be 0": (
         edited("command", "signals", "volts_x", "offset", 100.0),
         "frames.command.signals.volts_x.offset",
-        "cannot say 0 V",
+        "cannot represent 0 V",
     ),
     "inverted counts": (
         edited("positions", "signals", "counts_x", "inverted", True),

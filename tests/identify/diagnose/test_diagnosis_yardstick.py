@@ -82,7 +82,7 @@ def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signa
     assert simulated.after_rms > simulated.before_rms
     kept, why = without_refuted(found)
     assert not kept.final.added
-    assert why[0].startswith("input_lag is refuted: simulated over windows")
+    assert why[0].startswith("input_lag is refuted: with it the position simulated over")
 
 
 def test_an_effect_that_is_there_is_not_refuted(signals):

@@ -74,7 +74,7 @@ def searched(
     if not refuted or lost < LOSES:
         return found
     if progress is not None:
-        progress(f"{' and '.join(sorted(refuted))} cannot be: once more without")
+        progress(f"{' and '.join(sorted(refuted))} refuted: searching again without")
     every = found.final.regressors.catalogue
     others = {name: cls for name, cls in every.items() if name not in refuted}
     again = both_ways(signals, declared, sign, progress, others)
@@ -110,7 +110,7 @@ def both_ways(
     if relative < UNEXPLAINED or (noisy and moves and relative < MUCH_UNEXPLAINED):
         return over_all(found, signals, catalogue)
     if progress is not None:
-        progress("unexplained forces outweigh the noise: once more with the command on the left")
+        progress("unexplained forces outweigh the noise: searching with the command on the left")
     other = search(short, declared, sign, progress, "command", catalogue)
     found, other = (over_all(each, signals, catalogue) for each in (found, other))
     # effects of the input cannot be sought there

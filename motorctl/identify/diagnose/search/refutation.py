@@ -104,8 +104,8 @@ def _worse_when_simulated(
     part = [effect for effect in suspects if worse[effect.name] < simulated.worse]
     effect = min(alone or part or suspects, key=lambda e: rest[e.name].held_out)
     return effect, (
-        f"{effect.name} is refuted: simulated over windows of {simulated.window_s:.3g} s, the "
-        f"model with it would be {simulated.after_rms:.3g} from the recorded position, "
-        f"{name} {simulated.before_rms:.3g}; over all lengths of window the ratio is "
-        f"{simulated.ratio:.3g}"
+        f"{effect.name} is refuted: with it the position simulated over {simulated.window_s:.3g} s "
+        f"misses the recorded one by {simulated.after_rms:.3g} rms, with {name} by "
+        f"{simulated.before_rms:.3g}; over windows of all lengths {simulated.ratio:.3g} times as "
+        f"much, limit {WORSE:g}"
     )

@@ -51,8 +51,8 @@ def _with_offset(signals: Signals, declared: EffectList) -> tuple[EffectList, di
     if lengths <= 0.0 or 1.0 - abs(float(gram[direction, constant])) / lengths > ONE_WAY:
         return declared, {}
     why = (
-        f"the axis moves one way only, where it cannot be told from {names[0]}: that one stands "
-        "for the sum of both"
+        f"the axis moves one way only, which does not separate it from {names[0]}: that one holds "
+        "the sum of both. A recording that moves both ways tells them apart"
     )
     return EffectList([e for e in declared.effects if e.name != names[1]]), {names[1]: why}
 

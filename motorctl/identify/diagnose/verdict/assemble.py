@@ -310,8 +310,8 @@ def _missing(
     if hidden:
         catalogue = found.final.regressors.catalogue
         why = (
-            f"in this motion {', '.join(hidden)} cannot be told from the declared effects, which "
-            f"mimic all but {100.0 * UNEXPLAINED:.0f} % of what they would add"
+            f"this motion does not separate {', '.join(hidden)} from the declared effects, which "
+            f"reproduce more than {100.0 * (1.0 - UNEXPLAINED):.0f} % of what they would add"
         )
         missing.append(_missing_motion([catalogue[name] for name in hidden], why, data, found))
     for effect in effects:
@@ -402,9 +402,9 @@ def _notes(
         )
     if judged.as_twin:
         notes.append(
-            "the residual is more than white noise, but a machine of this model, moved so and "
-            "measured so, leaves the like: the position is predicted from the command as well as "
-            "that machine's"
+            "the residual is more than white noise, but a simulated machine of this model, with "
+            "the same motion and the same encoder, leaves as much: it is put down to the "
+            "measurement"
         )
     if judged.verdict == "effect" and judged.coloured > 3.0:
         notes.append(

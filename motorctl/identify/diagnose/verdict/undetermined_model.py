@@ -34,8 +34,9 @@ def _drowned(found: Found, judged: Judged) -> str | None:
     if not judged.as_twin or left < DROWNED:
         return None
     return (
-        f"the model leaves {100.0 * left:.0f} % of the command, as a machine without anything "
-        "missing would behind this encoder and at this rate"
+        f"the model leaves {100.0 * left:.0f} % of the command (limit {100.0 * DROWNED:.0f} %), "
+        "and so would a machine that lacks nothing, behind this encoder and at this sample rate: a "
+        "finer encoder, a faster rate or a quicker motion would show more"
     )
 
 

@@ -88,7 +88,7 @@ def unknown_structure(
         sentence = (
             f"a smooth function of {needed} would explain the residual, but only beside a negative "
             "inertia or with forces far beyond the largest command: this motion passes each place "
-            "at about one acceleration"
+            "at about one acceleration. Record moves that pass it at two"
         )
     elif judged.bursts > BURSTS:
         sentence = (
