@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from motorctl.identify.columns.left_side import Side
-from motorctl.identify.columns.regression_data import RegressionData, delay_range_s
 from motorctl.identify.fit.regression import regression
+from motorctl.identify.fit.regression_data import RegressionData, delay_range_s
 
 Array = NDArray[np.float64]
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from motorctl.identify.columns.filters import acceleration_of, velocity_of
-from motorctl.identify.columns.regression_data import RegressionData, delay_range_s, prepare
 from motorctl.identify.columns.stretches import Stretch, command_for
 from motorctl.identify.fit.delay import TOLERANCE_SAMPLES, delay_sensitivity, delay_trials
+from motorctl.identify.fit.regression_data import RegressionData, delay_range_s, prepare
 from motorctl.identify.fit.result import FitEstimate
 from motorctl.identify.fit.standard_errors import sandwich
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured, check_usable
-from motorctl.identify.columns.regression_data import prepare
 from motorctl.identify.fit.least_squares import LeastSquares
 from motorctl.identify.fit.regression import Regression, Solution, regression, solve
+from motorctl.identify.fit.regression_data import prepare
 from motorctl.identify.fit.result import AxisFit, FitError
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.identify.fit.standard_errors import sandwich

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.regression_data import RegressionData
 from motorctl.identify.fit.delay import delay_sensitivity, estimate_delay
 from motorctl.identify.fit.regression import Regression, Solution, regression, solve, solve_bounded
+from motorctl.identify.fit.regression_data import RegressionData
 from motorctl.identify.fit.result import Bound, FitEstimate
 from motorctl.identify.fit.standard_errors import sandwich
 from motorctl.model import EffectList

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured, check_usable, counterpart, with_others
-from motorctl.identify.columns.regression_data import RegressionData, prepare
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.fit.instruments import by_instruments
 from motorctl.identify.fit.judgement import check_direction, check_exchanged, judge
 from motorctl.identify.fit.least_squares import by_least_squares, physical_bounds, within
+from motorctl.identify.fit.regression_data import RegressionData, prepare
 from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, RecordingFit
 from motorctl.identify.fit.settings import Estimator, FitOptions, Segment
 from motorctl.log import Recording

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.regression_data import RegressionData
+from motorctl.identify.fit.regression_data import RegressionData
 from motorctl.identify.fit.settings import Estimator, FitOptions
 from motorctl.model import EffectList
 
