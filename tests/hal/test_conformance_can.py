@@ -7,9 +7,10 @@ import time
 
 import pytest
 from can_peer import ClassicPeer, FdPeer, Peer, classic_options, fd_options
+from peer_rig import PeerRig
 
 from motorctl.hal import Channel, Driver
-from motorctl.hal.conformance import DriverConformance, Received, Rig
+from motorctl.hal.conformance import DriverConformance
 from motorctl_can import CanDriver
 
 pytestmark = pytest.mark.wall_clock
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.wall_clock
 NUMBERS = itertools.count()
 
 
-class CanRig(Rig):
+class CanRig(PeerRig):
     """The driver on a virtual bus of its own."""
 
     driver_class = CanDriver
@@ -27,7 +28,6 @@ class CanRig(Rig):
     exchanges = 400
     peer_class: type[Peer]
     peer: Peer | None = None
-    samples_a_fault = 1
 
     def stop(self) -> None:
         if self.peer:
@@ -35,27 +35,6 @@ class CanRig(Rig):
 
     def start(self) -> None:
         self.peer = self.peer_class(self.absent, self.period_s)
-
-    def move_to(self, counts) -> None:
-        self.peer.counts = counts.tolist()
-
-    def received(self) -> Received:
-        return Received(self.peer.volts, self.peer.enabled)
-
-    def lose_next_reply(self) -> None:
-        self.peer.faults.extend([None] * self.samples_a_fault)
-
-    def garble_next_reply(self, random) -> None:
-        self.peer.faults.extend([random] * self.samples_a_fault)
-
-    def go_silent(self) -> None:
-        self.peer.silent = True
-
-    def speak_again(self) -> None:
-        self.peer.silent = False
-
-    def restart(self) -> None:
-        self.peer.restart()
 
     def vanish(self) -> None:
         self.peer.go_off_the_bus()

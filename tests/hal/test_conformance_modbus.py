@@ -10,15 +10,16 @@ from pathlib import Path
 
 import pytest
 from modbus_peer import VOLTS_PER_COUNT, Coupler, RtuPeer, TcpPeer, layout
+from peer_rig import PeerRig
 
 from motorctl.hal import Channel, Driver
-from motorctl.hal.conformance import DriverConformance, Received, Rig
+from motorctl.hal.conformance import DriverConformance
 from motorctl_modbus import ModbusDriver
 
 pytestmark = pytest.mark.wall_clock
 
 
-class ModbusRig(Rig):
+class ModbusRig(PeerRig):
     """The driver on a coupler."""
 
     driver_class = ModbusDriver
@@ -44,34 +45,6 @@ class ModbusRig(Rig):
         ):
             time.sleep(0.1e-3)
         self.heard = self.peer.heard
-
-    def move_to(self, counts) -> None:
-        self.peer.counts = counts.tolist()
-
-    def received(self) -> Received:
-        return Received(self.peer.volts, self.peer.enabled)
-
-    def lose_next_reply(self) -> None:
-        self.peer.faults.append(None)
-
-    def garble_next_reply(self, random) -> None:
-        self.peer.faults.append(random)
-
-    def go_silent(self) -> None:
-        self.peer.silent = True
-
-    def speak_again(self) -> None:
-        self.peer.silent = False
-
-    def restart(self) -> None:
-        self.peer.restart()
-
-    def vanish(self) -> None:
-        self.peer.end()
-
-    def come_back(self) -> None:
-        self.peer.restart()
-        self.peer.begin()
 
 
 class TcpRig(ModbusRig):

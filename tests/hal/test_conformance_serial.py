@@ -8,16 +8,17 @@ import time
 from pathlib import Path
 
 import pytest
+from peer_rig import PeerRig
 from serial_peer import FULL_SCALE_V, SerialPeer
 
 from motorctl.hal import Channel, Driver
-from motorctl.hal.conformance import DriverConformance, Received, Rig
+from motorctl.hal.conformance import DriverConformance
 from motorctl_serial import SerialDriver
 
 pytestmark = pytest.mark.wall_clock
 
 
-class SerialRig(Rig):
+class SerialRig(PeerRig):
     """The driver on a box behind a pseudo-terminal."""
 
     driver_class = SerialDriver
@@ -62,34 +63,6 @@ class SerialRig(Rig):
         while self.peer.heard == self.heard and time.monotonic() < deadline:
             time.sleep(0.1e-3)
         self.heard = self.peer.heard
-
-    def move_to(self, counts) -> None:
-        self.peer.counts = counts.tolist()
-
-    def received(self) -> Received:
-        return Received(self.peer.volts, self.peer.enabled)
-
-    def lose_next_reply(self) -> None:
-        self.peer.faults.extend([None] * self.samples_a_fault)
-
-    def garble_next_reply(self, random) -> None:
-        self.peer.faults.extend([random] * self.samples_a_fault)
-
-    def go_silent(self) -> None:
-        self.peer.silent = True
-
-    def speak_again(self) -> None:
-        self.peer.silent = False
-
-    def restart(self) -> None:
-        self.peer.restart()
-
-    def vanish(self) -> None:
-        self.peer.end()
-
-    def come_back(self) -> None:
-        self.peer.restart()
-        self.peer.begin()
 
 
 class ExchangeRig(SerialRig):
