@@ -32,6 +32,12 @@ _WITH_LIMIT = {
         1.0,
         "s",
     ),
+    FaultCause.SKEW: ("skew: the beam's first end is ahead of the second by", 1e3, "mm"),
+    FaultCause.NOT_SQUARE: (
+        "homing found the switches or marks of the beam's two ends apart by",
+        1e3,
+        "mm",
+    ),
     FaultCause.THERMAL: ("the motor is too warm: rms command", 1.0, "V"),
 }
 _WITHOUT_LIMIT = {
