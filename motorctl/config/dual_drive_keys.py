@@ -13,7 +13,7 @@ SECOND_END = ".2"
 
 
 class SkewLoop(Keys):
-    """The loop that holds the two ends together: p = de/dt + k1 e of the skew's error e = s - s_ref.
+    """The loop that holds the two ends together: p = de/dt + k1 e, e the skew's error.
 
     It adds du = -ks p - d with dd/dt = gamma_d p to the first motor's command, and takes it from
     the second's.
@@ -68,5 +68,6 @@ class DualDrive(Keys):
     )
     max_out_of_square_m: Positive | None = Field(
         default=None,
-        description="homing is a fault where the ends' switches or marks differ by more",
+        description="homing is a fault where the ends' switches or marks differ by more, and so is "
+        "a start further askew; null, with absolute encoders: guards.skew.limit_m",
     )

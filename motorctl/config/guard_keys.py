@@ -78,7 +78,7 @@ class Thermal(Stops):
 class Skew(Disables):
     """Trip where the two ends of a dual drive are too far apart.
 
-    From square, once the axis is homed; before, from what they are held at.
+    From how the skew loop holds them: square, once the axis is homed and the beam led there.
     """
 
     limit_m: Positive = Field(description="most that one end may be ahead of the other")

@@ -13,7 +13,7 @@ from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.reactions import trip
-from motorctl.loop.homing import BACK_OFF, LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
+from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import State
 

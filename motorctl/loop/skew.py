@@ -38,7 +38,7 @@ def guide_skew(
         most = settings.squaring_velocity_m_s * axis_settings.period_s * elapsed
         dual.reference_m -= min(max(dual.reference_m, -most), most)
     if is_enabled(axis):
-        check_skew(axis_settings, axis, dual, t)
+        check_skew(axis_settings, settings, axis, dual, t)
 
 
 @inner_kernel(error_model="numpy")

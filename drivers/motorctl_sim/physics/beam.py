@@ -1,8 +1,8 @@
 """A stiff beam between two carriages: it moves and turns with them, and they with each other.
 
 With x1, x2 the carriages' places, L their distance and r a place on the beam from its middle
-towards the first end, x(r) = (x1 + x2)/2 + (r/L)(x1 - x2). The kinetic energy of a beam of mass m and
-rotary inertia J, and of a point load m_l at r, gives in (x1, x2)
+towards the first end, x(r) = (x1 + x2)/2 + (r/L)(x1 - x2). The kinetic energy of a beam of mass m
+and rotary inertia J, and of a point load m_l at r, gives in (x1, x2)
 
     M = diag(m1, m2) + m/4 [1 1; 1 1] + J/L^2 [1 -1; -1 1] + m_l [w1 w1, w1 w2; w1 w2, w2 w2]
 

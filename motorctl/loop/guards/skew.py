@@ -14,15 +14,17 @@ LET_GO_RATIO = 2.0
 
 
 @inner_kernel
-def check_skew(settings: Any, axis: Any, dual: Any, t: float) -> None:
-    """Trip where one end is too far ahead of the other.
+def check_skew(settings: Any, dual_settings: Any, axis: Any, dual: Any, t: float) -> None:
+    """Trip where the ends are too far apart from how they are held, or cannot be squared at all.
 
-    Of an axis that knows what is square, the skew counts from there; of another one, from where
-    the skew loop holds it.
+    They are held square, once that is known and the beam has been led there. A beam that stands
+    further askew than homing would allow is not even started.
     """
-    skew = dual.skew_m if dual.squared else dual.skew_m - dual.reference_m
-    limit = settings.skew_limit_m
-    if abs(skew) > LET_GO_RATIO * limit:
+    skew, limit = dual.skew_m - dual.reference_m, settings.skew_limit_m
+    most = max(limit, dual_settings.max_out_of_square_m)
+    if axis.fresh and dual.squared and abs(dual.skew_m) > most:
+        trip(axis, CAUSE_SKEW, dual.skew_m, most, t)
+    elif abs(skew) > LET_GO_RATIO * limit:
         trip(axis, CAUSE_SKEW, skew, limit, t)
     elif abs(skew) > limit:
         react(settings, axis, CAUSE_SKEW, skew, limit, t)
