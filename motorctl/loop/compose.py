@@ -109,7 +109,7 @@ REPORT = """    enable[{c}] = is_enabled(axes[{i}])
 """
 
 REPORT_SKEW = """    enable[{c2}] = enable[{c}]
-    report_skew(duals[{d}], axis_status[told, {i}])
+    report_skew(axes[{i}], duals[{d}], axis_status[told, {i}])
 """
 
 TAIL = """    return watch[0].shutdown != 0 and moving == 0

@@ -10,12 +10,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from motorctl.hal import Status
+import numpy as np
+
+from motorctl.hal import FAULT_BITS, Status
 from motorctl.kernels import inner_kernel
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
     ENCODER_LOST,
+    ENDS,
+    FIRST_END,
     FORGET_PLACE,
+    SECOND_END,
 )
 from motorctl.loop.guards.encoder import count_is_ambiguous, jump
 from motorctl.loop.homing_ends import joined_marks
@@ -27,13 +32,24 @@ HOME_SWITCH = int(Status.HOME_SWITCH)
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 MARKS = HOME_SWITCH | INDEX_LATCHED
 NOT_READ = ENCODER_LOST | COMMUNICATION_LOST | STALE
+TROUBLES = int(FAULT_BITS) | STALE
 
 
 @inner_kernel
 def _read_end(
-    axis_settings: Any, settings: Any, axis: Any, end: Any, raw: int, elapsed: int, t: float
+    axis_settings: Any,
+    settings: Any,
+    axis: Any,
+    end: Any,
+    own: int,
+    raw: int,
+    elapsed: int,
+    t: float,
 ) -> None:
-    """Unwrap one end's counter into its position; a step too large trips the axis."""
+    """Unwrap one end's counter into its position; a step too large trips the axis.
+
+    own is the bit that tells which end it is.
+    """
     ticks = elapsed + end.blind_ticks
     if not end.have_counts:
         end.have_counts, end.counts, end.velocity_m_s = 1, raw, 0.0
@@ -46,7 +62,10 @@ def _read_end(
     else:
         step = counter_step(settings, end.raw_counts, raw)
         if count_is_ambiguous(settings, end, step, ticks):
+            before = axis.fault
             jump(settings, axis, step, elapsed, t)
+            if axis.fault != before:
+                axis.fault_status |= own
         end.counts += step
         end.velocity_m_s = settings.metres_per_count * step / (settings.period_s * ticks)
     end.raw_counts, end.blind_ticks = raw, 0
@@ -79,11 +98,15 @@ def join_ends(
     What one end's device reports concerns the axis: its fault, a limit switch, a sample that did
     not come. Home switches and index marks are found by both ends (`joined_marks`).
     """
-    joined = status | second_status
+    joined = np.int64(status | second_status)
     first, second = dual.first, dual.second
     if joined & FORGET_PLACE:
         _forget(dual)
     dual.second_status = second_status & ~FORGET_PLACE
+    if status & TROUBLES:
+        joined |= FIRST_END
+    if second_status & TROUBLES:
+        joined |= SECOND_END
     first.pressed = status & HOME_SWITCH
     second.pressed = second_status & HOME_SWITCH
     if joined & NOT_READ:
@@ -94,8 +117,8 @@ def join_ends(
         dual.status = (joined & ~MARKS) | (dual.status & HOME_SWITCH)
         return
     begins = not (first.have_counts and second.have_counts)
-    _read_end(axis_settings, settings.first, axis, first, raw, elapsed, t)
-    _read_end(axis_settings, settings.second, axis, second, second_raw, elapsed, t)
+    _read_end(axis_settings, settings.first, axis, first, FIRST_END, raw, elapsed, t)
+    _read_end(axis_settings, settings.second, axis, second, SECOND_END, second_raw, elapsed, t)
     if begins:
         # Without a zero the beam counts as square where it is found.
         apart_m = first.position_m - second.position_m
@@ -137,6 +160,7 @@ def drive_ends(
         if abs(u) >= law_settings.max_voltage_v:
             most = limit
         axis.command_v = math.copysign(most, u)
+    sample.device_status = axis.status & ~ENDS
     sample.skew_m = dual.skew_m
     sample.skew_reference_m = dual.reference_m
     sample.skew_command_v = dual.command_v
@@ -144,8 +168,9 @@ def drive_ends(
 
 
 @inner_kernel
-def report_skew(dual: Any, status: Any) -> None:
+def report_skew(axis: Any, dual: Any, status: Any) -> None:
     """Copy what `status` shows of a dual drive besides."""
+    status.device_status = axis.status & ~ENDS
     status.skew_m = dual.skew_m
     status.skew_reference_m = dual.reference_m
     status.skew_command_v = dual.command_v

@@ -61,7 +61,8 @@ def test_the_machine_of_a_log_is_the_one_that_was_run():
 
 REFUSED = [
     ({"guards__skew": None}, "guards.skew", ["is missing", "dual_drive needs it"]),
-    ({"guards__skew__limit_m": 2e-6}, "guards.skew.limit_m", ["2e-06", "2 encoder counts", "always"]),
+    ({"guards__skew__limit_m": 2e-6}, "guards.skew.limit_m",
+     ["2e-06", "2 encoder counts", "always"]),
     ({"guards__skew__limit_m": 0.019, "dual_drive__max_out_of_square_m": 0.02}, None, []),
     ({"guards__skew__limit_m": 0.02, "dual_drive__max_out_of_square_m": 0.02},
      "guards.skew.limit_m", ["0.02", "can never trip", "10 V", "500 V/m", "0.02 m"]),
@@ -118,7 +119,8 @@ def test_absolute_encoders_need_no_limit_of_homing(tmp_path):
 def test_check_shows_the_margins_of_the_skew_loop():
     told = summarise(load("dual_gantry"))["axes"]["x"]["dual_drive"]
     now, later = told["skew_margins"]
-    assert now["stable"] and later["stable"]
+    assert now["stable"]
+    assert later["stable"]
     assert later["delay_s"] == pytest.approx(now["delay_s"] + 0.2e-3)
     assert 30.0 < later["phase_margin_deg"] < now["phase_margin_deg"] < 90.0
 

@@ -1,4 +1,4 @@
-"""A beam with two motors is one axis: its mean is led, its skew is held, both motors stop at once."""
+"""A beam with two motors is one axis: its mean is led, its skew held, both motors stop at once."""
 
 import math
 
@@ -259,6 +259,8 @@ def test_what_one_end_reports_takes_both_motors_off_within_the_tick(kind, cause,
         assert rig.driver.volts.tolist() == [0.0, 0.0]
         assert rig.fault_of("x") is cause
         assert rig.last("x")["second_device_status"] == (bit if end else 0)
+        assert rig.last("x")["device_status"] == bit
+        assert f", at the {('first', 'second')[end]} end of the beam" in told(rig)
 
 
 @pytest.mark.parametrize("end", [0, 1])
@@ -268,6 +270,7 @@ def test_a_jump_of_one_encoder_takes_both_motors_off(end):
         rig.driver.counts[end] += 10_000  # 5 mm
         rig.advance(1)
         assert rig.fault_of("x") is FaultCause.ENCODER_JUMP
+        assert f", at the {('first', 'second')[end]} end of the beam" in told(rig)
         assert rig.driver.enable.tolist() == [0, 0]
 
 

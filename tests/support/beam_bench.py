@@ -14,8 +14,8 @@ from motorctl.config import load
 from motorctl.config.axis_keys import Homing
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.hal import DriverOptions
-from motorctl.loop import Verb
 from motorctl.log.sample import AxisState
+from motorctl.loop import Verb
 from motorctl_sim import SimDriver, SimOptions
 
 RESOLUTION_M = 0.5e-6
@@ -44,7 +44,7 @@ def on_plant(machine: Machine, **options: Any) -> Machine:
 
 
 def absolute(machine: Machine, apart_m: float = 0.0) -> Machine:
-    """Give the beam absolute encoders, and let it stand at 0.1 m, the first end ahead by so much."""
+    """Give the beam absolute encoders, and let it stand at 0.1 m, its first end so far ahead."""
     ends = {
         0: {"encoder": {"absolute": True}, "initial_position_m": 0.1 + 0.5 * apart_m},
         1: {"encoder": {"absolute": True}, "initial_position_m": 0.1 - 0.5 * apart_m},

@@ -47,9 +47,10 @@ def loop_margins(
     """Return the margins of the loop around theta1 [V s^2/m], theta2 [V s/m], stiffness [V/m].
 
     Plant 1/(theta1 s^2 + theta2 s + stiffness) behind a zero-order hold, `delay_s` of any length
-    and a first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the
-    law runs: p with the velocity error by backward difference, -ks p, and the fast adaptation of
-    d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command not saturated.
+    and a first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what
+    law and skew loop run: p with the velocity error by backward difference, -ks p, and the fast
+    adaptation of d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command
+    not saturated.
     """
     plant = _DelayedPlant((theta1, theta2, stiffness), period_s, delay_s, lag_s)
     stable = bool(

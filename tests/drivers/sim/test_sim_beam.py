@@ -17,9 +17,8 @@ BEAM = {
 
 
 def bench(*plants, **beam):
-    ends = [BARE | {"inertia_v_s2_m": inertia} for inertia in ENDS]
-    for end, change in zip(ends, plants, strict=False):
-        end |= change
+    changes = [*plants, *({} for _ in ENDS[len(plants) :])]
+    ends = [BARE | {"inertia_v_s2_m": m} | c for m, c in zip(ENDS, changes, strict=True)]
     return Bench(*ends, beams=[BEAM | beam])
 
 
