@@ -35,7 +35,7 @@ _WITH_LIMIT = {
     ),
     FaultCause.SKEW: ("skew: the beam's first end is ahead of the second by", 1e3, "mm"),
     FaultCause.NOT_SQUARE: (
-        "homing found the switches or marks of the beam's two ends apart by",
+        "homing: by the switches or marks of its two ends the beam is out of square by",
         1e3,
         "mm",
     ),

@@ -111,7 +111,8 @@ def _check_apart(settings: Any, axis: Any, dual: Any, t: float) -> None:
             trip(axis, CAUSE_NOT_SQUARE, apart, allowed, t)
     elif first.done or second.done:
         gone = abs(axis.position_m - dual.apart_from_m)
-        if gone > allowed + abs(settings.square_offset_m):
+        allowed += abs(settings.square_offset_m)
+        if gone > allowed:
             trip(axis, CAUSE_NOT_SQUARE, gone, allowed, t)
     else:
         dual.apart_from_m = axis.position_m

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -196,6 +197,8 @@ class Tick:
         with compiling_told(told):
             kernel = specialise(module.tick, *before, 0, memory.axis_status_rows, *two_ended)
         rows_out = (memory.status, memory.ticks, self.measured_s)
+        # Ordinary machines call it straight, without an argument or a step more.
+        compute = partial(_with_more, kernel, two_ended) if two_ended else kernel
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
         watch, status, mailbox, replies = commands
         settings, axis_records, law_records, laws, beside = records
@@ -215,11 +218,10 @@ class Tick:
                     read(inputs)
             t1 = now()
             behind = (t1 - scheduled_ns) // period_ns - elapsed + 1 if scheduled_ns else 0
-            may_end: bool = kernel(
+            may_end: bool = compute(
                 counts, index_counts, words, volts, enable, elapsed, behind, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
                 law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
-                *two_ended,
             )  # fmt: skip
             t2 = now()
             for write, outputs, divisor in writes:
@@ -295,6 +297,10 @@ class Tick:
         self.safe(busy=busy)
         spared = {*self.closed, busy}
         _close({name: d for name, d in self.drivers.items() if name not in spared})
+
+
+def _with_more(kernel: Callable[..., bool], more: tuple[object, ...], *given: object) -> bool:
+    return kernel(*given, *more)
 
 
 def _open(name: str, driver: Driver) -> None:

@@ -1,5 +1,6 @@
 """A beam with two motors is one axis: its mean is led, its skew held, both motors stop at once."""
 
+import inspect
 import math
 
 import numpy as np
@@ -7,12 +8,13 @@ import pytest
 from beam_bench import Held, absolute, beam, on_plant, with_dual
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from loop_bench import Hand, Rig, with_axes
+from loop_bench import Hand, Rig, gantry, with_axes
 
 from motorctl.daemon.report import faults_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb
+from motorctl.loop.compose import compose_tick
 
 LIMIT_V = 10.0
 IN_PHASE = {"following_error": {"filter_time_s": 1e3}}
@@ -71,6 +73,14 @@ def test_counters_of_the_ends_may_wrap_one_by_one():
     narrow = with_axes(absolute(beam(), 1e-4), ["x"], encoder={"counter_bits": 20})  # 0.52 m
     rows = [moved(machine, 0.8).rows("x") for machine in (absolute(beam(), 1e-4), narrow)]
     assert np.array_equal(rows[0]["position_m"], rows[1]["position_m"])
+
+
+def test_a_machine_without_a_dual_drive_has_a_tick_that_knows_nothing_of_one():
+    lists = [axis.model for axis in gantry().axes.values()]
+    plain = inspect.getsource(compose_tick(lists, [0, 1], [1, 1]))
+    assert plain == inspect.getsource(compose_tick(lists, [0, 1], [1, 1], [None, None]))
+    assert "dual" not in plain
+    assert "dual" in inspect.getsource(compose_tick(lists, [0, 1], [1, 1], [2, None]))
 
 
 # Skew

@@ -77,16 +77,20 @@ def test_homing_by_index_takes_each_ends_own_mark():
         assert abs(mean_error_m(rig)) <= 2 * RESOLUTION_M
 
 
-@pytest.mark.parametrize("apart_m", [0.0026, -0.0026])
-def test_switches_that_are_too_far_apart_are_a_fault_that_says_so(apart_m):
+@pytest.mark.parametrize(
+    ("apart_m", "limit"),
+    [(0.0026, "limit 2.4 mm"), (-0.0022, "by -2.5 mm, limit 2 mm")],
+    ids=["one is waited for in vain", "both are found"],
+)
+def test_switches_that_are_too_far_apart_are_a_fault_that_says_so(apart_m, limit):
     moved = machine(plants={1: {"home_switch": {"to_m": EDGES_M[1] - apart_m}}})
     with Rig(moved) as rig:
         home(rig)
         assert rig.fault_of("x") is FaultCause.NOT_SQUARE
         assert not rig.state("x")["homed"]
         message = faults_of(rig.machine, rig.memory.axis_status)["x"]["message"]
-        assert "switches or marks of the beam's two ends" in message
-        assert "limit 2 mm" in message
+        assert "by the switches or marks of its two ends the beam is out of square" in message
+        assert limit in message
 
 
 @pytest.mark.parametrize("end", [0, 1])
