@@ -37,7 +37,8 @@ def guide_skew(
     elif dual.squared:
         most = settings.squaring_velocity_m_s * axis_settings.period_s * elapsed
         dual.reference_m -= min(max(dual.reference_m, -most), most)
-    if is_enabled(axis):
+    # A sample that the axis leaves out is no reason to trip either; if it is true, the next one is.
+    if is_enabled(axis) and not axis.held_ticks:
         check_skew(axis_settings, settings, axis, dual, t)
 
 

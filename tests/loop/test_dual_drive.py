@@ -1,5 +1,6 @@
 """A beam with two motors is one axis: its mean is led, its skew held, both motors stop at once."""
 
+import dataclasses
 import inspect
 import math
 
@@ -12,7 +13,7 @@ from loop_bench import Hand, Rig, gantry, with_axes
 
 from motorctl.daemon.report import faults_of
 from motorctl.hal import Status
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
 from motorctl.loop.compose import compose_tick
 
@@ -202,6 +203,35 @@ def test_too_much_skew_takes_both_motors_off_within_the_tick():
         assert rig.driver.enable.tolist() == [0, 0]
         assert rig.fault_of("x") is FaultCause.SKEW
         assert "ahead of the second by 0.32 mm, limit 0.3 mm" in told(rig)
+
+
+def test_one_damaged_sample_of_one_end_is_left_out_where_the_model_stands_in_two_are_not():
+    with Held(predict=True, guards={"skew": {"limit_m": 0.3e-3}}, limits=IN_PHASE) as rig:
+        rig.advance(5)
+        rig.put(0.0, 0.5e-3)
+        rig.advance(1)
+        rig.put(0.0, 0.0)
+        rig.advance(100)
+        assert rig.state_of("x") is AxisState.IDLE
+        rig.put(0.0, 0.5e-3)
+        rig.advance(2)
+        assert rig.fault_of("x") is FaultCause.SKEW
+
+
+def test_a_beam_on_a_slower_driver_keeps_its_commands_between_its_ticks():
+    machine = absolute(beam(), 50e-6)
+    setup = machine.axes["x"].model_copy(update={"divisor": 5})
+    with Rig(dataclasses.replace(machine, axes={"x": setup})) as rig:
+        rig.start()
+        rig.move("x", 0.25)
+        rig.seconds(0.9)
+        rig.raise_faults()
+        rows = rig.rows("x")
+        between = (rows["flags"] & SampleFlag.BETWEEN) != 0
+        assert between.mean() == pytest.approx(0.8, abs=0.01)
+        assert not np.diff(rows["skew_command_v"])[between[1:]].any()
+        assert abs(rows["position_m"][-1] - 0.25) < 5e-6
+        assert abs(rows["skew_m"][-1]) < 5e-6
 
 
 def test_a_quick_stop_on_skew_ramps_down_and_lets_go_where_it_grows_on():

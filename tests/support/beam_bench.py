@@ -12,6 +12,7 @@ from loop_bench import Rig, Still, with_axes
 
 from motorctl.config import load
 from motorctl.config.axis_keys import Homing
+from motorctl.config.keys import LateSamples
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.hal import DriverOptions
 from motorctl.log.sample import AxisState
@@ -60,9 +61,10 @@ def with_dual(machine: Machine, **changes: Any) -> Machine:
 class Held(Rig):
     """The beam on a device whose counts the test sets, enabled at 0; absolute encoders."""
 
-    def __init__(self, **changes: Any) -> None:
+    def __init__(self, *, predict: bool = False, **changes: Any) -> None:
         machine = with_axes(beam(), ["x"], homing=Homing(method="absolute"), **changes)
-        setup = DriverSetup("gantry", "own", Still, DriverOptions())
+        late = LateSamples(predict=predict)
+        setup = DriverSetup("gantry", "own", Still, DriverOptions(), late)
         super().__init__(dataclasses.replace(machine, drivers={"gantry": setup}))
         self.tick.open(virtual=True)
         self.order(Verb.START, "x")
