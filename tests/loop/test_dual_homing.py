@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from beam_bench import RESOLUTION_M, beam, home, on_plant, with_dual
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from loop_bench import TS, Rig, with_axes
 
 from motorctl.daemon.report import faults_of
@@ -126,3 +128,20 @@ def test_an_unsquared_beam_is_held_as_it_stands_and_may_not_run_a_program():
         with pytest.raises(RunError, match="not homed"):
             rig.order(Verb.FOLLOW, "x")
         assert rig.ask(Verb.STOP) is Reply.OK
+
+
+@settings(max_examples=6, deadline=None)
+@given(askew_m=st.floats(-1.5e-3, 1.5e-3), ahead_m=st.floats(-1e-3, 1e-3), seed=st.integers(0, 99))
+def test_homing_squares_however_the_beam_stands_and_the_switches_lie(askew_m, ahead_m, seed):
+    plants = {
+        0: {"initial_position_m": -0.05 + 0.5 * askew_m},
+        1: {"initial_position_m": -0.05 - 0.5 * askew_m, "home_switch": {"to_m": -0.08 - ahead_m}},
+    }
+    homing = {"home_position_m": -0.08 - 0.5 * ahead_m}
+    homed = with_dual(machine(plants=plants, homing=homing, seed=seed), square_offset_m=ahead_m)
+    with Rig(homed) as rig:
+        home(rig)
+        rig.seconds(1.2)
+        rig.raise_faults()
+        assert abs(square_error_m(rig)) <= ONE_TICK_M + 4 * RESOLUTION_M
+        assert abs(mean_error_m(rig)) <= ONE_TICK_M + 4 * RESOLUTION_M
