@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from motorctl.config import load
-from motorctl.config.metadata import log_metadata
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress
-from motorctl.log import LogAxis, LogWriter
+from motorctl.log import LogWriter
 from motorctl.loop import VirtualMachine
 
 CONFIG = "published_gantry"
@@ -25,7 +25,7 @@ def virtual_figures(progress: Progress) -> tuple[list[Figure], list[str]]:
     """Simulate the gantry as `motorctl simulate` does; return figures and notes."""
     machine = load(CONFIG)
     ticks = round(SPAN_S * machine.rate_hz)
-    axes = [LogAxis(a.name, a.model.parameter_names) for a in machine.axes.values()]
+    axes = log_axes(machine)
     wall_s, cpu_s = np.empty(SPANS), np.empty(SPANS)
     with tempfile.TemporaryDirectory(prefix="motorctl-") as folder:
         writer = LogWriter(Path(folder) / "bench.parquet", log_metadata(machine), axes)

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from motorctl.hal import Channel, Status
 from motorctl_sim.options import Fault, Plant, SimOptions
 from motorctl_sim.options.settings import Profile
-from motorctl_sim.physics.plant_records import CLOCK, FAULT, PLANT, PROFILE_CELLS, STATE, Term
+from motorctl_sim.physics.plant_records import (
+    BEAM,
+    CLOCK,
+    FAULT,
+    PLANT,
+    PROFILE_CELLS,
+    STATE,
+    Term,
+)
 
 Records = NDArray[np.void]
 
@@ -75,6 +83,26 @@ def make_faults(options: SimOptions, channels: Sequence[Channel], period_s: floa
     return records
 
 
+def make_beams(options: SimOptions, channels: Sequence[Channel]) -> Records:
+    """Return the records of all beams whose ends are among the channels."""
+    numbers = [channel.number for channel in channels]
+    whole = [beam for beam in options.beams if set(beam.channels) <= set(numbers)]
+    records = np.zeros(len(whole), BEAM)
+    for record, beam in zip(records, whole, strict=True):
+        record["first"], record["second"] = (numbers.index(end) for end in beam.channels)
+        quarter, turning = 0.25 * beam.inertia_v_s2_m, beam.rotary_inertia_v_s2_m
+        m11, m12, m22 = quarter + turning, quarter - turning, quarter + turning
+        if load := beam.load:
+            w1 = 0.5 + load.position_m / beam.spacing_m
+            w2 = 0.5 - load.position_m / beam.spacing_m
+            m11 += load.inertia_v_s2_m * w1 * w1
+            m12 += load.inertia_v_s2_m * w1 * w2
+            m22 += load.inertia_v_s2_m * w2 * w2
+        record["m11"], record["m12"], record["m22"] = m11, m12, m22
+        record["stiffness"], record["damping"] = beam.stiffness_v_m, beam.damping_v_s_m
+    return records
+
+
 def _periods(fault: Fault, period_s: float) -> tuple[int, int]:
     start = math.ceil(fault.at_s / period_s - 1e-9)
     if fault.duration_s is None:
@@ -106,6 +134,7 @@ def _actuator(record: Any, plant: Plant, clock: Records) -> Term:
     record["max_voltage"] = amplifier.max_voltage_v
     if amplifier.resolution_bits is not None:
         record["converter_step"] = 2.0 * amplifier.max_voltage_v / 2**amplifier.resolution_bits
+    record["force_ratio"] = plant.force_constant_ratio
     record["quadratic"] = plant.em_quadratic_1_v
     record["cubic"] = plant.em_cubic_1_v2
     substep = float(clock["substep"][0])

@@ -70,6 +70,7 @@ class SimDriver(Driver):
         self._clock = compose.make_clock(options, period_s)
         self._plants = compose.make_plants(options, channels, self._clock)
         self._faults = compose.make_faults(options, channels, period_s)
+        self._beams = compose.make_beams(options, channels)
         self._pace = Pace(period_s)
         self._move: Callable[..., None] = physics.advance
         self._deliver: Callable[..., None] = physics.deliver
@@ -94,6 +95,16 @@ class SimDriver(Driver):
         )
         return RateBudget(rate, arithmetic)
 
+    def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
+        """Return which beams end at a channel that no axis uses."""
+        numbers = {channel.number for channel in self.channels}
+        return [
+            (("beams", k, "channels", end), f"found {channel}, which no axis uses")
+            for k, beam in enumerate(self._sim.beams)
+            for end, channel in enumerate(beam.channels)
+            if channel not in numbers
+        ]
+
     def start_virtual_time(self) -> None:
         """Let time pass in `advance` only."""
         self._virtual = True
@@ -102,7 +113,7 @@ class SimDriver(Driver):
         """Compile the physics, or take it from the cache."""
         physics.start(self._clock, self._plants, self._states, self._faults)
         records = (self._clock, self._plants, self._states, self._faults)
-        self._move = specialise(physics.advance, *records, 0)
+        self._move = specialise(physics.advance, *records, self._beams, 0)
         seen, asked = Inputs(len(self.channels)), Outputs(len(self.channels))
         shown = (seen.counts, seen.index_counts, seen.status)
         self._deliver = specialise(physics.deliver, self._states, *shown)
@@ -124,7 +135,7 @@ class SimDriver(Driver):
         """Fill `inputs` with what the machine shows now."""
         if self._running and not self._virtual:
             periods = self._pace.periods(time.monotonic_ns())
-            self._move(self._clock, self._plants, self._states, self._faults, periods)
+            self._let_pass(periods)
         self._deliver(self._states, inputs.counts, inputs.index_counts, inputs.status)
 
     def write(self, outputs: Outputs) -> None:
@@ -138,7 +149,11 @@ class SimDriver(Driver):
 
     def advance(self) -> None:
         """Let one period pass in virtual time."""
-        self._move(self._clock, self._plants, self._states, self._faults, 1)
+        self._let_pass(1)
+
+    def _let_pass(self, periods: int) -> None:
+        records = (self._clock, self._plants, self._states, self._faults)
+        self._move(*records, self._beams, periods)
 
     def true_state(self) -> TrueState:
         """Return a copy of the true motion, for tests and demonstrations, never for the loop."""

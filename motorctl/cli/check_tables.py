@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from motorctl.config.analysis import LoopMargins
 from motorctl.config.summary import MarginsAt
 
 Part = Mapping[str, Any]
@@ -28,6 +29,8 @@ def print_summary(console: Console, summary: Part) -> None:
         console.print(_wiring(name, axis))
         console.print(_parameters(name, axis))
         console.print(_margins(name, axis))
+        if axis["dual_drive"]:
+            console.print(_skew_margins(name, axis["dual_drive"]))
         console.print(_conditions(name, axis))
     if summary["programs"]:
         console.print(_programs(summary["programs"], summary["axes"]))
@@ -87,7 +90,10 @@ def _wiring(name: str, axis: Part) -> Table:
     limits, gains, encoder = axis["limits"], axis["gains"], axis["encoder"]
     error, homing = limits["following_error"], axis["homing"]
     low, high = limits["travel_m"]
-    title = f"Axis {name}: {axis['controller']} on {axis['driver']} channel {axis['channel']}"
+    dual = axis["dual_drive"]
+    channels = f"channels {axis['channel']} + {dual['channel']}" if dual else ""
+    channels = channels or f"channel {axis['channel']}"
+    title = f"Axis {name}: {axis['controller']} on {axis['driver']} {channels}"
     table = _table(title, "", "", numbers=False)
     table.show_header = False
     for label, text in (
@@ -120,6 +126,7 @@ def _wiring(name: str, axis: Part) -> Table:
             f"gamma_d {_number(gains['gamma_d'])} V/m, |d0| <= {_number(gains['d_hat_max_v'])} V, "
             f"velocity {gains['velocity']}",
         ),
+        *((("dual drive", _dual_drive(dual)),) if dual else ()),
         ("effects", _effects(axis["effect_options"])),
         ("adaptation", _adaptation(axis["adaptation"])),
         ("homing", _homing(homing)),
@@ -127,6 +134,17 @@ def _wiring(name: str, axis: Part) -> Table:
     ):
         table.add_row(label, text)
     return table
+
+
+def _dual_drive(dual: Part) -> str:
+    """Return in words how the two ends are held together, and squared."""
+    skew, apart_m = dual["skew"], dual["max_out_of_square_m"]
+    return (
+        f"skew held by k1 {_number(skew['k1_1_s'])} 1/s, ks {_number(skew['ks_v_s_m'])} V*s/m, "
+        f"gamma_d {_number(skew['gamma_d'])} V/m with at most {_number(skew['max_voltage_v'])} V, "
+        f"squared at {_number(skew['squaring_velocity_m_s'] * 1e3)} mm/s"
+        + (f", homed within {_number(apart_m * 1e3)} mm" if apart_m else "")
+    )
 
 
 def _guards(guards: Part) -> str:
@@ -146,6 +164,8 @@ def _guards(guards: Part) -> str:
             f"I2t {_number(thermal['continuous_voltage_v'])} V over "
             f"{_number(thermal['time_constant_s'])} s"
         )
+    if guards["skew"]:
+        told.append(f"skew {_number(guards['skew']['limit_m'] * 1e3)} mm")
     told.append(f"computer frozen for {_number(guards['host_frozen']['time_s'])} s")
     return ", ".join(told)
 
@@ -206,6 +226,25 @@ def _parameters(name: str, axis: Part) -> Table:
     return table
 
 
+def _skew_margins(name: str, dual: Part) -> Table:
+    """Margins of the loop that holds the two ends together, without and with a sample more."""
+    columns = ("delay ms", "crossover rad/s", "phase deg", "gain x", "gain /")
+    table = _table(f"Axis {name}: margins of the sampled skew loop", *columns)
+    for row in (LoopMargins(**row) for row in dual["skew_margins"]):
+        shown = _shown(row) if row.stable else ("[red]unstable[/red]", "", "", "")
+        table.add_row(_number(row.delay_s * 1e3), *shown)
+    return table
+
+
+def _shown(row: LoopMargins) -> tuple[str, ...]:
+    return (
+        _number(row.crossover_rad_s, 4),
+        _number(row.phase_margin_deg, 3),
+        _number(row.gain_margin, 3),
+        _number(_inverse(row.gain_reduction), 3),
+    )
+
+
 def _margins(name: str, axis: Part) -> Table:
     title = f"Axis {name}: margins of the sampled loop, fast adaptation included"
     if lag_s := max(row["lag_s"] for row in axis["margins"]):
@@ -213,17 +252,11 @@ def _margins(name: str, axis: Part) -> Table:
     columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
     table = _table(title, *columns, "gain x", "gain /")
     for row in (MarginsAt(**row) for row in axis["margins"]):
-        shown = (
-            _number(row.crossover_rad_s, 4),
-            _number(row.phase_margin_deg, 3),
-            _number(row.gain_margin, 3),
-            _number(_inverse(row.gain_reduction), 3),
-        )
         table.add_row(
             row.inertia_at,
             _number(row.inertia),
             _number(row.delay_s * 1e3),
-            *(shown if row.stable else ("[red]unstable[/red]", "", "", "")),
+            *(_shown(row) if row.stable else ("[red]unstable[/red]", "", "", "")),
         )
     return table
 

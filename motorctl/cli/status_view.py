@@ -30,6 +30,8 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
     for name, axis in document["axes"].items():
         if axis["motion"]:
             parts.append(_motion(name, axis["motion"]))
+        if axis.get("dual_drive"):
+            parts.append(_skew(name, axis["dual_drive"]))
         if axis["fault"]:
             parts.append(Text(f"{name}: {axis['fault']['message']}", "bold red"))
         if axis.get("device"):
@@ -102,6 +104,20 @@ def _axes(axes: Mapping[str, Any]) -> Table:
             _number(axis["command_v"], 1.0, "+.2f", "V"),
         )
     return table
+
+
+def _skew(name: str, dual: Mapping[str, Any]) -> Text:
+    """Tell how far the ends of a beam are apart, and what holds them."""
+    skew_m, limit_m = dual["skew_m"], dual["skew_limit_m"]
+    near = skew_m is None or 2.0 * abs(skew_m) > limit_m
+    return Text.assemble(
+        (name, "bold"),
+        (" skew ", "dim"),
+        _number(skew_m, 1e6, "+.1f", "µm"),
+        (f" of {limit_m * 1e6:g} µm, held by ", "dim"),
+        _number(dual["skew_command_v"], 1.0, "+.2f", "V"),
+        style="yellow" if near else "",
+    )
 
 
 def _travel(axis: Mapping[str, Any]) -> Text:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from motorctl.config.dual_drive_keys import DualDrive
 from motorctl.config.guard_keys import Guards
 from motorctl.config.keys import (
     AxisName,
@@ -163,6 +164,9 @@ class AxisSettings(Keys):
     driver: str = Field(description="name of the driver that serves the axis")
     channel: Annotated[int, Field(ge=0, le=1023)] = Field(
         description="which of the device's channels it is, from 0"
+    )
+    dual_drive: DualDrive | None = Field(
+        default=None, description="a second motor and encoder on the same beam; null: one drive"
     )
     controller: Controller = Field(
         default="C2", description="C1: without the electromagnetic effects; C2: with them"

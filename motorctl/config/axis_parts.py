@@ -11,6 +11,12 @@ import numpy as np
 from motorctl.config.analysis import required_command, smallest_slope
 from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
 from motorctl.config.axis_model import AxisModel, build_model
+from motorctl.config.dual_drive_keys import DualDrive
+from motorctl.config.dual_drive_rules import (
+    check_dual_drive,
+    check_skew_guard,
+    check_skew_loop,
+)
 from motorctl.config.guard_keys import Guards
 from motorctl.config.guard_rules import check_guards, check_reactions
 from motorctl.config.hardware import Wiring, wire
@@ -47,6 +53,8 @@ class AxisParts:
     adaptation: Adaptation | None
     homing: Homing | None
     guards: Guards | None
+    dual: DualDrive | None
+    """None also where there is none."""
     declared: AxisModel | None
     model: EffectList | None
     """What the axis runs."""
@@ -85,15 +93,17 @@ class AxisParts:
         fullest = self.limits.max_voltage_v / self.estimates[mass].initial
         return max(fullest, self.limits.max_acceleration_m_s2)
 
-    def wiring(self, document: Document) -> Wiring | None:
-        """Return what the axis says of its channel."""
+    def wirings(self, document: Document) -> tuple[Wiring, ...]:
+        """Return what the axis says of its channels; nothing where one of them cannot be read."""
         axis = document.part(("axes", self.name))
         driver, channel = axis.get("driver"), axis.get("channel")
         if self.encoder is None or self.limits is None:
-            return None
+            return ()
         if not isinstance(driver, str) or not isinstance(channel, int):
-            return None
-        return wire(self.name, driver, channel, self.encoder, self.limits)
+            return ()
+        if self.dual is None and axis.get("dual_drive") is not None:
+            return ()
+        return wire(self.name, driver, channel, self.dual, self.encoder, self.limits)
 
 
 def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
@@ -122,6 +132,7 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
         part("adaptation", Adaptation) if "adaptation" in keys else Adaptation(),
         part("homing", Homing),
         part("guards", Guards) if "guards" in keys else Guards(),
+        part("dual_drive", DualDrive),
         declared,
         runs,
     )
@@ -147,6 +158,11 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
         yield from check_reactions(parts.guards)
     if limits:
         yield from check_limits(limits)
+        if parts.dual:
+            yield from check_dual_drive(parts.dual, limits, parts.homing, parts.guards)
+        whole = parts.dual or document.at((*path, "dual_drive")) is None
+        if parts.guards and whole:
+            yield from check_skew_guard(parts.dual, parts.guards, limits, encoder)
         if parts.homing:
             yield from check_homing(parts.homing, limits, encoder)
         if encoder and rate_hz:
@@ -176,6 +192,8 @@ def _sampling_findings(
     found = list(check_adaptation(adaptation, rate_hz))
     if parts.model:
         found += check_timing(parts.model, adaptation.input_delay_s, rate_hz)
+    if parts.dual and parts.model and not found:
+        yield from check_skew_loop(parts.dual.skew, parts.model, adaptation.input_delay_s, rate_hz)
     if parts.gains and parts.model:
         found += check_gains(parts.gains, rate_hz)
         if not found:

@@ -75,6 +75,15 @@ class Thermal(Stops):
     )
 
 
+class Skew(Disables):
+    """Trip where the two ends of a dual drive are too far apart.
+
+    From how the skew loop holds them: square, once the axis is homed and the beam led there.
+    """
+
+    limit_m: Positive = Field(description="most that one end may be ahead of the other")
+
+
 class HostFrozen(Disables):
     """Trip where the computer stood still: no tick came for time_s."""
 
@@ -136,6 +145,9 @@ class Guards(Keys):
     )
     thermal: Thermal | None = Field(
         default=None, description="I2t model of the motor; null: none, its limit is not known"
+    )
+    skew: Skew | None = Field(
+        default=None, description="the ends of a dual drive are too far apart; needed there"
     )
     host_frozen: HostFrozen = Field(
         default_factory=HostFrozen, description="the computer stood still for too long"

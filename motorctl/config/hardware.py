@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motorctl.config.axis_keys import Encoder, Limits
+from motorctl.config.dual_drive_keys import SECOND_END, DualDrive
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.keys import DriverKeys
 from motorctl.config.machine import Axis, DriverSetup
@@ -27,15 +28,31 @@ class Wiring:
     channel: Channel
 
 
-def wire(axis: str, driver: str, channel: int, encoder: Encoder, limits: Limits) -> Wiring:
-    """Return what these keys of an axis say of its channel."""
+def wire(
+    axis: str,
+    driver: str,
+    channel: int,
+    dual: DualDrive | None,
+    encoder: Encoder,
+    limits: Limits,
+) -> tuple[Wiring, ...]:
+    """Return what these keys of an axis say of its channel, or of its two."""
     known = (encoder.resolution_m, encoder.counter_bits, limits.max_voltage_v)
-    return Wiring(driver, Channel(axis, channel, *known))
+    first = Wiring(driver, Channel(axis, channel, *known))
+    if dual is None:
+        return (first,)
+    return (first, Wiring(driver, Channel(axis + SECOND_END, dual.channel, *known)))
 
 
-def wiring_of(axis: Axis) -> Wiring:
-    """Return the wiring of an axis of a machine."""
-    return wire(axis.name, axis.driver, axis.channel, axis.encoder, axis.limits)
+def wirings_of(axes: Iterable[Axis]) -> list[Wiring]:
+    """Return the wirings of axes of a machine."""
+    return [
+        wiring
+        for axis in axes
+        for wiring in wire(
+            axis.name, axis.driver, axis.channel, axis.dual_drive, axis.encoder, axis.limits
+        )
+    ]
 
 
 def channels_of(driver: str, wirings: Iterable[Wiring]) -> tuple[Channel, ...]:
@@ -81,18 +98,18 @@ def check_claims(document: Document) -> list[Problem]:
     """Check that every axis names a driver, every channel has one axis, and every driver one."""
     problems: list[Problem] = []
     known = list(document.part(("drivers",)))
-    taken: dict[tuple[str, int], str] = {}
-    for axis, driver, channel in _claims(document):
-        if driver not in known:
+    taken: dict[tuple[str, int], tuple[str, KeyPath]] = {}
+    for axis, driver, channel, where in _claims(document):
+        if driver not in known and where == ("channel",):
             message = f"unknown driver '{driver}'; {suggest(driver, known)}"
             problems.append(document.problem(("axes", axis, "driver"), message))
         if channel is None:
             continue
-        first = taken.setdefault((driver, channel), axis)
-        if first != axis:
-            message = f"found {channel}, which axis '{first}' uses already"
-            problems.append(document.problem(("axes", axis, "channel"), message))
-    used = {driver for _, driver, _ in _claims(document)}
+        first = taken.setdefault((driver, channel), (axis, where))
+        if first != (axis, where):
+            message = f"found {channel}, which axis '{first[0]}' uses already"
+            problems.append(document.problem(("axes", axis, *where), message))
+    used = {driver for _, driver, _, _ in _claims(document)}
     message = "serves no axis; name it in an axis or remove it"
     if isinstance(document.at(("axes",)), dict):
         unused = [name for name in known if name not in used]
@@ -113,7 +130,7 @@ def check_rates(
     def add(name: str, message: str, *where: str | int) -> None:
         problems.append(document.problem(("drivers", name, *where), message))
 
-    claimed = [driver for _, driver, _ in _claims(document)]
+    claimed = [driver for _, driver, _, _ in _claims(document)]
     waits_s: dict[str, float] = {}
     media: dict[str, str] = {}
     for name, setup in drivers.items():
@@ -171,13 +188,18 @@ def _too_long(waiting: Mapping[str, float], rate_hz: float) -> str:
     )
 
 
-def _claims(document: Document) -> list[tuple[str, str, int | None]]:
-    """Return (axis, driver, channel) of every axis that names a driver."""
-    found = []
+def _claims(document: Document) -> list[tuple[str, str, int | None, KeyPath]]:
+    """Return (axis, driver, channel, key of it) of every end of an axis that names a driver."""
+    found: list[tuple[str, str, int | None, KeyPath]] = []
     for name, axis in document.part(("axes",)).items():
         driver = axis.get("driver") if isinstance(axis, dict) else None
-        if isinstance(driver, str):
-            channel = axis.get("channel")
+        if not isinstance(driver, str):
+            continue
+        dual = axis.get("dual_drive")
+        ends: list[tuple[object, KeyPath]] = [(axis.get("channel"), ("channel",))]
+        if isinstance(dual, dict):
+            ends.append((dual.get("channel"), ("dual_drive", "channel")))
+        for channel, where in ends:
             plain = isinstance(channel, int) and not isinstance(channel, bool)
-            found.append((name, driver, channel if plain else None))
+            found.append((name, driver, int(channel) if plain else None, where))  # type: ignore[call-overload]
     return found

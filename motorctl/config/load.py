@@ -104,7 +104,7 @@ def _build(
     if hardware:
         drivers, refused = build_drivers(document, directory)
         problems += refused
-        wirings = [wiring for part in parts.values() if (wiring := part.wiring(document))]
+        wirings = [wiring for part in parts.values() for wiring in part.wirings(document)]
         problems += check_rates(document, drivers, wirings, rate_hz, divisors)
         problems += _check_waiting(document, drivers)
     programs, refused = build_programs(document, directory)

@@ -82,6 +82,10 @@ class Machine:
         """Return the period of an axis [s]: the loop's, or a whole multiple."""
         return self.period_s * self.axes[axis].divisor
 
+    def period_of_driver(self, driver: str) -> float:
+        """Return the period of a driver's exchanges [s], which all of its axes have."""
+        return next(self.period_of(a.name) for a in self.axes.values() if a.driver == driver)
+
     def group_of(self, axis: str) -> int:
         """Return the number of the group that an axis stops together with, from 1; 0: of none."""
         groups = enumerate(self.stop_together or (), 1)

@@ -8,6 +8,15 @@ from datetime import UTC, datetime
 from motorctl import __version__
 from motorctl.config.machine import Machine
 from motorctl.hal import Status
+from motorctl.log import LogAxis
+
+
+def log_axes(machine: Machine) -> list[LogAxis]:
+    """Return what the columns of a log of this machine are made of."""
+    return [
+        LogAxis(a.name, a.model.parameter_names, dual_drive=a.dual_drive is not None)
+        for a in machine.axes.values()
+    ]
 
 
 def log_metadata(machine: Machine) -> dict[str, object]:

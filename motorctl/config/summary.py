@@ -19,9 +19,10 @@ from motorctl.config.analysis import (
     smallest_slope,
 )
 from motorctl.config.axis_keys import Limits
+from motorctl.config.dual_drive_rules import skew_margins
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.groups import notes_on_groups
-from motorctl.config.hardware import channels_of, wiring_of
+from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError
@@ -95,10 +96,10 @@ def _groups(machine: Machine) -> list[list[str]] | None:
 
 
 def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
-    wirings = [wiring_of(axis) for axis in machine.axes.values()]
+    wirings = wirings_of(machine.axes.values())
     for name, setup in machine.drivers.items():
         channels = channels_of(name, wirings)
-        period_s = machine.period_of(channels[0].axis)
+        period_s = machine.period_of_driver(name)
         told: dict[str, Any] = {
             "type": setup.type,
             "axes": [channel.axis for channel in channels],
@@ -128,6 +129,7 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
     return {
         "driver": axis.driver,
         "channel": axis.channel,
+        "dual_drive": _dual_drive(axis, period_s),
         "controller": axis.controller,
         "effects": list(axis.model.names),
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
@@ -143,6 +145,16 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
         "margins": _margins(axis, period_s),
         "assumption_2": _assumption_2(axis),
     }
+
+
+def _dual_drive(axis: Axis, period_s: float) -> dict[str, Any] | None:
+    """The keys as they are, and the margins of the skew loop without and with one sample more."""
+    dual = axis.dual_drive
+    if dual is None:
+        return None
+    delays_s = (axis.adaptation.input_delay_s, axis.adaptation.input_delay_s + period_s)
+    margins = [asdict(skew_margins(dual.skew, axis.model, d, period_s)) for d in delays_s]
+    return {**dual.model_dump(), "skew_margins": margins}
 
 
 def _limits(limits: Limits) -> dict[str, Any]:
@@ -267,6 +279,10 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
                 f"axis {name}: unstable with inertia at its {row.inertia_at} "
                 f"({row.inertia:g} V*s^2/m) and {row.delay_s * 1e3:g} ms of delay"
             )
+    dual = axis["dual_drive"]
+    for row in dual["skew_margins"] if dual else ():
+        if not row["stable"]:
+            yield f"axis {name}: skew loop unstable with {row['delay_s'] * 1e3:g} ms of delay"
     corners = axis["assumption_2"]["corners"]
     failing = [corner for corner in corners if not corner["satisfied"]]
     if failing:

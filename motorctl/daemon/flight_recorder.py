@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
-from motorctl.config.metadata import log_metadata
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.report import faults_of
 from motorctl.flight import FOLDER, free_record_path, remove_oldest
 from motorctl.flight.records import MEGABYTE, METADATA
-from motorctl.log import LogAxis, LogWriter
+from motorctl.log import LogWriter
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory
 
@@ -161,7 +161,7 @@ class FlightRecorder:
             "libraries": {name: version(name) for name in LIBRARIES},
         }
         machine = self._machine
-        axes = [LogAxis(a.name, a.model.parameter_names) for a in machine.axes.values()]
+        axes = log_axes(machine)
         metadata = {**log_metadata(machine), "clock": "wall", METADATA: own}
         path = free_record_path(self.folder, now, axis, cause)
         writer = LogWriter(path, metadata, axes)

@@ -222,9 +222,25 @@ class Report:
             "travel_m": list(axis.limits.travel_m),
             "max_voltage_v": axis.limits.max_voltage_v,
             "motion": motion if state is AxisState.RUNNING else None,
+            **_dual_drive(axis, status),
             "d0_hat_v": _finite(status["d0_hat_v"]),
             "theta_hat": dict(zip(axis.model.parameter_names, map(_finite, theta), strict=True)),
         }
+
+
+def _dual_drive(axis: Axis, status: np.void) -> dict[str, Any]:
+    """Return what an axis with two motors tells besides."""
+    if axis.dual_drive is None or axis.guards.skew is None:
+        return {}
+    return {
+        "dual_drive": {
+            "skew_m": _finite(status["skew_m"]),
+            "skew_reference_m": _finite(status["skew_reference_m"]),
+            "skew_command_v": _finite(status["skew_command_v"]),
+            "skew_limit_m": axis.guards.skew.limit_m,
+            "second_device": device_message(int(status["second_device_status"])) or None,
+        }
+    }
 
 
 def _state(memory: LoopMemory, index: int) -> AxisState:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config.machine import Machine
-from motorctl.config.metadata import log_metadata
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
@@ -30,7 +30,7 @@ from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.log import LogAxis, LogWriter
+from motorctl.log import LogWriter
 from motorctl.loop import Phase, Verb, reasons
 
 BEAT_PERIOD_S = 0.02
@@ -233,7 +233,7 @@ class Supervisor:
 
     def _new_log(self) -> LogWriter:
         path = _free_path(self._directory, self._machine.name)
-        axes = [LogAxis(a.name, a.model.parameter_names) for a in self._machine.axes.values()]
+        axes = log_axes(self._machine)
         return LogWriter(path, {**log_metadata(self._machine), "clock": "wall"}, axes)
 
     def _closing_facts(self) -> dict[str, Any]:

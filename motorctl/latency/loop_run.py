@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config.machine import Machine
-from motorctl.config.metadata import log_metadata
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.protocol import AxisCommand, RefusedError
@@ -19,7 +19,7 @@ from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.report import Report, faults_of
 from motorctl.errors import RunError
 from motorctl.latency.host import stolen_s
-from motorctl.log import LogAxis, LogWriter
+from motorctl.log import LogWriter
 from motorctl.log.sample import AxisState
 from motorctl.loop import Phase, Verb, reasons
 from motorctl.loop.realtime import chosen_cpu
@@ -138,7 +138,7 @@ class _Session:
         while self._loop.phase is not Phase.RUNNING:
             self._loop.insist()
             await asyncio.sleep(LOOK_PERIOD_S)
-        axes = [LogAxis(a.name, a.model.parameter_names) for a in self._machine.axes.values()]
+        axes = log_axes(self._machine)
         metadata = {**log_metadata(self._machine), "clock": "wall"}
         recorder = Recorder(self._memory, LogWriter(self._log, metadata, axes))
         recorder.start()

@@ -22,6 +22,8 @@ class LogAxis:
 
     name: str
     theta_names: tuple[str, ...]
+    dual_drive: bool = False
+    """Two motors and encoders drive it: it has columns of its skew."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
     columns = [Column(field.name, field) for field in TICK_FIELDS]
     for j, axis in enumerate(axes):
         for field in AXIS_FIELDS:
+            if field.of_dual_drive and not axis.dual_drive:
+                continue
             name = f"{axis.name}.{field.name}"
             if field.per_parameter:
                 thetas = enumerate(axis.theta_names)

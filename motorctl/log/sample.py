@@ -72,6 +72,10 @@ class FaultCause(IntEnum):
     """The command stood at the voltage limit for too long."""
     THERMAL = 19
     """The model of the motor's heat exceeded what the motor can carry continuously."""
+    SKEW = 20
+    """The two ends of a dual drive were too far apart."""
+    NOT_SQUARE = 21
+    """Homing found the switches or marks of the two ends of a dual drive too far apart."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class Signal:
     description: str
     per_parameter: bool = False
     """One value for each parameter of theta."""
+    of_dual_drive: bool = False
+    """Only axes with two motors have it; zero in the records of others."""
 
 
 TICK_FIELDS = (
@@ -113,6 +119,22 @@ AXIS_FIELDS = (
     Signal("fault", "i4", "", "FaultCause"),
     Signal("flags", "u4", "", "SampleFlag"),
     Signal("device_status", "u4", "", "motorctl.hal.Status, as the driver gave it"),
+    Signal("skew_m", "f8", "m", "position of the first end - of the second", of_dual_drive=True),
+    Signal("skew_reference_m", "f8", "m", "what the skew is held at", of_dual_drive=True),
+    Signal(
+        "skew_command_v",
+        "f8",
+        "V",
+        "of the skew loop: command_v + this left for the first motor, - this for the second",
+        of_dual_drive=True,
+    ),
+    Signal(
+        "second_device_status",
+        "u4",
+        "",
+        "motorctl.hal.Status of the second end; device_status joins both",
+        of_dual_drive=True,
+    ),
 )
 """What is sampled of each axis in each tick. A new field stands here, and is written in
 `loop.axis.axis_step`; the ring, the log's columns and its metadata follow."""

@@ -55,6 +55,7 @@ AXIS_SETTINGS = np.dtype(
         ("continuous_voltage_v", "f8"),
         ("heat_kept", "f8"),  # of the motor's heat, after a tick
         ("frozen_ticks", "i8"),  # ticks that may be skipped at once
+        ("skew_limit_m", "f8"),  # of a dual drive
         ("group", "i8"),  # axes of one number stop together; 0: of none
         ("stops_with_program", "i8"),  # so do those that run one program
     ],
@@ -208,6 +209,7 @@ def _bit_of(guard: str) -> int:
 def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
     """Write the limits of an axis' guards into a record of AXIS_SETTINGS; period_s is the axis'."""
     guards, limits = axis.guards, axis.limits
+    record["skew_limit_m"] = guards.skew.limit_m if guards.skew else 0.0
     record["quick_stops"] = sum(
         1 << _bit_of(name)
         for name, guard in guards

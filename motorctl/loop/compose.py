@@ -33,16 +33,27 @@ from motorctl.loop.states import is_enabled
 def tick(
     counts, index_counts, words, volts, enable, elapsed, behind, overran, number, t, watch, status,
     mailbox, replies, settings, axes, law_settings, laws, beside, segments, segment_counts,
-    samples, row, axis_status,
+    samples, row, axis_status,{more}
 ):
 '''
+
+DUAL_IMPORTS = """from motorctl.loop.dual_drive import drive_ends, join_ends, report_skew
+from motorctl.loop.skew import guide_skew, hold_skew
+"""
+DUAL_ARGUMENTS = " dual_settings, duals,"
 
 PASSED = """    {passed} = number // {divisor} - (number - elapsed) // {divisor}
 """
 
 INPUTS = """    axis_inputs(
-        {m}.correct, {m}.feedforward, settings[{i}], axes[{i}], laws[{i}], counts[{c}],
-        words[{c}], {passed}, behind, t,
+        {m}.correct, {m}.feedforward, settings[{i}], axes[{i}], laws[{i}], {count},
+        {word}, {passed}, behind, t,
+    )
+"""
+
+JOIN = """    join_ends(
+        settings[{i}], dual_settings[{d}], axes[{i}], duals[{d}], counts[{c}], counts[{c2}],
+        index_counts[{c}], index_counts[{c2}], words[{c}], words[{c2}], {passed}, t,
     )
 """
 
@@ -53,9 +64,12 @@ COMMANDS = """    supervise(watch[0], status[0], settings, axes, elapsed, overra
 
 REFERENCE = """    axis_reference(
         {m}.correct, {m}.feedforward, {m}.advance_context, settings[{i}], axes[{i}],
-        law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}], index_counts[{c}],
+        law_settings[{i}], laws[{i}], segments[{i}], segment_counts[{i}], {index},
         {passed}, number, t,
     )
+"""
+
+GUIDE = """    guide_skew(settings[{i}], dual_settings[{d}], axes[{i}], duals[{d}], {passed}, t)
 """
 
 MOTION = """    fill_motion(
@@ -67,10 +81,21 @@ COUNT = """    moving = 0
     told = row % {rows}
 """
 
-STEP = """    volts[{c}] = axis_step(
+HOLD = """    hold_skew(
+        settings[{i}], dual_settings[{d}], axes[{i}], duals[{d}], law_settings[{i}], {passed}, t,
+    )
+"""
+
+STEP = """    {volts} = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
         {m}.advance_context, {m}.advance_inputs, settings[{i}], axes[{i}], law_settings[{i}],
         laws[{i}], {passed}, t, samples[row, {i}],
+    )
+"""
+
+DRIVE = """    drive_ends(
+        settings[{i}], dual_settings[{d}], axes[{i}], duals[{d}], law_settings[{i}], u{i}, volts,
+        {c}, {c2}, samples[row, {i}],
     )
 """
 
@@ -83,12 +108,19 @@ REPORT = """    enable[{c}] = is_enabled(axes[{i}])
     report_axis(axes[{i}], samples[row, {i}], law_settings[{i}].n, axis_status[told, {i}])
 """
 
+REPORT_SKEW = """    enable[{c2}] = enable[{c}]
+    report_skew(axes[{i}], duals[{d}], axis_status[told, {i}])
+"""
+
 TAIL = """    return watch[0].shutdown != 0 and moving == 0
 """
 
 
 def compose_tick(
-    models: Sequence[EffectList], channels: Sequence[int], divisors: Sequence[int]
+    models: Sequence[EffectList],
+    channels: Sequence[int],
+    divisors: Sequence[int],
+    second_channels: Sequence[int | None] | None = None,
 ) -> ModuleType:
     """Return the generated module whose `tick` serves these axes.
 
@@ -103,6 +135,9 @@ def compose_tick(
         The place of each axis in the drivers' arrays.
     divisors
         How many ticks of the loop one tick of each axis lasts.
+    second_channels
+        The place of the second end of each axis; None for an axis with one motor. The dual drives
+        are numbered in this order; without any the tick takes no records of them.
     """
     lists = dict.fromkeys(model.kernels.__name__ for model in models)
     imports = "".join(f"import {name}\n" for name in lists)
@@ -113,19 +148,35 @@ def compose_tick(
             "m": model.kernels.__name__,
             "divisor": divisor,
             "passed": "elapsed" if divisor == 1 else f"passed{i}",
+            "count": f"counts[{channel}]",
+            "word": f"words[{channel}]",
+            "index": f"index_counts[{channel}]",
+            "volts": f"volts[{channel}]",
         }
         for i, (model, channel, divisor) in enumerate(zip(models, channels, divisors, strict=True))
     ]
-    parts = [HEAD.format(axes=len(models), imports=imports)]
+    dual = [i for i, second in enumerate(second_channels or ()) if second is not None]
+    for d, i in enumerate(dual):
+        places[i] |= {"d": d, "c2": (second_channels or ())[i], "volts": f"u{i}"}
+        places[i] |= {"count": f"duals[{d}].raw_counts", "word": f"duals[{d}].status"}
+        places[i]["index"] = f"duals[{d}].raw_index_counts"
+    more = DUAL_ARGUMENTS if dual else ""
+    parts = [HEAD.format(axes=len(models), imports=imports + DUAL_IMPORTS * bool(dual), more=more)]
     parts += [PASSED.format(**place) for place in places if place["divisor"] != 1]
-    parts += [_when_due(place, INPUTS) for place in places] + [COMMANDS]
-    parts += [_when_due(place, REFERENCE) for place in places]
+    for place in places:
+        parts.append(_when_due(place, JOIN + INPUTS if "d" in place else INPUTS))
+    parts.append(COMMANDS)
+    for place in places:
+        parts.append(_when_due(place, REFERENCE + GUIDE if "d" in place else REFERENCE))
     for place, model in zip(places, models, strict=True):
         if model.lag_s or model.delay_s or model.other_axes:
             parts.append(_when_due(place, MOTION))
     parts.append(COUNT.format(rows=STATUS_ROWS))
     for place in places:
-        parts += [_when_due(place, STEP, BETWEEN), REPORT.format(**place)]
+        step = HOLD + STEP + DRIVE if "d" in place else STEP
+        parts += [_when_due(place, step, BETWEEN), REPORT.format(**place)]
+        if "d" in place:
+            parts.append(REPORT_SKEW.format(**place))
     parts.append(TAIL)
     source = "".join(parts)
     return load_generated(f"tick_{source_digest(source)}", source)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motorctl.hal import Status
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
+from motorctl.loop.guards.device import ENDS, FIRST_END, SECOND_END
 
 _WITH_LIMIT = {
     FaultCause.FOLLOWING_ERROR: ("following error", 1e3, "mm"),
@@ -29,6 +30,12 @@ _WITH_LIMIT = {
         "the command stood at limits.max_voltage_v (a blocked or overloaded axis) for",
         1.0,
         "s",
+    ),
+    FaultCause.SKEW: ("skew: the beam's first end is ahead of the second by", 1e3, "mm"),
+    FaultCause.NOT_SQUARE: (
+        "homing: by the switches or marks of its two ends the beam is out of square by",
+        1e3,
+        "mm",
     ),
     FaultCause.THERMAL: ("the motor is too warm: rms command", 1.0, "V"),
 }
@@ -58,6 +65,11 @@ _TROUBLES = {
     Status.COMMUNICATION_LOST: _WITHOUT_LIMIT[FaultCause.COMMUNICATION],
     Status.ESTOP: _WITHOUT_LIMIT[FaultCause.ESTOP],
     Status.STALE: "no new sample arrives",
+}
+_ENDS = {
+    FIRST_END: "at the first end",
+    SECOND_END: "at the second end",
+    ENDS: "at both ends",
 }
 UNTIL_OPENED = Status.BUS_OFF | Status.DEVICE_RESTARTED
 """What mostly stays until the driver is opened again."""
@@ -158,6 +170,8 @@ def fault_message(
         text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"
     else:
         text = _WITHOUT_LIMIT[cause]
+    if end := _ENDS.get(status & ENDS):
+        text += f", {end} of the beam"
     if told := [words for bit, words in _DEVICE.items() if status & bit]:
         text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"

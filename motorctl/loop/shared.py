@@ -104,6 +104,10 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("held_ticks", "i8"),  # without a new sample until now
             ("missed_ticks", "i8"),  # all of them since the loop began
             ("longest_missed_ticks", "i8"),
+            ("skew_m", "f8"),  # of a dual drive; zero else, as the next ones
+            ("skew_reference_m", "f8"),
+            ("skew_command_v", "f8"),
+            ("second_device_status", "i8"),
         ],
         align=True,
     )

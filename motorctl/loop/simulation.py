@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
-from motorctl.config.metadata import log_metadata
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.errors import UsageError
-from motorctl.log import LogAxis, LogWriter
+from motorctl.log import LogWriter
 from motorctl.loop.virtual import VirtualMachine, require_virtual_time
 
 HOLD_S = 1.0
@@ -106,7 +106,7 @@ def simulate(
     if duration_s is not None and not 0.0 < duration_s < np.inf:
         raise UsageError(f"duration {duration_s:g} s: must be finite and above 0")
     require_virtual_time(machine)
-    axes = [LogAxis(name, axis.model.parameter_names) for name, axis in machine.axes.items()]
+    axes = log_axes(machine)
     writer = LogWriter(log, log_metadata(machine), axes)
     extra: dict[str, Any] = {}
     try:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.hardware import channels_of, wiring_of
+from motorctl.config.dual_drive_keys import SECOND_END
+from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.errors import RunError
@@ -19,6 +21,7 @@ from motorctl.kernels import compiling_told, kernels_cached, specialise
 from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
+from motorctl.loop.dual_records import DUAL_SETTINGS, DUAL_STATE, fill_dual_drive
 from motorctl.loop.guards.supervision import WATCH
 from motorctl.loop.shared import LoopMemory, beat_timeout_s
 
@@ -53,11 +56,11 @@ def make_drivers(machine: Machine, driver_class: type[Driver] | None = None) -> 
     driver_class stands in for every driver's own class.
     """
     drivers = {}
-    wirings = [wiring_of(axis) for axis in machine.axes.values()]
+    wirings = wirings_of(machine.axes.values())
     for name, setup in machine.drivers.items():
         channels = channels_of(name, wirings)
         if channels:
-            period_s = machine.period_of(channels[0].axis)
+            period_s = machine.period_of_driver(name)
             drivers[name] = (driver_class or setup.cls)(setup.options, channels, period_s)
     return drivers
 
@@ -123,6 +126,12 @@ class Tick:
             )
             theta = (learned or {}).get(axis.name, [e.initial for e in estimates])
             fill_state(self.laws[i], theta, covariance)
+        dual = [i for i, axis in enumerate(axes) if axis.dual_drive is not None]
+        self.dual_settings = np.zeros(len(dual), DUAL_SETTINGS)
+        self.duals = np.zeros(len(dual), DUAL_STATE)
+        for d, i in enumerate(dual):
+            own = self.dual_settings[d], self.duals[d]
+            fill_dual_drive(axes[i], self.settings[i], *own)
         self.watch = np.zeros(1, WATCH)
         if not virtual:
             self.watch["silent_limit"] = round(beat_timeout_s(machine.loop) * machine.rate_hz)
@@ -134,7 +143,7 @@ class Tick:
         self.step = self._make_step(virtual)
 
     def _make_step(self, virtual: bool) -> Step:
-        axes = self.machine.axes.values()
+        axes = list(self.machine.axes.values())
         order = [channel.axis for driver in self.drivers.values() for channel in driver.channels]
         place = {name: i for i, name in enumerate(order)}
         counts = np.zeros(len(order), np.int64)
@@ -151,7 +160,7 @@ class Tick:
             inputs.counts, inputs.index_counts = counts[first:last], index_counts[first:last]
             inputs.status = words[first:last]
             outputs.volts, outputs.enable = volts[first:last], enable[first:last]
-            divisor = self.machine.axes[driver.channels[0].axis].divisor
+            divisor = next(axis.divisor for axis in axes if axis.driver == name)
             self._arrays[name] = inputs, outputs, divisor
             advances.append((driver.advance, divisor))
             first = last
@@ -161,12 +170,15 @@ class Tick:
             lists,
             [place[name] for name in self.machine.axes],
             [axis.divisor for axis in axes],
+            [place.get(name + SECOND_END) for name in self.machine.axes],
         )
         memory = self.memory
         inputs_outputs = (counts, index_counts, words, volts, enable)
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
         records = (self.settings, self.axes, self.law_settings, self.laws, self.beside)
         programs = (memory.segments, memory.segment_counts)
+        # A machine without dual drives has a tick that knows nothing of them.
+        two_ended = (self.dual_settings, self.duals) if len(self.duals) else ()
         before = (
             *inputs_outputs,
             1,
@@ -185,8 +197,10 @@ class Tick:
             f"configuration: about {COMPILED_S + count * AXIS_COMPILED_S:.0f} s"
         )
         with compiling_told(told):
-            kernel = specialise(module.tick, *before, 0, memory.axis_status_rows)
+            kernel = specialise(module.tick, *before, 0, memory.axis_status_rows, *two_ended)
         rows_out = (memory.status, memory.ticks, self.measured_s)
+        # Ordinary machines call it straight, without an argument or a step more.
+        compute = partial(_with_more, kernel, two_ended) if two_ended else kernel
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
         watch, status, mailbox, replies = commands
         settings, axis_records, law_records, laws, beside = records
@@ -210,7 +224,7 @@ class Tick:
             behind = 0  # a machine that waits shows how it is now, however late that is
             if scheduled_ns and not waits:
                 behind = (t1 - scheduled_ns) // period_ns - elapsed + 1
-            may_end: bool = kernel(
+            may_end: bool = compute(
                 counts, index_counts, words, volts, enable, elapsed, behind, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
                 law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
@@ -289,6 +303,10 @@ class Tick:
         self.safe(busy=busy)
         spared = {*self.closed, busy}
         _close({name: d for name, d in self.drivers.items() if name not in spared})
+
+
+def _with_more(kernel: Callable[..., bool], more: tuple[object, ...], *given: object) -> bool:
+    return kernel(*given, *more)
 
 
 def _open(name: str, driver: Driver) -> None:

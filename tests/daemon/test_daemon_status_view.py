@@ -53,6 +53,15 @@ DOCUMENT: dict[str, Any] = {
 }
 
 
+DUAL = {
+    "skew_m": -312.4e-6,
+    "skew_reference_m": 0.0,
+    "skew_command_v": 1.234,
+    "skew_limit_m": 1e-3,
+    "second_device": None,
+}
+
+
 def drawn(document: dict[str, Any], *, detailed: bool = False) -> str:
     console = Console(file=io.StringIO(), width=80, force_terminal=False)
     console.print(status_view(document, detailed=detailed))
@@ -128,3 +137,13 @@ def test_samples_that_are_missing_and_a_device_in_trouble_are_told_whatever_the_
     text = " ".join(drawn(document).split())
     assert "x: 932 ticks without a new sample, at most 4 in a row; 50 are allowed" in text
     assert "y: its device now: no new sample comes" in text
+
+
+def test_an_axis_with_two_motors_shows_its_skew_and_how_far_it_may_go():
+    document = copy.deepcopy(DOCUMENT)
+    document["axes"]["x"]["dual_drive"] = DUAL
+    lines = [line for line in drawn(document).splitlines() if "skew" in line]
+    assert len(lines) == 1
+    assert "x skew -312.4 µm of 1000 µm, held by +1.23 V" in lines[0]
+    document["axes"]["x"]["dual_drive"] = {**DUAL, "skew_m": None}
+    assert "x skew – of 1000 µm" in drawn(document)

@@ -1,5 +1,6 @@
 """The log writer: what is appended is what a reader finds, whatever happens on the way."""
 
+import dataclasses
 import errno
 import os
 
@@ -16,6 +17,7 @@ from motorctl.log import LogWriter, read_recording, recover
 from motorctl.log import writer as writer_module
 from motorctl.log.convert import load_metadata
 from motorctl.log.info import describe
+from motorctl.log.sample import AXIS_FIELDS
 
 
 def column(path, name):
@@ -24,11 +26,14 @@ def column(path, name):
 
 def test_every_signal_reaches_its_column_bit_for_bit(tmp_path):
     ticks, samples = make_rows(300)
-    path = write_log(tmp_path / "run.parquet", (ticks, samples))
+    samples["skew_m"] = np.linspace(-1e-3, 1e-3, 300)[:, None]
+    beam, plain = dataclasses.replace(AXES[0], dual_drive=True), AXES[1]
+    path = write_log(tmp_path / "run.parquet", (ticks, samples), axes=(beam, plain))
     for name in ticks.dtype.names:
         np.testing.assert_array_equal(column(path, name), ticks[name])
-    for j, axis in enumerate(AXES):
-        for name in set(samples.dtype.names) - {"theta_hat"}:
+    for j, axis in enumerate((beam, plain)):
+        others = {field.name for field in AXIS_FIELDS if field.of_dual_drive and axis is plain}
+        for name in set(samples.dtype.names) - {"theta_hat"} - others:
             np.testing.assert_array_equal(column(path, f"{axis.name}.{name}"), samples[name][:, j])
         for k, theta in enumerate(axis.theta_names):
             found = column(path, f"{axis.name}.theta_hat_{theta}")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from motorctl.config.exchange import Exchange, ask_exchange
-from motorctl.config.hardware import channels_of, wiring_of
+from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.machine import Machine
 from motorctl.identify.compare.measures import Measures, Timing, measure_axis, measure_timing
 from motorctl.latency.loop_run import run_loop
@@ -126,5 +126,5 @@ def _measures(recording: Recording) -> dict[str, Measures]:
 
 def _exchange(machine: Machine) -> Exchange:
     setup = machine.drivers["gantry"]
-    channels = channels_of("gantry", [wiring_of(axis) for axis in machine.axes.values()])
+    channels = channels_of("gantry", wirings_of(machine.axes.values()))
     return ask_exchange(setup, channels, machine.period_s)

@@ -8,12 +8,13 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from motorctl.hal import DriverOptions
+from motorctl_sim.options.beam import Beam
 from motorctl_sim.options.faults import Fault
 from motorctl_sim.options.plant import Plant
 from motorctl_sim.options.presets import PRESETS, PresetName
-from motorctl_sim.options.stability import check_stability
+from motorctl_sim.options.stability import check_beam, check_stability
 
-__all__ = ["Fault", "Plant", "SimOptions"]
+__all__ = ["Beam", "Fault", "Plant", "SimOptions"]
 
 
 class SimOptions(DriverOptions):
@@ -34,6 +35,8 @@ class SimOptions(DriverOptions):
     """Longest step of the integration; a period is divided evenly into steps no longer."""
     plants: dict[int, Plant] = Field(default_factory=dict)
     """What differs from the preset, by channel; after validation whole plants."""
+    beams: tuple[Beam, ...] = Field(default=(), max_length=8)
+    """Beams, each between two channels."""
     faults: tuple[Fault, ...] = Field(default=(), max_length=32)
 
     @model_validator(mode="before")
@@ -62,6 +65,18 @@ class SimOptions(DriverOptions):
             coupled = plant.cross_axis
             if coupled and coupled.channel == number:
                 raise ValueError(f"plants.{number}.cross_axis.channel {number} is the axis itself")
+        return self
+
+    @model_validator(mode="after")
+    def _beams_stand_alone(self) -> Self:
+        taken: set[int] = set()
+        for k, beam in enumerate(self.beams):
+            if shared := taken & set(beam.channels):
+                raise ValueError(f"beams.{k}.channels: {min(shared)} has a beam already")
+            taken |= set(beam.channels)
+            check_beam(
+                f"beams.{k}", beam, [self.plant(end) for end in beam.channels], self.substep_s
+            )
         return self
 
     def plant(self, channel: int) -> Plant:

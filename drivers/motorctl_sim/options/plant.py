@@ -71,6 +71,8 @@ class Plant(Settings):
     """Slope of Sf(v) = (2/pi) arctan(slope v), where there is no `presliding`."""
     offset_v: float = 0.0
     """theta4: a constant force."""
+    force_constant_ratio: Positive = 1.0
+    """The motor's force constant over A1: of two motors on one beam, one may be stronger."""
     em_quadratic_1_v: float = 0.0
     """theta5 = A2/A1 of the thrust i + theta5 i|i| + theta6 i^3."""
     em_cubic_1_v2: float = 0.0

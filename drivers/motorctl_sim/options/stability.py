@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from motorctl_sim.options.beam import Beam
 from motorctl_sim.options.plant import Plant
 
 # Position Verlet is stable up to omega h = 2, the second-order Adams-Bashforth treatment of
@@ -31,6 +33,29 @@ def check_stability(where: str, plant: Plant, substep_s: float) -> None:
                 f"{where}.{name} damps too fast: {rate:.0f} 1/s, where substep_s {substep_s:g} "
                 f"allows {MAX_DECAY / substep_s:.0f} 1/s"
             )
+
+
+def check_beam(where: str, beam: Beam, ends: Sequence[Plant], substep_s: float) -> None:
+    """Raise ValueError where a beam is too stiff for the step, or its ends have loose parts."""
+    for channel, plant in zip(beam.channels, ends, strict=True):
+        for name in ("flexible_mode", "backlash"):
+            if getattr(plant, name):
+                raise ValueError(
+                    f"plants.{channel}.{name} has no place on a beam: {where} moves its carriage"
+                )
+    # Without the beam's own masses, so on the safe side.
+    inverse = sum(1.0 / plant.inertia_v_s2_m for plant in ends)
+    omega, rate = math.sqrt(beam.stiffness_v_m * inverse), beam.damping_v_s_m * inverse
+    if omega * substep_s > MAX_OSCILLATION:
+        raise ValueError(
+            f"{where}.stiffness_v_m is too stiff: {omega:.0f} rad/s, where substep_s {substep_s:g} "
+            f"allows {MAX_OSCILLATION / substep_s:.0f} rad/s"
+        )
+    if rate * substep_s > MAX_DECAY:
+        raise ValueError(
+            f"{where}.damping_v_s_m damps too fast: {rate:.0f} 1/s, where substep_s {substep_s:g} "
+            f"allows {MAX_DECAY / substep_s:.0f} 1/s"
+        )
 
 
 def _level(plant: Plant) -> float:

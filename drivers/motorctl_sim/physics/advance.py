@@ -10,7 +10,7 @@ Per axis, every term in volts (newtons over the force constant A1):
              - k (x - c) - k3 (x - c)^3 + ends - cable            force of position
              + A sin(2 pi f t + phi) + noise                      force of time
              - m_o a_other - b_o v_other                          cross-axis coupling
-             + parts on springs, end stops, faults
+             + parts on springs, end stops, faults, a beam to another channel
 
 i is the command u behind D/A converter, dead zone, delay and first-order lag; s is the direction
 (arctan, or a presliding state). The thrust curve is eq. 2 of Chen, Yao, Wang (IEEE/ASME Trans.
@@ -32,6 +32,7 @@ import numpy as np
 
 from motorctl.hal import inner_kernel
 from motorctl_sim.physics.actuator import amplifier_level, thrust
+from motorctl_sim.physics.beam import couple_ends
 from motorctl_sim.physics.friction import friction
 from motorctl_sim.physics.noise import normal_pair
 from motorctl_sim.physics.observation import (
@@ -62,7 +63,8 @@ def _hold(plant: Any, state: Any, tick: int) -> None:
     terms = plant.terms
     state.level = amplifier_level(plant, state)
     if terms & GAIN_DRIFT:
-        state.gain = 1.0 - plant.drift_fraction * (1.0 - math.exp(-tick * plant.drift_rate))
+        warm = 1.0 - math.exp(-tick * plant.drift_rate)
+        state.gain = plant.force_ratio * (1.0 - plant.drift_fraction * warm)
     if terms & PAYLOAD_CHANGE and tick >= plant.added_at:
         state.inertia = plant.inertia + plant.added_inertia
     force = plant.offset + state.fault_force
@@ -127,7 +129,7 @@ def start(clock: Any, plants: Any, states: Any, faults: Any) -> None:
         state.velocity = plant.initial_velocity
         state.middle = plant.initial_position
         state.seen_position = plant.initial_position
-        state.gain = 1.0
+        state.gain = plant.force_ratio
         state.inertia = plant.inertia
         if plant.terms & WANDERING:
             state.wandering = plant.wandering_rms * normal_pair(state.random)[0]
@@ -139,13 +141,13 @@ def start(clock: Any, plants: Any, states: Any, faults: Any) -> None:
 
 
 @numba.njit(cache=True)
-def advance(clock: Any, plants: Any, states: Any, faults: Any, periods: int) -> None:
+def advance(clock: Any, plants: Any, states: Any, faults: Any, beams: Any, periods: int) -> None:
     """Simulate some periods, all axes together.
 
     Parameters
     ----------
-    clock, plants, states, faults
-        Records of CLOCK (one), PLANT and STATE (one for each channel) and FAULT.
+    clock, plants, states, faults, beams
+        Records of CLOCK (one), PLANT and STATE (one for each channel), FAULT and BEAM.
     periods
         How many.
     """
@@ -160,6 +162,8 @@ def advance(clock: Any, plants: Any, states: Any, faults: Any, periods: int) -> 
             t = tick * watch.period + (j + 0.5) * h
             for i in range(axes):
                 _accelerate(plants[i], states, i, t, h)
+            for k in range(len(beams)):
+                couple_ends(beams[k], states, h)
             for i in range(axes):
                 _move(states[i], h)
         watch.tick = tick + 1

@@ -96,6 +96,7 @@ PLANT = np.dtype(
         ("lag_mean", "f8"),  # mean over a substep of exp(-t/tau)
         ("quadratic", "f8"),  # theta5
         ("cubic", "f8"),  # theta6
+        ("force_ratio", "f8"),  # force constant over A1
         ("drift_fraction", "f8"),
         ("drift_rate", "f8"),  # 1/period
         ("hysteresis_force", "f8"),
@@ -216,6 +217,19 @@ FAULT = np.dtype(
         ("turns_off", "u1"),
         ("jump", "f8"),  # m, once
         ("force", "f8"),
+    ],
+    align=True,
+)
+
+BEAM = np.dtype(
+    [
+        ("first", "i8"),  # index of the channel at this end
+        ("second", "i8"),
+        ("m11", "f8"),  # V s^2/m, beside the carriages' own
+        ("m12", "f8"),
+        ("m22", "f8"),
+        ("stiffness", "f8"),
+        ("damping", "f8"),
     ],
     align=True,
 )

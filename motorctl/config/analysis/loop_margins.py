@@ -42,15 +42,17 @@ def loop_margins(
     period_s: float,
     delay_s: float = 0.0,
     lag_s: float = 0.0,
+    stiffness: float = 0.0,
 ) -> LoopMargins:
-    """Return the margins of the loop around theta1 [V s^2/m], theta2 [V s/m].
+    """Return the margins of the loop around theta1 [V s^2/m], theta2 [V s/m], stiffness [V/m].
 
-    Plant 1/(theta1 s^2 + theta2 s) behind a zero-order hold, `delay_s` of any length and a
-    first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what the
-    law runs: p with the velocity error by backward difference, -ks p, and the fast adaptation of
-    d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command not saturated.
+    Plant 1/(theta1 s^2 + theta2 s + stiffness) behind a zero-order hold, `delay_s` of any length
+    and a first-order lag; controller (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1), which is what
+    law and skew loop run: p with the velocity error by backward difference, -ks p, and the fast
+    adaptation of d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command
+    not saturated.
     """
-    plant = _DelayedPlant(theta1, theta2, period_s, delay_s, lag_s)
+    plant = _DelayedPlant((theta1, theta2, stiffness), period_s, delay_s, lag_s)
     stable = bool(
         np.abs(np.linalg.eigvals(_closed_loop(plant, k1_1_s, ks_v_s_m, gamma_d, period_s))).max()
         < 1.0
@@ -99,13 +101,13 @@ class _DelayedPlant:
     """
 
     def __init__(
-        self, theta1: float, theta2: float, period_s: float, delay_s: float, lag_s: float
+        self, balance: tuple[float, float, float], period_s: float, delay_s: float, lag_s: float
     ) -> None:
         self.whole = int(delay_s / period_s)
         part = delay_s - self.whole * period_s
         self._period_s = period_s
-        self.phi, prompt = _held(theta1, theta2, lag_s, period_s - part)
-        before, late = _held(theta1, theta2, lag_s, part)
+        self.phi, prompt = _held(balance, lag_s, period_s - part)
+        before, late = _held(balance, lag_s, part)
         self.late = self.phi @ late
         self.prompt = prompt
         self.phi = self.phi @ before
@@ -114,22 +116,25 @@ class _DelayedPlant:
         """Return the transfer from command to position at frequencies w [rad/s]."""
         z = np.exp(1j * w * self._period_s)
         drive = (self.late[:, None] / z + self.prompt[:, None]) / z**self.whole
-        # phi is upper triangular: solved from its last row up.
-        x = np.zeros_like(drive)
-        for i in reversed(range(len(drive))):
-            x[i] = (drive[i] + self.phi[i, i + 1 :] @ x[i + 1 :]) / (z - self.phi[i, i])
-        result: NDArray[np.complex128] = x[0]
+        system = z[:, None, None] * np.eye(len(self.phi)) - self.phi
+        result: NDArray[np.complex128] = np.linalg.solve(system, drive.T[:, :, None])[:, 0, 0]
         return result
 
 
-def _held(theta1: float, theta2: float, lag_s: float, duration_s: float) -> tuple[Array, Array]:
-    """Return transition and input vector of the plant over a held command."""
+def _held(
+    balance: tuple[float, float, float], lag_s: float, duration_s: float
+) -> tuple[Array, Array]:
+    """Return transition and input vector of the plant over a held command.
+
+    balance: theta1, theta2 and stiffness.
+    """
     from scipy.linalg import expm  # long to load, and the loop never asks
 
     states = 3 if lag_s else 2
     system = np.zeros((states + 1, states + 1))
     system[0, 1] = 1.0
-    system[1, 1], system[1, 2] = -theta2 / theta1, 1.0 / theta1
+    theta1, theta2, stiffness = balance
+    system[1, :3] = -stiffness / theta1, -theta2 / theta1, 1.0 / theta1
     if lag_s:
         system[2, 2], system[2, 3] = -1.0 / lag_s, 1.0 / lag_s
     full = expm(system * duration_s)

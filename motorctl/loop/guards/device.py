@@ -16,6 +16,9 @@ HARDWARE_ESTOP = int(Status.ESTOP)
 DEVICE_FAULTS = int(FAULT_BITS)
 FORGET_PLACE = 1 << 31
 """Beside a driver's bits of `Status`: it is being opened anew, and what it counted is void."""
+FIRST_END, SECOND_END = 1 << 29, 1 << 30
+"""As well, in a dual drive: which end reports a fault, or brings no sample."""
+ENDS = FIRST_END | SECOND_END
 
 CAUSE_ENCODER_LOST = int(FaultCause.ENCODER_LOST)
 CAUSE_AMPLIFIER = int(FaultCause.AMPLIFIER)

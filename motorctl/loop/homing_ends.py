@@ -1,0 +1,149 @@
+"""Homing of a beam: both ends find their own switch or mark, and the beam is squared by them.
+
+The ends move together while they search, as they do in any motion, so that nothing is racked: the
+axis' sequence (`motorctl.loop.homing`) sees a switch that closes once both ends' have, and opens
+once both have. Meanwhile each end latches its own edge or mark.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from motorctl.hal import Status
+from motorctl.kernels import inner_kernel
+from motorctl.log.sample import FaultCause
+from motorctl.loop.guards.reactions import trip
+from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
+from motorctl.loop.missed_samples import counter_step
+from motorctl.loop.states import State
+
+HOMING = int(State.HOMING)
+CAUSE_NOT_SQUARE = int(FaultCause.NOT_SQUARE)
+HOME_SWITCH = int(Status.HOME_SWITCH)
+INDEX_LATCHED = int(Status.INDEX_LATCHED)
+NO_PHASE = -1
+
+
+@inner_kernel
+def _find_edge(end: Any, phase: int, leaves: bool) -> None:
+    """Note whether an end is through with what this phase looks for, and where that was."""
+    if end.pressed:
+        end.met = 1
+    if end.done:
+        return
+    if phase == SEARCH or (phase == LATCH_EDGE and not leaves):
+        end.done = 1 if end.pressed else 0
+    elif end.met and not end.pressed:
+        end.done = 1
+    if end.done:
+        end.latched_m = end.position_m
+
+
+@inner_kernel
+def _find_mark(settings: Any, end: Any, raw_index: int, status: int) -> None:
+    """Note an end's first index mark of this phase, and where it is."""
+    if status & INDEX_LATCHED and not end.done:
+        end.done = 1
+        back = counter_step(settings, end.raw_counts, raw_index)
+        end.latched_m = settings.metres_per_count * (end.counts + back) + settings.offset_m
+
+
+@inner_kernel
+def joined_marks(
+    axis_settings: Any,
+    settings: Any,
+    axis: Any,
+    dual: Any,
+    raw_index: int,
+    second_raw_index: int,
+    status: int,
+    second_status: int,
+    t: float,
+) -> int:
+    """Return the bits of home switch and index mark as the axis' homing shall see them.
+
+    An axis that is not homing has the switch of either end, and no mark.
+    """
+    first, second = dual.first, dual.second
+    either = HOME_SWITCH if first.pressed or second.pressed else 0
+    if axis.state != HOMING:
+        dual.phase = NO_PHASE
+        return either
+    phase = axis.phase
+    if dual.phase != phase:
+        dual.phase = phase
+        if phase != SETTLE:
+            first.met, first.done, second.met, second.done = 0, 0, 0, 0
+    if phase == LATCH_INDEX:
+        _find_mark(settings.first, first, raw_index, status)
+        _find_mark(settings.second, second, second_raw_index, second_status)
+        _check_apart(settings, axis, dual, t)
+        both = first.done and second.done
+        # What the axis takes for its mark's count lies half way between the two.
+        mark_m = 0.5 * (first.latched_m + second.latched_m) - axis_settings.offset_m
+        dual.raw_index_counts = round(mark_m / axis_settings.metres_per_count) if both else 0
+        return either | (INDEX_LATCHED if both else 0)
+    if phase not in (SEARCH, RETREAT, LATCH_EDGE):
+        return either
+    leaves = axis_settings.search_velocity_m_s * axis_settings.latch_velocity_m_s < 0.0
+    _find_edge(first, phase, leaves)
+    _find_edge(second, phase, leaves)
+    _check_apart(settings, axis, dual, t)
+    both = first.done and second.done
+    if phase == SEARCH or (phase == LATCH_EDGE and not leaves):
+        return HOME_SWITCH if both else 0
+    return 0 if both else HOME_SWITCH
+
+
+@inner_kernel
+def _check_apart(settings: Any, axis: Any, dual: Any, t: float) -> None:
+    """Trip where one end has gone on for too long since the other found what it looks for.
+
+    And, once both have, where they lie too far apart for a beam that could be squared.
+    """
+    first, second = dual.first, dual.second
+    allowed = settings.max_out_of_square_m
+    if first.done and second.done:
+        if dual.phase in (SEARCH, RETREAT):
+            return
+        apart = _apart_m(settings, dual)
+        if abs(apart) > allowed:
+            trip(axis, CAUSE_NOT_SQUARE, apart, allowed, t)
+    elif first.done or second.done:
+        gone = abs(axis.position_m - dual.apart_from_m)
+        allowed += abs(settings.square_offset_m)
+        if gone > allowed:
+            trip(axis, CAUSE_NOT_SQUARE, gone, allowed, t)
+    else:
+        dual.apart_from_m = axis.position_m
+
+
+@inner_kernel
+def _apart_m(settings: Any, dual: Any) -> float:
+    """Return by how much the beam was out of square as its ends found their edges or marks [m]."""
+    return (  # type: ignore[no-any-return]
+        dual.first.latched_m - dual.second.latched_m - settings.square_offset_m
+    )
+
+
+@inner_kernel
+def settle_ends(settings: Any, axis: Any, dual: Any) -> None:
+    """Hand the axis the place half way between the ends' edges; square the beam once it is homed.
+
+    After the axis' own step of homing. From here on the skew counts from square, and the skew loop
+    leads the ends there.
+    """
+    if axis.state == HOMING:
+        dual.squared = 0
+        if axis.phase == SETTLE and dual.phase == LATCH_EDGE:
+            axis.latched_m = 0.5 * (dual.first.latched_m + dual.second.latched_m) + axis.shift_m
+    elif axis.homed and not dual.squared:
+        dual.squared = 1
+        # The skew that the ends had between their edges is that of a square beam, and the offset.
+        zero_m = settings.square_offset_m - (dual.first.latched_m - dual.second.latched_m)
+        moved = zero_m - dual.shift_m
+        dual.shift_m = zero_m
+        dual.skew_m += moved
+        dual.reference_m += moved
+    elif not axis.homed:
+        dual.squared = 0
