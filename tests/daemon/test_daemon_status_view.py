@@ -39,6 +39,7 @@ DOCUMENT: dict[str, Any] = {
         "ticks": 18_617_000,
         "overruns": 0,
         "skipped_periods": 0,
+        "waits": False,
         "degraded": [],
         "turnaround": TIMING,
         "lateness": TIMING,
