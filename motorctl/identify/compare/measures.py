@@ -19,10 +19,13 @@ Array = NDArray[np.float64]
 
 SYMBOLS = ("eM", "eF", "L2[e]", "uM")
 PERIODS_AT_END = 2
-"""Periods of the reference at the end of a run from which the final error is taken. Convention of
-the published table."""
+"""Periods of the reference at the end of a run from which the final error is taken. More counts
+what the adaptation still had to learn, fewer lets one disturbance decide. Convention of the
+published table."""
 STANDSTILL = 1e-6
-"""Share of the reference's range within which it stands still."""
+"""Distance from the reference's last value, as a part of its range, within which it stands still.
+Larger cuts the end of slow moves off the last periods, smaller takes rounding for motion, so that a
+long standstill counts as the end of the run. Chosen by hand."""
 
 
 @dataclass(frozen=True)

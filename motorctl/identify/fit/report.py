@@ -14,7 +14,8 @@ from motorctl.identify.fit.settings import Segment
 from motorctl.log.units import unit_for
 
 FAR_PERCENT = 1000.0
-"""A difference beyond it is told as the value itself."""
+"""Difference from which the other estimate is told by its value, no longer as a percentage [%].
+Only looks depend on it. Chosen by hand."""
 _ESTIMATORS = {
     "least_squares": "least squares with the {} on the left",
     "instruments": "instruments built from the reference",

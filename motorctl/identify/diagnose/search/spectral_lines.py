@@ -33,6 +33,12 @@ LEAST_COVERED = 0.1
 """Part of the places, over the travel, at which a wave must be slow enough to be seen. Larger
 misses fine pitches, smaller names waves that single turning points make. Chosen by hand on the
 simulated campaign."""
+COVERED_WAVES = 24
+"""Wave numbers, evenly spread over their logarithm, at which that part is told; between them it is
+interpolated. More takes time, fewer rounds off where it falls. Chosen by hand."""
+SLOW_PERCENT = 25.0
+"""Percentile of the speed that stands for slow motion. Larger misses pitches that only slow motion
+shows, smaller names what few rows show. Chosen by hand."""
 
 
 def position_spectrum(
@@ -121,7 +127,7 @@ def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
     fit whatever happens there.
     """
     index = np.minimum((place * PLACES).astype(int), PLACES - 1)
-    some = np.geomspace(float(kappa[0]), float(kappa[-1]), 24)
+    some = np.geomspace(float(kappa[0]), float(kappa[-1]), COVERED_WAVES)
     covered = np.empty(len(some))
     for k, wave in enumerate(some):
         energy = np.bincount(index, signals.response(wave * np.abs(v)) ** 2, PLACES)
@@ -131,4 +137,4 @@ def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
 
 def _slow(v: Array) -> float:
     """Return a speed that a good part of the rows stay below."""
-    return max(float(np.percentile(np.abs(v), 25.0)), 1e-9)
+    return max(float(np.percentile(np.abs(v), SLOW_PERCENT)), 1e-9)

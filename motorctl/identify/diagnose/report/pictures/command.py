@@ -48,8 +48,8 @@ BEYOND = 0.005
 """Part of the largest command that has to be missing to be beyond a limit. Larger hides what is
 hardly beyond, smaller marks noise. Chosen by hand."""
 FAR = 4.0
-"""Commands at which the line of the limit is looked at, in multiples of the largest. Any that is
-beyond it everywhere would do. Arithmetic."""
+"""Commands at which the line of the limit is looked at, in multiples of the largest. Any other
+would do that is beyond the limit everywhere. Arithmetic."""
 MOST_POINTS = 4000
 """Points of a cloud, at most. More make larger files, fewer thin it out. Chosen by hand."""
 
