@@ -62,6 +62,11 @@ def spawn(
         File descriptors that it holds as long as it lives.
     bell_fd
         An eventfd that this process rings when a driver shall be opened anew.
+
+    Returns
+    -------
+    Popen
+        The process; one that died at once is found dead by whoever watches it.
     """
     bells = () if bell_fd is None else (bell_fd,)
     process = subprocess.Popen(
