@@ -21,6 +21,12 @@ pitch."""
 OVERSAMPLING = 8
 """Points of the spectrum for each independent one. Fewer may miss a line's top, more takes time.
 Chosen by hand: at 8 a line lies within a sixteenth of its width."""
+BAND_PART = 0.45
+"""Part of the band that the finest wave may reach in slow motion. Larger takes what the filter's
+edge lets through for a line, smaller misses fine pitches. Chosen by hand."""
+CELLS_PER_WAVE = 4.0
+"""Places into which the finest wave is cut. More takes time, fewer blurs it: 2 would be Nyquist's
+limit. Chosen by hand: twice that."""
 SPEED_BINS = 64
 """Bins of speed from which the filter's loss is told. More takes time, fewer is coarser. Chosen by
 hand."""
@@ -50,10 +56,10 @@ def position_spectrum(
     """
     x, v = signals.picked(lambda s: s.x), signals.picked(lambda s: s.v)
     low, travel = float(x.min()), float(np.ptp(x))
-    finest = min(CYCLES_PER_TRAVEL / travel, 0.45 * signals.band_hz / _slow(v))
+    finest = min(CYCLES_PER_TRAVEL / travel, BAND_PART * signals.band_hz / _slow(v))
     r = adjoint(signals, left_over)
     w = np.ones_like(r) if weight is None else weight
-    cell = 1.0 / (4.0 * finest)
+    cell = 1.0 / (CELLS_PER_WAVE * finest)
     bins = int(travel / cell) + 2
     place = (x - low) / cell
     index = place.astype(int)
