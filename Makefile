@@ -36,6 +36,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 	$(BIN)/python tools/effects_quoted.py
 	$(BIN)/python tools/constants_told.py
+	$(BIN)/python tools/docstrings_return.py
 	$(BIN)/python tools/effects_table.py --check
 	$(BIN)/python tools/draw_states.py --check
 

@@ -3,15 +3,24 @@
     python tools/constants_told.py [FOLDER …]
 
 Looks at every name in capitals that a module of the given folders (by default motorctl/identify)
-sets to a number, or to a tuple, list, set or dictionary of numbers. The string says what the number
-is, in which unit, what breaks when it is larger or smaller, and where it comes from; that there is
-one can be checked, that it is true cannot.
-Prints file, line and name of each that has none, and exits with 1 where there is any.
+sets to a number, or to a tuple, list, set or dictionary of numbers. Under it stands a string that
+says what the number is and in which unit, and that has
+
+- a clause on what breaks: "Larger …, smaller …", "More …, fewer …", "Nearer to 1 …";
+- a clause on the source: "Chosen by hand", "Chosen on …", "Arithmetic", "Convention",
+  "Measured on …", "Learned by …", "Published", "By definition".
+
+Nothing breaks with a number that only looks depend on, for which any other would do as well (a
+seed), that is so by definition, or that quotes what somebody else published: such a string says
+that instead, and gives its source like any other. That these clauses stand there can be checked,
+that they are true cannot.
+Prints file, line, name and what is missing, and exits with 1 where there is any.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,14 +28,37 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "motorctl" / "identify"
 
+_CLAUSE = r"(?:^|[.;:,(] )(?:but |and )?"
+SOURCE = re.compile(
+    _CLAUSE + r"(?:(?:chosen|learned) (?:by|on)|arithmetic|convention|measured on|published"
+    r"|by definition)\b",
+    re.IGNORECASE,
+)
+BREAKS = re.compile(
+    _CLAUSE + r"(?:larger|smaller|more|fewer|longer|shorter|nearer|further|closer)\b",
+    re.IGNORECASE,
+)
+NOTHING_BREAKS = re.compile(
+    _CLAUSE + r"(?:only [\w' ]+ depends? on it|any other would do|by definition|published)\b",
+    re.IGNORECASE,
+)
 
-def untold(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield line and name of every numeric constant of a source file without a string under it."""
+
+def untold(path: Path) -> Iterator[tuple[int, str, str]]:
+    """Yield line and name of every numeric constant of a source file, and what it fails to say."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     for statement, after in zip(body, [*body[1:], None], strict=True):
         name = _constant(statement)
-        if name is not None and not _is_string(after):
-            yield statement.lineno, name
+        if name is None:
+            continue
+        told = _string(after)
+        if told is None:
+            yield statement.lineno, name, "has no string under it that says what it is"
+            continue
+        if not (BREAKS.search(told) or NOTHING_BREAKS.search(told)):
+            yield statement.lineno, name, "does not say what breaks when it is larger or smaller"
+        if not SOURCE.search(told):
+            yield statement.lineno, name, "does not say where it comes from"
 
 
 def _constant(statement: ast.stmt) -> str | None:
@@ -56,24 +88,24 @@ def _is_numeric(value: ast.expr | None) -> bool:
     return False
 
 
-def _is_string(statement: ast.stmt | None) -> bool:
-    return (
-        isinstance(statement, ast.Expr)
-        and isinstance(statement.value, ast.Constant)
-        and isinstance(statement.value.value, str)
-    )
+def _string(statement: ast.stmt | None) -> str | None:
+    """Return the text of a statement that is but a string, its white space single blanks."""
+    match statement:
+        case ast.Expr(value=ast.Constant(value=str(text))):
+            return " ".join(text.split())
+    return None
 
 
 def main(folders: list[str]) -> int:
-    """Print every constant without a string and return the exit status."""
+    """Print what every constant fails to say and return the exit status."""
     found = 0
     for folder in map(Path, folders or [str(PACKAGE)]):
         for path in sorted(folder.rglob("*.py")):
-            for line, name in untold(path):
-                print(f"{path}:{line}: {name} has no string under it that says what it is")
+            for line, name, missing in untold(path):
+                print(f"{path}:{line}: {name} {missing}")
                 found += 1
     if found:
-        print(f"{found} constants: say what each is, its unit, what breaks, where it comes from")
+        print(f"{found} gaps: say what each is, its unit, what breaks, where it comes from")
     return 1 if found else 0
 
 

@@ -6,6 +6,8 @@ Looks at every string of the given folders (by default the package motorctl) but
 effects' own files. A string offends that is an effect's name, and one that has such a name as a
 word in it where the name is no ordinary English word. Effects may use ordinary words for
 parameters of their own. Python files alone are looked at.
+Benchmarks and the simulated gantry may name effects, and are not looked at: their tables say what
+is true of a machine, and are worth something only where motorctl's effects do not tell them.
 Prints file, line and name of each, and exits with 1 where there is any.
 """
 

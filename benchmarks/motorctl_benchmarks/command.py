@@ -109,6 +109,7 @@ def bench(
 
     from motorctl.cli.progress import showing_progress
     from motorctl.errors import UsageError
+    from motorctl.json_values import plain
     from motorctl.latency.host import host_line
     from motorctl_benchmarks.measure import measure
 
@@ -127,7 +128,7 @@ def bench(
     with showing_progress("measuring; the first run compiles the kernels") as progress:
         result = measure(subject, progress, options)
     if as_json:
-        typer.echo(json.dumps(_finite(result.document()), indent=2, allow_nan=False))
+        typer.echo(json.dumps(plain(result.document()), indent=2, allow_nan=False))
         return
     console = Console()
     if not console.is_terminal:
@@ -206,17 +207,6 @@ def _recordings(
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
 
     return RecordingsOptions(recordings, workers, out, tuple(only or ()))
-
-
-def _finite(value: object) -> object:
-    """Put null in the place of what JSON has no number for."""
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
-    if isinstance(value, float) and not (-float("inf") < value < float("inf")):
-        return None
-    return value
 
 
 def _print_mistakes(console: Console, result: Result) -> None:

@@ -32,8 +32,24 @@ SHIPPED = Path(__file__).parent / "shipped"
 def load_device(path: Path, link: Path | None = None) -> Device:
     """Read a device file, or a shipped one by its bare name, and build the device, not opened yet.
 
-    `link` becomes a symbolic link to the device's serial port. Raises ConfigError with every
-    problem of the file, UsageError where there is no port to link to.
+    Parameters
+    ----------
+    path
+        The file, or the name of a shipped one.
+    link
+        What becomes a symbolic link to the device's serial port; None: no link.
+
+    Returns
+    -------
+    Device
+        The gantry behind its bus, with the faults that the file orders.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the file.
+    UsageError
+        Where there is no port to link to.
     """
     path = locate(path, SHIPPED)
     document = read_document(path)

@@ -82,7 +82,19 @@ def ask_for_priority() -> None:
 
 
 def report(device: Device) -> dict[str, Any]:
-    """Tell what a device did, as plain data."""
+    """Return what a device did, as plain data.
+
+    Parameters
+    ----------
+    device
+        The device, after it ran.
+
+    Returns
+    -------
+    dict
+        Counts of exchanges, samples and commands, what became of every ordered fault, the longest
+        pause [s], and how far each axis went to either side [counts].
+    """
     machine, endpoint = device.machine, device.endpoint
     return {
         "endpoint": endpoint.address,

@@ -9,7 +9,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from motorctl.identify.compare.measures import Durations, MeasuredRun, table_cells, table_headings
+from motorctl.identify.compare.measures import (
+    DurationFigures,
+    MeasuredRun,
+    table_cells,
+    table_headings,
+)
 from motorctl.identify.compare.runs import Comparison
 
 COLUMNS = table_headings()
@@ -61,7 +66,7 @@ def _period(run: MeasuredRun) -> str:
     return f"period{length} {run.period_from}"
 
 
-def _told(found: Durations) -> str:
+def _told(found: DurationFigures) -> str:
     return (
         f"median {found.median_s * 1e6:.1f} µs, 99 % {found.p99_s * 1e6:.1f}, "
         f"99.9 % {found.p999_s * 1e6:.1f}, worst {found.worst_s * 1e6:.1f} µs "

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from motorctl.close_loop.document import effects_added
+from motorctl.close_loop.json_document import effects_added
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.close_loop.tables import error_row, tracking_table

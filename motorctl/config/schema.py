@@ -14,7 +14,13 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def config_schema() -> dict[str, Any]:
-    """Return the schema of the whole file; drivers' own options stay open, they vary by machine."""
+    """Return the schema of the whole file; drivers' own options stay open, they vary by machine.
+
+    Returns
+    -------
+    dict
+        JSON Schema of a configuration as YAML has it, by the dialect that its `$schema` names.
+    """
     schema = ConfigurationKeys.model_json_schema()
     definitions: dict[str, Any] = schema["$defs"]
     programs = _programs(definitions)

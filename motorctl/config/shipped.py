@@ -11,12 +11,34 @@ SUFFIX = ".yaml"
 
 
 def shipped_configs() -> dict[str, Path]:
-    """Return every shipped configuration by its name."""
+    """Return every shipped configuration by its name.
+
+    Returns
+    -------
+    dict
+        The YAML file of each name, in the checkout or the installed package.
+    """
     return _by_name(_folder())
 
 
 def shipped_config(name: str) -> Path:
-    """Return the file of a shipped configuration. Raises UsageError, naming those there are."""
+    """Return the file of a shipped configuration.
+
+    Parameters
+    ----------
+    name
+        What it is called: its file's name without the suffix.
+
+    Returns
+    -------
+    Path
+        The YAML file, in the checkout or the installed package.
+
+    Raises
+    ------
+    UsageError
+        Where there is none of that name; it names those there are.
+    """
     known = shipped_configs()
     if name not in known:
         raise UsageError(f"there is no shipped configuration '{name}'; {suggest(name, known)}")

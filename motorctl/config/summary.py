@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -26,6 +25,7 @@ from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import MotorctlError
+from motorctl.json_values import plain
 from motorctl.model import Effect, EffectList, known_effects
 from motorctl.model.knowledge import Signal
 from motorctl.motion import Program
@@ -87,8 +87,8 @@ def summarise(machine: Machine) -> dict[str, Any]:
         ],
         "resolved": dict(machine.resolved),
     }
-    plain: dict[str, Any] = _finite(summary)
-    return plain
+    document: dict[str, Any] = plain(summary)
+    return document
 
 
 def _groups(machine: Machine) -> list[list[str]] | None:
@@ -329,11 +329,3 @@ def _coulomb_slope(effects: tuple[Effect, ...]) -> float:
         if effect.proportional_to == "direction":
             return float(effect.constants[0])
     return 0.0
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -27,19 +27,41 @@ def monotonicity_half_planes(
     margin: float,
     travel_m: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Array, Array]:
-    """Return normals (K, n) and offsets (K,) such that normal . theta >= offset keeps Assumption 2.
+    """Return the half-planes normal . theta >= offset that keep Assumption 2.
 
-    dv/du = 1 + sum theta_i h_i'(u) >= margin for |u| <= u_max is one half-plane for each u
-    (Chen, Yao, Wang 2013, Assumption 2). Those that follow from the box `lower`, `upper` [units
-    of theta] and from the others are left out; with theta6 <= 0 one remains, at u_max.
+    dv/du = 1 + sum theta_i h_i'(u) >= margin for |u| <= u_max is one half-plane for each u (Chen,
+    Yao, Wang 2013, Assumption 2). Those that follow from the box and from the others are left out;
+    with theta6 <= 0 one remains, at u_max.
 
     An effect that varies with place or time, or remembers, would need a half-plane at every place
     and for every past. Instead the others must leave room for the worst that it can do anywhere on
-    the travel, at any time, after any past that it names, for any of its parameters within the
-    box: that is added to the offsets. It is more than needed, so
-    narrow bounds of such effects leave the others more room.
+    the travel, at any time, after any past that it names, for any of its parameters within the box:
+    that is added to the offsets. It is more than needed, so narrow bounds of such effects leave the
+    others more room.
 
-    Raises UsageError where more than the law can hold remain, or bounds are not finite.
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    lower, upper
+        Bounds of theta, (n,), in units of the parameters.
+    u_max
+        Voltage limit [V]: the map is looked at from -u_max to u_max.
+    margin
+        Least dv/du [V/V].
+    travel_m
+        Both ends of the travel [m], over which a map that varies with place is looked at.
+
+    Returns
+    -------
+    tuple
+        Normals, (K, n), and offsets, (K,).
+
+    Raises
+    ------
+    UsageError
+        Where more than the law can hold remain, bounds are not finite, or what varies leaves no
+        theta.
     """
     used = np.zeros(len(model), np.bool_)
     used[input_indices(model)] = True

@@ -28,7 +28,18 @@ many as share no divisor with the times, so that every velocity meets every time
 def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int]:
     """Return the places in theta of the input map's parameters.
 
-    All, or only those of effects that vary with place, time or the past, or of those that do not.
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    varying
+        True: only those of effects that vary with place, time or the past; False: only those of
+        effects that do not; None: all.
+
+    Returns
+    -------
+    list
+        Indices, rising, each from 0 to n - 1.
     """
     effects = [effect for effect in model.effects for _ in effect.parameters]
     return [
@@ -39,7 +50,20 @@ def input_indices(model: EffectList, *, varying: bool | None = None) -> list[int
 
 
 def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
-    """Return h_i'(u), shape (len(u), n): zero where an effect varies or is not of the input map."""
+    """Return h_i'(u): zero where an effect varies or is not of the input map.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    u
+        Commands [V].
+
+    Returns
+    -------
+    ndarray
+        Slopes, (len(u), n), in units of the virtual command per volt and parameter.
+    """
     slopes = np.zeros((len(u), len(model)))
     indices = input_indices(model, varying=False)
     slopes[:, indices] = _slopes(model, indices, u, (0.0, 0.0, 0.0), np.zeros(model.context_size))
@@ -49,10 +73,26 @@ def fixed_slopes(model: EffectList, u: Sequence[float]) -> Array:
 def worst_varying(
     model: EffectList, u: Sequence[float], lower: Array, upper: Array, travel_m: tuple[float, float]
 ) -> Array:
-    """Return the lowest that the varying effects can add to dv/du, shape (len(u),).
+    """Return the lowest that the varying effects can add to dv/du.
 
-    Over all of the travel, of time and of the memories that the effects name, for any theta (n,)
-    between lower and upper (n,).
+    Over all of the travel, of time and of the memories that the effects name, for any theta between
+    the bounds.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    u
+        Commands [V].
+    lower, upper
+        Bounds of theta, (n,), in units of the parameters.
+    travel_m
+        Both ends of the travel [m], over which a map that varies with place is looked at.
+
+    Returns
+    -------
+    ndarray
+        What they add [V/V], (len(u),); zeros where none varies.
     """
     indices = input_indices(model, varying=True)
     if not indices:

@@ -36,7 +36,18 @@ the same ones. Whatever is added here has to be given to `fill_settings`."""
 
 
 def law_settings(parameters: int) -> np.dtype[np.void]:
-    """Return the settings record for a theta of at most `parameters` entries."""
+    """Return the layout of the settings record of the law.
+
+    Parameters
+    ----------
+    parameters
+        Entries of the longest theta that it holds.
+
+    Returns
+    -------
+    dtype
+        A structured numpy type, aligned as C has it.
+    """
     p = parameters
     return np.dtype(
         [
@@ -68,10 +79,21 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
 
 
 def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np.dtype[np.void]:
-    """Return the state record for a theta of at most `parameters` entries.
+    """Return the layout of the state record of the law.
 
-    The effects of the list remember at most `context_size` numbers, and depend on the motion of at
-    most `other_axes` axes.
+    Parameters
+    ----------
+    parameters
+        Entries of the longest theta that it holds.
+    context_size
+        Numbers that the effects of the list remember, at most.
+    other_axes
+        Axes on whose motion the effects depend, at most.
+
+    Returns
+    -------
+    dtype
+        A structured numpy type, aligned as C has it.
     """
     p, c, m = parameters, max(1, context_size), max(1, other_axes)
     return np.dtype(

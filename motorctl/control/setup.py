@@ -18,12 +18,32 @@ Array = NDArray[np.float64]
 
 
 def max_input_delay_s(period_s: float) -> float:
-    """Return the longest input delay that the estimator's history holds."""
+    """Return the longest input delay that the estimator's history holds.
+
+    Parameters
+    ----------
+    period_s
+        Period of the loop [s].
+
+    Returns
+    -------
+    float
+        The delay [s].
+    """
     return (HISTORY - 4) * period_s
 
 
 def fill_by_name(record: np.void, names: Iterable[str], given: Mapping[str, Any]) -> None:
     """Write the values of these names into the record's fields; None is no limit, infinity.
+
+    Parameters
+    ----------
+    record
+        The record that is written to.
+    names
+        Its fields that are filled.
+    given
+        Values by name, in the fields' own units; other names in it are left.
 
     Raises
     ------

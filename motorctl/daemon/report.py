@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
 from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
+from motorctl.json_values import finite
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, reasons
 from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message, partner_words
@@ -138,7 +138,7 @@ class Report:
             "pid": int(status["pid"]),
             "rate_hz": self._machine.rate_hz,
             "ticks": int(status["tick"]),
-            "time_s": _finite(status["time_s"]),
+            "time_s": finite(status["time_s"]),
             "overruns": int(status["overruns"]),
             "skipped_periods": int(status["skipped_periods"]),
             "waits": self._machine.loop.waits,
@@ -214,17 +214,17 @@ class Report:
             },
             "homed": bool(status["homed"]),
             "controller": axis.controller,
-            "position_m": _finite(status["position_m"]),
-            "velocity_m_s": _finite(status["velocity_m_s"]),
-            "reference_m": _finite(status["reference_m"]),
-            "following_error_m": _finite(status["following_error_m"]),
-            "command_v": _finite(status["command_v"]),
+            "position_m": finite(status["position_m"]),
+            "velocity_m_s": finite(status["velocity_m_s"]),
+            "reference_m": finite(status["reference_m"]),
+            "following_error_m": finite(status["following_error_m"]),
+            "command_v": finite(status["command_v"]),
             "travel_m": list(axis.limits.travel_m),
             "max_voltage_v": axis.limits.max_voltage_v,
             "motion": motion if state is AxisState.RUNNING else None,
             **_dual_drive(axis, status),
-            "d0_hat_v": _finite(status["d0_hat_v"]),
-            "theta_hat": dict(zip(axis.model.parameter_names, map(_finite, theta), strict=True)),
+            "d0_hat_v": finite(status["d0_hat_v"]),
+            "theta_hat": dict(zip(axis.model.parameter_names, map(finite, theta), strict=True)),
         }
 
 
@@ -234,9 +234,9 @@ def _dual_drive(axis: Axis, status: np.void) -> dict[str, Any]:
         return {}
     return {
         "dual_drive": {
-            "skew_m": _finite(status["skew_m"]),
-            "skew_reference_m": _finite(status["skew_reference_m"]),
-            "skew_command_v": _finite(status["skew_command_v"]),
+            "skew_m": finite(status["skew_m"]),
+            "skew_reference_m": finite(status["skew_reference_m"]),
+            "skew_command_v": finite(status["skew_command_v"]),
             "skew_limit_m": axis.guards.skew.limit_m,
             "second_device": device_message(int(status["second_device_status"])) or None,
         }
@@ -245,9 +245,3 @@ def _dual_drive(axis: Axis, status: np.void) -> dict[str, Any]:
 
 def _state(memory: LoopMemory, index: int) -> AxisState:
     return AxisState(int(memory.axis_status["state"][index]))
-
-
-def _finite(value: np.floating[Any] | float) -> float | None:
-    """Return the number, or None where it is not finite: JSON has no such numbers."""
-    number = float(value)
-    return number if math.isfinite(number) else None

@@ -123,6 +123,11 @@ def free_record_path(folder: Path, when: datetime, axis: str | None, cause: str)
         That tripped first; None: no axis did.
     cause
         In one word, as `FaultCause` names it.
+
+    Returns
+    -------
+    Path
+        Time, axis and cause in its name, and a number where these are taken.
     """
     stem = "-".join([f"{when:%Y%m%dT%H%M%SZ}", *([axis] if axis else []), cause])
     path, count = folder / f"{stem}.parquet", 1
@@ -139,6 +144,11 @@ def list_records(folder: Path) -> Listing:
     ----------
     folder
         Of the records, or of the logs beside which it stands.
+
+    Returns
+    -------
+    Listing
+        The records, the newest first, and a sentence on each file that is none.
 
     Raises
     ------
@@ -163,6 +173,16 @@ def list_records(folder: Path) -> Listing:
 
 def load_record(path: Path) -> FlightRecord:
     """Read what a record says of itself.
+
+    Parameters
+    ----------
+    path
+        The record's file.
+
+    Returns
+    -------
+    FlightRecord
+        Its number of rows, size and metadata; the rows themselves are not read.
 
     Raises
     ------
@@ -191,6 +211,11 @@ def find_record(listing: Listing, wanted: str | None) -> FlightRecord:
         What there is.
     wanted
         An id, or a part of it that only one has; None: the newest.
+
+    Returns
+    -------
+    FlightRecord
+        What the record says of itself.
 
     Raises
     ------

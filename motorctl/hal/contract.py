@@ -138,7 +138,18 @@ class RateBudget:
 
 
 def serial_line(port: str) -> str:
-    """Return the `Driver.medium` of a serial port, whatever link it is named by."""
+    """Return the `Driver.medium` of a serial port, whatever link it is named by.
+
+    Parameters
+    ----------
+    port
+        Path of the port, or of a link to it.
+
+    Returns
+    -------
+    str
+        The same words for every name of the same port.
+    """
     return f"serial port {os.path.realpath(port)}"
 
 

@@ -25,7 +25,13 @@ class DriverEntry:
 
 
 def installed_drivers() -> list[DriverEntry]:
-    """Load every registered driver, in order of their names."""
+    """Load every registered driver.
+
+    Returns
+    -------
+    list
+        An entry for each, in order of their names; of one that fails to load the reason.
+    """
     return [_load(point) for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)]
 
 
@@ -36,6 +42,11 @@ def driver_class(type_name: str) -> type[Driver]:
     ----------
     type_name
         A name of the entry-point group ``motorctl.drivers``, or ``package.module:Class``.
+
+    Returns
+    -------
+    type
+        A subclass of `Driver`.
 
     Raises
     ------

@@ -23,7 +23,27 @@ class Figure:
 
 
 def figure(file: Path, caption: str = "", title: str = "") -> Figure:
-    """Return the picture of a PNG file. Raises OSError where it cannot be read."""
+    """Return the picture of a PNG file.
+
+    Parameters
+    ----------
+    file
+        The picture.
+    caption
+        Words below it; empty: none.
+    title
+        Words above it; empty: none.
+
+    Returns
+    -------
+    Figure
+        The picture itself, in base64, with its words.
+
+    Raises
+    ------
+    OSError
+        Where the file cannot be read.
+    """
     return Figure(base64.b64encode(file.read_bytes()).decode(), caption, title)
 
 

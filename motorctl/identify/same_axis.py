@@ -9,27 +9,35 @@ import numpy as np
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, measured
-from motorctl.identify.columns.signals import low_pass_response, make_signals
+from motorctl.identify.columns.signals import BAND_PER_RATE, low_pass_response, make_signals
 from motorctl.log import Recording
 
 SAME_RESOLUTION = 0.01
 """Relative difference up to which two resolutions are the same. Larger overlooks another encoder,
 smaller trips over rounding. Chosen by hand."""
 BEYOND_TRAVEL = 0.05
-"""Part of the travel by which a recorded position may lie outside the soft limits."""
+"""Part of the travel by which a recorded position may lie outside the soft limits. Larger overlooks
+another axis, smaller refuses overshoot and a moved zero. Chosen by hand."""
 BEYOND_VOLTAGE = 0.05
 """Part of the voltage limit by which a recorded command may exceed it. Larger overlooks another
 amplifier, smaller trips over noise. Chosen by hand."""
 OFF_GRID = 0.1
-"""Counts by which a step may miss a whole number of counts: files round."""
+"""Counts by which a step may miss a whole number of counts, and below which it is none. Larger
+overlooks another encoder, smaller trips over files that round. Chosen by hand."""
 OFF_GRID_SHARE = 0.5
 """Share of steps that miss a whole number of counts, from which the recording is of another
 encoder. Larger overlooks it, smaller trips over files that round. Chosen by hand."""
 FAR_BEYOND_BOUNDS = 4.0
-"""An inertia so many times beyond its bounds is that of another axis, or in another unit."""
+"""Inertia over its upper bound, or the lower bound over it, from which it is that of another axis,
+or in another unit. Larger overlooks these, smaller refuses a machine that carries another load.
+Chosen by hand."""
 ROUGH_BAND_HZ = 60.0
 """Band in which the inertia is told roughly [Hz]. Larger adds noise, smaller leaves little motion.
 Chosen by hand."""
+INERTIA_EXPLAINS = 0.5
+"""Part of the squared acceleration that such a rough model must explain for its inertia to say
+anything. Larger keeps silent about other axes, smaller accuses machines whose motion is little but
+noise. Chosen by hand."""
 
 
 def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -> None:
@@ -146,7 +154,9 @@ def _rough_inertia(data: Measured) -> float | None:
     if not np.all(np.isfinite(data.position) & np.isfinite(data.command)):
         return None
     try:
-        signals = make_signals(data, band_hz=min(ROUGH_BAND_HZ, 0.2 * data.sample_rate_hz))
+        signals = make_signals(
+            data, band_hz=min(ROUGH_BAND_HZ, BAND_PER_RATE * data.sample_rate_hz)
+        )
     except DataError:
         return None
     signals = signals.with_response(low_pass_response(signals.band_hz))
@@ -157,4 +167,4 @@ def _rough_inertia(data: Measured) -> float | None:
     b = np.linalg.lstsq(X.T, signals.acceleration(), rcond=None)[0]
     left = signals.acceleration() - b @ X
     explained = 1.0 - float(left @ left) / max(float(np.sum(signals.acceleration() ** 2)), 1e-300)
-    return 1.0 / float(b[0]) if b[0] > 0.0 and explained > 0.5 else None
+    return 1.0 / float(b[0]) if b[0] > 0.0 and explained > INERTIA_EXPLAINS else None

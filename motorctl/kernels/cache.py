@@ -35,7 +35,13 @@ DAY_S = 86400.0
 
 
 def cache_root() -> Path:
-    """Return the folder for compiled kernels: systemd's CacheDirectory=, else the user's cache."""
+    """Return the folder for compiled kernels.
+
+    Returns
+    -------
+    Path
+        That of systemd's CacheDirectory=, else the user's cache; it may not exist yet.
+    """
     if directory := os.environ.get("CACHE_DIRECTORY"):
         return Path(directory.split(":")[0])
     base = os.environ.get("XDG_CACHE_HOME")
@@ -62,8 +68,17 @@ def compiled_folder() -> Path:
 def kernels_cached() -> Iterator[None]:
     """Let functions that are decorated with ``njit(cache=True)`` inside keep their code here.
 
-    Import the module that defines them inside this context. Raises RunError where nothing can be
-    written there.
+    Import the module that defines them inside this context.
+
+    Yields
+    ------
+    None
+        The kernels' cache is in force until the context ends.
+
+    Raises
+    ------
+    RunError
+        Where nothing can be written there.
     """
     compiled_folder()
     settings: Any = numba.config

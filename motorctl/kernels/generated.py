@@ -20,6 +20,16 @@ def source_digest(source: str) -> str:
     """Shorten a generated source, and all that it imports, to a name.
 
     Comments and docstrings do not count.
+
+    Parameters
+    ----------
+    source
+        Python source.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
     """
     return digest_of_source(source)
 
@@ -27,7 +37,22 @@ def source_digest(source: str) -> str:
 def load_generated(name: str, source: str) -> ModuleType:
     """Write a generated module into the cache folder, once, and import it.
 
-    Raises RunError where nothing can be written there.
+    Parameters
+    ----------
+    name
+        Tells it from other generated modules, as `source_digest` does.
+    source
+        Its Python source.
+
+    Returns
+    -------
+    module
+        The module, the same one for the same name.
+
+    Raises
+    ------
+    RunError
+        Where nothing can be written there.
     """
     full_name = f"motorctl_generated_{name}"
     if full_name in sys.modules:
@@ -56,8 +81,20 @@ def load_generated(name: str, source: str) -> ModuleType:
 def specialise(kernel: Any, *arguments: object) -> Callable[..., Any]:
     """Compile a kernel, or load it from the cache, for arguments of just these types.
 
-    What is given skips the look-up of the arguments' types that a call of `kernel` itself makes,
-    which costs several times the tick's mathematics. Every later call must pass the same types.
+    What is returned skips the look-up of the arguments' types that a call of `kernel` itself makes,
+    which costs several times the tick's mathematics.
+
+    Parameters
+    ----------
+    kernel
+        A function that numba compiles.
+    *arguments
+        Of the types that every later call passes; their values do not matter.
+
+    Returns
+    -------
+    callable
+        The compiled code for these types alone.
     """
     type_of: Callable[[object], Any] = numba.typeof
     entry: Callable[..., Any] = kernel.compile(tuple(type_of(a) for a in arguments))

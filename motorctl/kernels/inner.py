@@ -100,10 +100,15 @@ def inner_kernel(function: Any = None, /, **options: Any) -> Any:
 
     Parameters
     ----------
-    function : callable
-        What numba can compile.
+    function
+        What numba can compile; None: the decorator is returned, as for a decorator with options.
     **options
         Numba's, such as ``error_model="numpy"``.
+
+    Returns
+    -------
+    callable
+        The kernel, or the decorator that makes one.
     """
     if function is None:
         return lambda decorated: inner_kernel(decorated, **options)

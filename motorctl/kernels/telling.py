@@ -28,9 +28,19 @@ class _Teller(event.Listener):
 
 @contextmanager
 def compiling_told(line: str) -> Iterator[None]:
-    """Write `line` to stderr if anything is compiled inside, before it is.
+    """Write a line to stderr if anything is compiled inside, before it is.
 
     What is found in the cache is not worth a line.
+
+    Parameters
+    ----------
+    line
+        What is written, once.
+
+    Yields
+    ------
+    None
+        Compilation is watched until the context ends.
     """
     with event.install_listener("numba:compile", _Teller(line)):
         yield

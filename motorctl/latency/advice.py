@@ -12,7 +12,7 @@ STOLEN_ENOUGH = 1e-4
 
 
 def kernel_advice(cpu: int, root: Path = ROOT) -> list[str]:
-    """Give what is missing for the loop on this CPU, a sentence each.
+    """Return what is missing for the loop on this CPU, a sentence each.
 
     root is where /proc and /sys are looked for.
     """
@@ -58,7 +58,7 @@ def kernel_advice(cpu: int, root: Path = ROOT) -> list[str]:
 
 
 def spin_advice(spin_s: float, period_s: float, late_share: float) -> list[str]:
-    """Give what a longer spin could do for a share of late wake-ups, 0 to 1."""
+    """Return what a longer spin could do for a share of late wake-ups, 0 to 1."""
     longer_s = LONGEST_SPIN * period_s
     if late_share < LATE_ENOUGH or spin_s >= longer_s:
         return []
@@ -69,7 +69,7 @@ def spin_advice(spin_s: float, period_s: float, late_share: float) -> list[str]:
 
 
 def theft_advice(stolen_share: float, cpu: int) -> list[str]:
-    """Give what a share of time says that a hypervisor took, 0 to 1."""
+    """Return what a share of time says that a hypervisor took, 0 to 1."""
     if stolen_share < STOLEN_ENOUGH:
         return []
     return [

@@ -40,7 +40,7 @@ class Rival:
 
 
 def cyclictest_command(cpu: int, priority: int, interval_us: int) -> list[str] | None:
-    """Give the command but its duration and output; None where cyclictest is not installed."""
+    """Return cyclictest's command but duration and output; None where it is not installed."""
     program = shutil.which("cyclictest")
     if program is None:
         return None

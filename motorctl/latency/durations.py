@@ -53,11 +53,11 @@ class Durations:
             self.worst_at_s = None if time_s is None else float(time_s[k])
 
     def share_beyond(self, limit_s: float) -> float:
-        """Give the share of durations above one of the limits, 0 to 1."""
+        """Return the share of durations above one of the limits, 0 to 1."""
         return self._beyond[limit_s] / self.total if self.total else 0.0
 
     def percentile_s(self, percentile: float) -> float:
-        """Give a percentile, rounded up to the end of its bin."""
+        """Return a percentile, rounded up to the end of its bin."""
         if self.total == 0:
             return float("nan")
         rank = np.ceil(self.total * percentile / 100.0)
@@ -74,7 +74,7 @@ class Durations:
         return np.diff(cumulative[ends], prepend=0, append=self.total)
 
     def document(self) -> dict[str, Any]:
-        """Give percentiles and the worst in microseconds; null without any duration."""
+        """Return percentiles and the worst in microseconds; null without any duration."""
         if self.total == 0:
             return dict.fromkeys([*PERCENTILES, "max_us", "max_at_s"])
         found: dict[str, Any] = {

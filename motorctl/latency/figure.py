@@ -48,7 +48,7 @@ class Figure:
         return None if number is None or math.isnan(number) else self.target.met_by(number)
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return the figure as plain data."""
         target = self.target
         return {
             "name": self.name,

@@ -24,7 +24,7 @@ def bin_names() -> list[str]:
 
 
 def histogram_document(durations: Durations) -> dict[str, Any]:
-    """Give edges and counts; the first count is below the first edge, the last beyond the last."""
+    """Return edges [us] and counts; the first is below the first edge, the last beyond the last."""
     return {"edges_us": list(EDGES_US), "counts": durations.between(EDGES_S).tolist()}
 
 

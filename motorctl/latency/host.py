@@ -14,7 +14,7 @@ STEAL = 8
 
 
 def host_facts() -> dict[str, Any]:
-    """Give what a reader of figures needs to know of this machine, and how busy it is."""
+    """Return what a reader of figures needs to know of this machine, and how busy it is."""
     load = os.getloadavg()[0]
     return {
         "name": platform.node(),
@@ -38,7 +38,7 @@ def host_line(facts: dict[str, Any]) -> str:
 
 
 def stolen_s(cpu: int, root: Path = ROOT) -> float:
-    """Give how long a hypervisor has kept this CPU from us since it was started.
+    """Return how long a hypervisor has kept this CPU from us since it was started.
 
     root is where /proc is looked for.
     """

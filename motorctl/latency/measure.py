@@ -47,9 +47,30 @@ class LatencyOptions:
 def measure_latency(machine: Machine, options: LatencyOptions, progress: Progress) -> Latency:
     """Run the loop for a while, and cyclictest for half as long before and after it.
 
-    Both get the same CPU, priority and period, one after the other, so that neither disturbs
-    the other. Raises UsageError where a duration is too short or a folder cannot be written to,
-    RunError where the loop fails or an axis trips.
+    Both get the same CPU, priority and period, one after the other, so that neither disturbs the
+    other.
+
+    Parameters
+    ----------
+    machine
+        The configured machine; its axes are started where its drivers are simulated ones,
+        or where `options` allow it.
+    options
+        Duration [s], and where log and figures are kept.
+    progress
+        Told the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Latency
+        Lateness and turnaround of the loop, those of cyclictest where it is installed, and advice.
+
+    Raises
+    ------
+    UsageError
+        Where a duration is too short or a folder cannot be written to.
+    RunError
+        Where the loop fails, an axis trips, or no tick fell into the measurement.
     """
     if not SHORTEST_S <= options.duration_s < float("inf"):
         raise UsageError(f"duration {options.duration_s:g} s: must be at least {SHORTEST_S:g} s")

@@ -89,7 +89,7 @@ class Latency:
         return missed(self.figures)
 
     def document(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return the measurement as plain data."""
         run, times, rival = self.run, self.times, self.rival
         turnaround = times.parts["turnaround"]
         return {
@@ -139,7 +139,7 @@ class Latency:
         }
 
     def _turnaround(self) -> list[Figure]:
-        """Give the median turnaround beside the published one of the same controller."""
+        """Return the median turnaround beside the published one of the same controller."""
         median_us = self.times.parts["turnaround"].percentile_s(50.0) * US
         controllers = {axis.controller for axis in self.machine.axes.values()}
         published_us = max(TURNAROUND_S[c] for c in controllers) * US

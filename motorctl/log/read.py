@@ -51,8 +51,12 @@ def read_recording(path: str | os.PathLike[str], *, gaps: Gaps = "fill") -> Reco
     gaps
         "fill": periods that a log skipped are filled in linearly where at most 10 follow each
         other, and of a log with longer gaps the longest stretch without one is taken; `notes`
-        tells.
-        "keep": every row stays as it was recorded, and times are not uniform across gaps.
+        tells. "keep": every row stays as it was recorded, and times are not uniform across gaps.
+
+    Returns
+    -------
+    Recording
+        Columns of equal length, (N,), with time in seconds and every axis in its own units.
 
     Raises
     ------

@@ -48,6 +48,11 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     out
         Where the log shall be; None: beside the partial file.
 
+    Returns
+    -------
+    Recovery
+        The log, its rows, and what was given up.
+
     Raises
     ------
     DataError

@@ -16,7 +16,7 @@ from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
 from motorctl.loop.clock import WallClock
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
-from motorctl.loop.reopening import Reopening
+from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.runner import run_wall
 from motorctl.loop.shared import LoopMemory, beat_timeout_s
 from motorctl.loop.tick import Tick
@@ -62,6 +62,11 @@ def spawn(
         File descriptors that it holds as long as it lives.
     bell_fd
         An eventfd that this process rings when a driver shall be opened anew.
+
+    Returns
+    -------
+    Popen
+        The process; one that died at once is found dead by whoever watches it.
     """
     bells = () if bell_fd is None else (bell_fd,)
     process = subprocess.Popen(
@@ -136,7 +141,7 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
         notes = [note for name in tick.drivers for note in tick.notes_of(name)]
         status["notes"][0] = "\n".join(notes).encode(errors="replace")
         if orders.bell_fd is not None:
-            reopening = Reopening(tick, memory, orders.bell_fd)
+            reopening = ReopeningThread(tick, memory, orders.bell_fd)
             reopening.begin(orders.machine.loop)
         memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))

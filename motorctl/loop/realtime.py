@@ -30,12 +30,29 @@ NEEDED = Degraded.NO_FIFO | Degraded.NO_PINNING | Degraded.NO_LOCKED_MEMORY
 
 
 def reasons(degraded: int) -> list[str]:
-    """Return the bits of Degraded in words."""
+    """Return the bits of Degraded in words.
+
+    Parameters
+    ----------
+    degraded
+        Bits of `Degraded`; 0: real time is complete.
+
+    Returns
+    -------
+    list
+        A sentence for each bit that is set.
+    """
     return [text for bit, text in REASONS.items() if degraded & bit]
 
 
 def isolated_cpus() -> list[int]:
-    """Return the CPUs that the kernel keeps free of other work."""
+    """Return the CPUs that the kernel keeps free of other work.
+
+    Returns
+    -------
+    list
+        Their numbers, rising; empty where there are none or the kernel does not tell.
+    """
     try:
         text = Path("/sys/devices/system/cpu/isolated").read_text().strip()
     except OSError:

@@ -42,7 +42,7 @@ class Away:
         self.passed = True
 
 
-class Reopening:
+class ReopeningThread:
     """The thread that opens drivers anew, one at a time, each on an order of the supervisor's.
 
     Tick and thread share no lock. The thread puts `Away` in the driver's place, waits until a tick

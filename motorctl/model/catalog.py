@@ -98,8 +98,24 @@ def _load(point: EntryPoint) -> EffectEntry:
 def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
     """Return the class of an effect, known by its name or named as ``package.module:Class``.
 
-    Raises UsageError where there is no such effect, or where it does not keep the contract of an
-    effect: then the message names the member and what is expected of it.
+    Parameters
+    ----------
+    name
+        The effect's own name.
+    type_name
+        ``package.module:Class``; None: a built-in effect, or one of the entry-point group
+        ``motorctl.effects``.
+
+    Returns
+    -------
+    type
+        A subclass of `Effect` that keeps the contract.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such effect, or where it does not keep the contract of an effect: then the
+        message names the member and what is expected of it.
     """
     if type_name is None:
         if name in known_effects():

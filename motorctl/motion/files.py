@@ -64,6 +64,11 @@ def parse_program(
         For messages: the file's name, what precedes a key, and the line of the path to a key within
         `keys`.
 
+    Returns
+    -------
+    Program
+        The program, checked by itself; whether an axis can follow it is not.
+
     Raises
     ------
     ConfigError
@@ -96,6 +101,18 @@ def parse_program(
 
 def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
     """Load the one program of a YAML file, or the points of a CSV file; named after the file.
+
+    Parameters
+    ----------
+    path
+        The file; what ends in .csv is read as points.
+    axis_names
+        The axes that it may move.
+
+    Returns
+    -------
+    Program
+        The program, checked by itself; whether an axis can follow it is not.
 
     Raises
     ------

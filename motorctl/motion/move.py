@@ -34,6 +34,12 @@ def point_to_point(
     max_velocity_m_s, max_acceleration_m_s2, max_jerk_m_s3
         Limits, all above 0.
 
+    Returns
+    -------
+    Trajectory
+        Position [m], velocity, acceleration and jerk over time [s]; a rest where the way is
+        negligible.
+
     Raises
     ------
     UsageError

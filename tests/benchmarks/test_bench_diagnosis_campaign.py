@@ -294,7 +294,7 @@ def test_a_case_that_trips_is_an_answer_that_is_wrong(monkeypatch):
 
 
 def sparse_problem(rng, rows=4000):
-    """Give a regression whose truth is one effect of two columns, among others and noise."""
+    """Return a regression whose truth is one effect of two columns, among others and noise."""
     columns = rng.standard_normal((8, rows))
     columns /= np.linalg.norm(columns, axis=1)[:, None]
     y = 40.0 * columns[2] - 30.0 * columns[3] + 0.2 * rng.standard_normal(rows)

@@ -11,7 +11,7 @@ import pytest
 from refine_bench import axis_diagnosis, effect, found
 
 from motorctl.close_loop import rounds as rounds_module
-from motorctl.close_loop.document import closed_loop_document, effects_added
+from motorctl.close_loop.json_document import closed_loop_document, effects_added
 from motorctl.close_loop.report import write_reports
 from motorctl.close_loop.rounds import close_loop
 from motorctl.close_loop.trial import Trial

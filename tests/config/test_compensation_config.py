@@ -24,7 +24,7 @@ NARROW = {"bounds": [-0.05, 0.05]}
 
 
 def with_effects(**effects: Any) -> dict[str, Any]:
-    """Give the bench machine with two axes, and more effects on x."""
+    """Return the bench machine with two axes, and more effects on x."""
     data = machine()
     data["axes"]["y"] = copy.deepcopy(data["axes"]["x"]) | {"channel": 1, "program": None}
     data["axes"]["x"]["model"] |= effects

@@ -22,7 +22,7 @@ QUICK = settings(
 
 
 def places(part, path=()):
-    """Give the path of every value in plain data."""
+    """Yield the path of every value in plain data."""
     for key, value in part.items() if isinstance(part, dict) else enumerate(part):
         yield [*path, key]
         if isinstance(value, dict | list):

@@ -32,7 +32,7 @@ DUAL: dict[str, Any] = {
 
 
 def beam(**changes):
-    """Give the bench's machine with two motors; changes by path, as of `machine`."""
+    """Return the bench's machine with two motors; changes by path, as of `machine`."""
     given = {"axes__x__dual_drive": copy.deepcopy(DUAL)}
     given["axes__x__guards"] = {"skew": {"limit_m": 1e-3}}
     data = machine(**given)

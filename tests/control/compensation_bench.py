@@ -82,7 +82,7 @@ def machine(
     estimates: Mapping[str, Mapping[str, float]],
     options: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Machine:
-    """Give the gantry with more in the plant of axis x, and a law that knows every effect.
+    """Return the gantry with more in the plant of axis x, and a law that knows every effect.
 
     estimates gives the parameters of x that are not zero; options takes the place of EVERY's.
     """

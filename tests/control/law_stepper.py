@@ -41,7 +41,7 @@ Motion = Sequence[float]
 
 
 def known(name: str, **options: Any) -> Effect:
-    """Give one of the known effects."""
+    """Return one of the known effects."""
     return make_effect(effect_class(name), options)
 
 
@@ -96,7 +96,7 @@ class Stepper:
         near: Motion | None = None,
         far: Motion | None = None,
     ) -> float:
-        """Give the command; near and far are needed where the list declares a lag or a delay."""
+        """Return the command; near and far are needed where the list declares a lag or a delay."""
         for field, told in (("near", near), ("far", far)):
             if told is not None:
                 self.state[field][0] = told

@@ -38,7 +38,7 @@ def reference():
 
 
 def needed_ks1() -> float:
-    """Give the least ks1 over the box; the condition is convex in G."""
+    """Return the least ks1 over the box; the condition is convex in G."""
     ends = [
         K2 + t1 * K1 - g + g * g / (2 * t1 * K1)
         for t1 in (LOWER[0], UPPER[0])
@@ -48,7 +48,7 @@ def needed_ks1() -> float:
 
 
 def bound(vs0: float, error: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Give eq. 24's right side at every tick; error (6,) bounds |theta_hat - theta|."""
+    """Return eq. 24's right side at every tick; error (6,) bounds |theta_hat - theta|."""
     largest = [*np.abs(reference[:, [2, 1]]).max(axis=0), 1.0, 1.0, U_MAX**2, U_MAX**3]
     h = error @ largest + D_MAX
     eta, rate = h**2 / (4 * KS2), min(2 * K2 / UPPER[0], K1)

@@ -41,7 +41,7 @@ class Plant:
 
 
 def followed(theta: tuple[float, float], **settings: object) -> tuple[float, Stepper]:
-    """Give the rms following error [m] of a second, and the law."""
+    """Return the rms following error [m] of a second, and the law."""
     law, plant = Stepper(MODEL, theta, LOW, HIGH, **settings), Plant()
     law.start(0.0, 0.0)
     errors = []

@@ -23,7 +23,7 @@ capable = pytest.mark.skipif(not can_be_prompt(), reason="kernel threads cannot 
 
 
 def workers() -> dict[int, int]:
-    """Give the scheduling policy of each kernel thread that may carry a pseudo-terminal."""
+    """Return the scheduling policy of each kernel thread that may carry a pseudo-terminal."""
     found = {}
     for comm in Path("/proc").glob("[0-9]*/comm"):
         try:

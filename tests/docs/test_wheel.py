@@ -23,7 +23,7 @@ PACKAGES = {
 
 @pytest.fixture(scope="module", params=PACKAGES)
 def source(request: pytest.FixtureRequest) -> str:
-    """Give the folder that a wheel is built from."""
+    """Return the folder that a wheel is built from."""
     return str(request.param)
 
 

@@ -150,7 +150,7 @@ def _command(length: int) -> dict[str, Any]:
 
 
 def fd_options(channel: str) -> dict[str, Any]:
-    """Give the options for FdPeer."""
+    """Return the options for FdPeer."""
     command = _command(8)
     command["signals"]["watchdog"] = _signal("watchdog", 40, 8, scale=0.001)
     flags = ("encoder_lost x", "encoder_lost y", "amplifier_fault x", "amplifier_fault y")
@@ -179,7 +179,7 @@ def fd_options(channel: str) -> dict[str, Any]:
 
 
 def classic_options(channel: str) -> dict[str, Any]:
-    """Give the options for ClassicPeer."""
+    """Return the options for ClassicPeer."""
     frames = {"command": _command(6)}
     for i, axis in enumerate("xy"):
         signals = {

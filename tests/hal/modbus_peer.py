@@ -66,7 +66,7 @@ class Coupler:
         return bytes([23, 2 * many]) + inputs[2 * read : 2 * (read + many)]
 
     def fault(self) -> np.random.Generator | bool | None:
-        """Give what becomes of the next answer: False is nothing, None is lost."""
+        """Return what becomes of the next answer: False is nothing, None is lost."""
         if self.silent:
             return None
         return self.faults.popleft() if self.faults else False
@@ -210,7 +210,7 @@ def crc16(data: bytes) -> int:
 
 
 def layout() -> dict[str, Any]:
-    """Give the page's example layout."""
+    """Return the page's example layout."""
     channels = {}
     names = ("encoder_lost", "amplifier_fault", "limit_negative", "limit_positive", "home_switch")
     for i in range(2):

@@ -35,7 +35,7 @@ def to_wire(body: bytes) -> bytes:
 
 
 def from_wire(coded: bytes) -> bytes | None:
-    """Give the body of what came before a zero; None where it is no frame."""
+    """Return the body of what came before a zero; None where it is no frame."""
     pieces, at = [], 0
     while at < len(coded):
         pieces.append(coded[at + 1 : at + coded[at]])

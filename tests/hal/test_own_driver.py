@@ -60,7 +60,7 @@ def box_config(port: int, **changes: str) -> str:
 
 @pytest.fixture
 def box() -> Iterator[int]:
-    """Give the port of a box with the simulated gantry behind it."""
+    """Yield the port of a box with the simulated gantry behind it."""
     script = Path(__file__).parent / "box_gantry.py"
     with subprocess.Popen(
         [sys.executable, str(script), str(1.0 / RATE_HZ)], stdout=subprocess.PIPE, text=True

@@ -22,13 +22,13 @@ def machine(*, homing=None, **options):
 
 
 def square_error_m(rig) -> float:
-    """Give how far the true beam is from square."""
+    """Return how far the true beam is from square."""
     true = rig.driver.true_state().position_m
     return float(true[0] - true[1])
 
 
 def mean_error_m(rig) -> float:
-    """Give how far the position that the axis believes is from the true one."""
+    """Return how far the position that the axis believes is from the true one."""
     return float(rig.last("x")["position_m"] - rig.driver.true_state().position_m.mean())
 
 

@@ -50,7 +50,7 @@ waited: list[int] = []
 def run(
     late_ns: list[int], step_ns: list[int] = (), *, waits: bool = False
 ) -> list[tuple[int, int, bool, int]]:
-    """Give (number, elapsed, overran, lateness) of every tick."""
+    """Return (number, elapsed, overran, lateness) of every tick."""
     clock = ScriptedClock(late_ns, list(step_ns))
     seen: list[tuple[int, int, bool, int]] = []
 

@@ -28,7 +28,7 @@ def rich_motion(tmp_path_factory) -> dict[str, Trajectory]:
 
 
 def learned(motion, *, delay_s: float, known_s: float) -> dict[str, np.ndarray]:
-    """Give theta_hat after the motion on a plant with a delay, of which `known_s` is known."""
+    """Return theta_hat after the motion on a plant with a delay, of which `known_s` is known."""
     plant = {"initial_position_m": 0.2}
     if delay_s:
         plant["input_delay"] = {"time_s": delay_s}
@@ -51,7 +51,7 @@ def input_map(theta: np.ndarray) -> np.ndarray:
 
 
 def worst_of_map(theta: np.ndarray, truth: np.ndarray) -> float:
-    """Give the largest error of v(u) over the range, as a share of v(uM)."""
+    """Return the largest error of v(u) over the range, as a share of v(uM)."""
     return np.abs(input_map(theta) - input_map(truth)).max() / input_map(truth).max()
 
 

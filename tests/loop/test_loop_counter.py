@@ -99,7 +99,7 @@ INCREMENTAL = homed_by("index", latch_velocity_m_s=0.01)
 
 
 def homed(counter_bits: int, homing=INCREMENTAL) -> Rig:
-    """Give a machine whose x has been homed to 0 at count 0 and is enabled."""
+    """Return a machine whose x has been homed to 0 at count 0 and is enabled."""
     rig = still(with_axes(gantry(), ["x"], homing=homing), counter_bits=counter_bits)
     rig.advance(1)
     rig.tick.axes["homed"][0] = 1

@@ -7,7 +7,7 @@ from motorctl.loop.simulation import with_seed
 
 
 def bytes_of(rows: np.ndarray) -> dict[str, bytes]:
-    """Give the bytes of every field; those between the fields mean nothing."""
+    """Return the bytes of every field; those between the fields mean nothing."""
     return {name: rows[name].tobytes() for name in rows.dtype.names}
 
 

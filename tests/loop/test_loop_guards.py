@@ -17,7 +17,7 @@ PATIENT = {"following_error": {"filter_time_s": 1e3}}
 
 
 def still(limits=None, **guards) -> Rig:
-    """Give the gantry on a device whose counts the test moves, both axes enabled at 0."""
+    """Return the gantry on a device whose counts the test moves, both axes enabled at 0."""
     machine = with_axes(gantry(), limits=PATIENT | (limits or {}), guards=guards)
     rig = Rig(with_driver(machine, Still))
     rig.tick.open(virtual=True)
@@ -123,7 +123,7 @@ def test_a_command_that_leaves_its_limit_now_and_then_is_forgiven():
 
 
 def hot() -> Rig:
-    """Give a machine whose x pushes with 3 V, where its motor stands 1 V."""
+    """Return a machine whose x pushes with 3 V, where its motor stands 1 V."""
     guard = Thermal(continuous_voltage_v=1.0, time_constant_s=0.5)
     rig = still({"max_voltage_v": 3.0}, thermal=guard, saturation=None)
     rig.driver.counts[0] = 400

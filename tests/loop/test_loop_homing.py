@@ -28,7 +28,7 @@ def home(rig: Rig) -> None:
 
 
 def error_of(rig: Rig) -> float:
-    """Give how far the position that the axis believes is from the true one."""
+    """Return how far the position that the axis believes is from the true one."""
     return float(rig.last("x")["position_m"] - rig.driver.true_state().position_m[0])
 
 

@@ -17,7 +17,7 @@ ERROR = {"kind": "force_step", "at_s": 1.2, "channel": 0, "force_v": 30.0}
 
 
 def machine_of(groups=None, *, fault=LOST):
-    """Give the gantry whose x is hit at 1.2 s, with these groups."""
+    """Return the gantry whose x is hit at 1.2 s, with these groups."""
     return dataclasses.replace(with_sim(gantry(), faults=[fault]), stop_together=groups)
 
 

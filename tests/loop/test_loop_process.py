@@ -23,7 +23,7 @@ TIMEOUT_S = 200.0
 
 
 def slow_gantry():
-    """Give the gantry at a rate that any machine keeps, with gains for it and wide limits."""
+    """Return the gantry at a rate that any machine keeps, with gains for it and wide limits."""
     machine = dataclasses.replace(with_sim(gantry()), rate_hz=200.0)
     gentle = {
         "gains": {"k1_1_s": 10.0, "gamma_d": 5.0},

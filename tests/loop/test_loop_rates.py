@@ -32,7 +32,7 @@ def sim(name: str, **options) -> DriverSetup:
 
 
 def alone(rate_hz: float, divisor: int):
-    """Give a machine of axis x alone, in a loop of rate_hz, at a part of its rate."""
+    """Return a machine of axis x alone, in a loop of rate_hz, at a part of its rate."""
     machine = with_axes(gantry(), ["x"], divisor=divisor, **SLOW)
     only = {"x": machine.axes["x"]}
     return dataclasses.replace(
@@ -41,7 +41,7 @@ def alone(rate_hz: float, divisor: int):
 
 
 def mixed():
-    """Give a machine of x at 500 Hz beside y at 5 kHz, each with a driver of its own."""
+    """Return a machine of x at 500 Hz beside y at 5 kHz, each with a driver of its own."""
     machine = with_axes(gantry(), ["x"], divisor=N, driver="slow", **SLOW)
     machine = with_axes(machine, ["y"], channel=0, driver="fast")
     drivers = {"slow": sim("slow"), "fast": sim("fast")}

@@ -23,7 +23,7 @@ def rig_of(guards, faults=(), plants=None, **limits) -> Rig:
 
 
 def stopping_rows(rig: Rig) -> np.ndarray:
-    """Give the rows of x from the trip on, once the axis has come to rest."""
+    """Return the rows of x from the trip on, once the axis has come to rest."""
     rig.wait_until(lambda: rig.state_of("x") is AxisState.FAULT, 5.0)
     rows = rig.rows("x")
     return rows[rows["fault"] != FaultCause.NONE]

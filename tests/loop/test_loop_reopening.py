@@ -17,7 +17,7 @@ from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb, reopening
 from motorctl.loop.guards.device import FORGET_PLACE
 from motorctl.loop.handover import Word
-from motorctl.loop.reopening import Reopening
+from motorctl.loop.reopening import ReopeningThread
 
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST
 HOME_M = 0.1
@@ -63,7 +63,7 @@ class Bench(Hand):
         machine = with_driver(gantry(), Unplugged)
         super().__init__(with_axes(machine, homing=homed_by("index", home_position_m=HOME_M)))
         self.bell_fd = os.eventfd(0)
-        self.reopening = Reopening(self.tick, self.memory, self.bell_fd)
+        self.reopening = ReopeningThread(self.tick, self.memory, self.bell_fd)
         self.reopening.begin(machine.loop)
         self.orders = 0
 

@@ -16,7 +16,7 @@ SLACK_M = 0.001
 
 
 def still(guards=None, **limits) -> Rig:
-    """Give the gantry on a device whose counts the test moves, both axes enabled at 0.2 m."""
+    """Return the gantry on a device whose counts the test moves, both axes enabled at 0.2 m."""
     machine = with_axes(gantry(), limits=limits, guards=guards or {})
     rig = Rig(with_driver(machine, Still))
     rig.tick.open(virtual=True)

@@ -24,7 +24,7 @@ def words(value: State | Event) -> str:
 
 
 def walk_for(state: State, event: Event) -> Walk:
-    """Give an axis whose homing lets both be; it stands."""
+    """Return an axis whose homing lets both be; it stands."""
     homes = event is Event.HOME or state is State.HOMING
     return Walk("index" if homes else "absolute")
 
@@ -61,7 +61,7 @@ def test_a_command_without_a_line_is_refused_and_changes_nothing(
 
 
 def reachable(states: set[State], events: Iterable[Event]) -> set[State]:
-    """Give all states to which these events may lead, any number of them in any order."""
+    """Return all states to which these events may lead, any number of them in any order."""
     found = set(states)
     while True:
         more = {TABLE[s, e] for s in found for e in events if (s, e) in TABLE} - found

@@ -18,7 +18,7 @@ def still(machine=None) -> Rig:
 
 
 def in_state(state: AxisState) -> Rig:
-    """Give a machine whose x is in this state; x needs homing, and has it where it can."""
+    """Return a machine whose x is in this state; x needs homing, and has it where it can."""
     method = "absolute" if state in (AxisState.RUNNING, AxisState.STOPPING) else "switch"
     rig = still(with_axes(gantry(), ["x"], homing=homed_by(method)))
     match state:

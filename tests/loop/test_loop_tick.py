@@ -13,7 +13,7 @@ from motorctl.loop.tick import make_drivers
 
 
 def on_two_drivers(x: str, y: str, **classes):
-    """Give the gantry with an axis on each of two drivers, which are listed as a, then b."""
+    """Return the gantry with an axis on each of two drivers, which are listed as a, then b."""
     setups = {
         name: DriverSetup(name, "own", classes.get(name, Still), DriverOptions()) for name in "ab"
     }

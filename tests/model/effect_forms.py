@@ -22,7 +22,7 @@ def sf(v: Array, slope: float = 900.0) -> Array:
 
 
 def splines(x: Array, low: float, high: float, count: int) -> Array:
-    """Give scipy's uniform cubic B-splines but the last, constant beyond the ends."""
+    """Return scipy's uniform cubic B-splines but the last, constant beyond the ends."""
     width = (high - low) / (count - 3)
     knots = low + width * np.arange(-3, count + 1)
     inside = np.clip(x, low, high)

@@ -15,14 +15,14 @@ PERIOD_S = 2e-4
 
 
 def push(x, v, period_s=PERIOD_S, **options):
-    """Give what the load's push has beyond that of a fixed load, per mass."""
+    """Return what the load's push has beyond that of a fixed load, per mass."""
     effect = form("backlash", **({"gap_m": GAP_M, "glide_m_s2": GLIDE, "contact_hz": HZ} | options))
     still, t = np.zeros_like(x), np.arange(len(x)) * period_s
     return state_columns(effect, x, v, still, v, t)[0]
 
 
 def swing(amplitude_m, hz, duration_s=2.0, period_s=PERIOD_S):
-    """Give x and v of a sine that begins at rest."""
+    """Return x and v of a sine that begins at rest."""
     t = np.arange(0.0, duration_s, period_s)
     w = 2.0 * np.pi * hz
     return amplitude_m * (1.0 - np.cos(w * t)), amplitude_m * w * np.sin(w * t), t

@@ -13,7 +13,7 @@ PLAY_V = 0.8
 
 
 def acting(u, shares=(0.4,), play_v=PLAY_V):
-    """Give what acts for a command, from rest on."""
+    """Return what acts for a command, from rest on."""
     effect = form("drive_hysteresis", play_v=play_v, plays=len(shares))
     still = np.zeros_like(u)
     return u + np.array(shares) @ -input_columns(effect, u, still, still, np.arange(len(u)) * 1e-3)
@@ -30,7 +30,7 @@ def plays(u, widths):
 
 
 def turning(seed: int, n: int = 300) -> np.ndarray:
-    """Give a command that turns back often."""
+    """Return a command that turns back often."""
     return np.cumsum(np.random.default_rng(seed).normal(size=n)) * 0.2
 
 

@@ -17,7 +17,7 @@ XS = 1e-5
 
 
 def presliding(x, v=None, vs=None, displacement_m=XS):
-    """Give h and the bristles' rate along positions, one tick apart."""
+    """Return h and the bristles' rate along positions, one tick apart."""
     still = np.zeros_like(x)
     t = np.arange(len(x)) * 2e-4
     effect = form("presliding", displacement_m=displacement_m)
@@ -26,7 +26,7 @@ def presliding(x, v=None, vs=None, displacement_m=XS):
 
 
 def flexible(a, period_s, frequency_hz=80.0, damping_ratio=0.02):
-    """Give G a along accelerations."""
+    """Return G a along accelerations."""
     still = np.zeros_like(a)
     t = np.arange(len(a)) * period_s
     effect = form("flexible_mode", frequency_hz=frequency_hz, damping_ratio=damping_ratio)

@@ -84,7 +84,7 @@ def test_a_form_can_be_refined_by_its_steps(name):
 
 
 def drive(spans: Spans, n: int = 3000) -> dict[str, np.ndarray]:
-    """Give a motion that fills the spans: slow and fast, here and there."""
+    """Return a motion that fills the spans: slow and fast, here and there."""
     t = np.linspace(*spans.time_s, n)
     s = t - t[0]
     wander = [np.sin(k * s * 2.0 * math.pi / s[-1] + k * k) / k for k in (1, 3, 5, 14, 23)]
@@ -105,7 +105,7 @@ def seen_by(effect, s) -> np.ndarray:
 
 
 def best_match(truth, spans: Spans) -> float:
-    """Give how much of a truth's first column the best trial explains, 0 to 1."""
+    """Return how much of a truth's first column the best trial explains, 0 to 1."""
     s = drive(spans)
     wanted = seen_by(truth, s)[0]
     best = 0.0

@@ -108,11 +108,11 @@ class Plant:
         path.write_text(path.read_text().replace(old, new))
 
     def digest(self) -> str:
-        """Give what its compiled code depends on."""
+        """Return what its compiled code depends on."""
         return digest_of_file("plant.kernels", self._folder / "plant" / "kernels.py")
 
     def pull(self, folder=None) -> str:
-        """Give the force at 3 m/s and how often the cache had the code."""
+        """Return the force at 3 m/s and how often the cache had the code."""
         environment = {
             "XDG_CACHE_HOME": str(self._folder),
             "PATH": "/usr/bin",

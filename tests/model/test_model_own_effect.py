@@ -50,7 +50,7 @@ def known_by_its_file():
 
 @pytest.fixture(scope="module")
 def recorded(known_by_its_file, tmp_path_factory):
-    """Give the machine of a YAML file with three more effects, and the log of a run of it."""
+    """Return the machine of a YAML file with three more effects, and the log of a run of it."""
     folder = tmp_path_factory.mktemp("machine")
     data = yaml.safe_load(SHIPPED.read_text())
     del data["axes"]["y"]

@@ -24,12 +24,12 @@ RESOLUTION_M = 0.5e-6
 
 @cache
 def beam() -> Machine:
-    """Give the machine as it is shipped: one axis with two motors, to be homed."""
+    """Return the machine as it is shipped: one axis with two motors, to be homed."""
     return load("dual_gantry")
 
 
 def merged(base: Any, change: Any) -> Any:
-    """Give nested tables with what differs."""
+    """Return nested tables with what differs."""
     if not isinstance(base, Mapping) or not isinstance(change, Mapping):
         return change
     return {**base, **{key: merged(base.get(key), value) for key, value in change.items()}}
@@ -45,7 +45,7 @@ def on_plant(machine: Machine, **options: Any) -> Machine:
 
 
 def absolute(machine: Machine, apart_m: float = 0.0) -> Machine:
-    """Give the beam absolute encoders, and let it stand at 0.1 m, its first end so far ahead."""
+    """Return the beam absolute encoders, and let it stand at 0.1 m, its first end so far ahead."""
     ends = {
         0: {"encoder": {"absolute": True}, "initial_position_m": 0.1 + 0.5 * apart_m},
         1: {"encoder": {"absolute": True}, "initial_position_m": 0.1 - 0.5 * apart_m},

@@ -140,7 +140,7 @@ MACHINE: dict[str, Any] = {
 
 
 def machine(**changes: Any) -> dict[str, Any]:
-    """Give the machine with values put at dotted paths, such as ``axes__x__channel=1``."""
+    """Return the machine with values put at dotted paths, such as ``axes__x__channel=1``."""
     data = copy.deepcopy(MACHINE)
     for path, value in changes.items():
         put(data, path.split("__"), value)
@@ -168,7 +168,7 @@ def write(folder: Path, data: Any) -> Path:
 
 
 def problems(folder: Path, data: Any) -> tuple[Problem, ...]:
-    """Give the problems of a configuration, none where it is valid."""
+    """Return the problems of a configuration, none where it is valid."""
     try:
         load(write(folder, data))
     except ConfigError as error:
@@ -177,7 +177,7 @@ def problems(folder: Path, data: Any) -> tuple[Problem, ...]:
 
 
 def line_of(path: Path, key: str) -> int:
-    """Give the first line that starts with this key."""
+    """Return the first line that starts with this key."""
     for number, line in enumerate(path.read_text().splitlines(), 1):
         if line.strip().startswith(f"{key}:"):
             return number

@@ -176,7 +176,7 @@ class Daemon:
         return answers[0]
 
     def state(self, axis: str) -> str:
-        """Give the state of an axis."""
+        """Return the state of an axis."""
         state: str = self.ask("status", axis=axis)["axes"][axis]["state"]
         return state
 
@@ -192,17 +192,17 @@ class Daemon:
         return self.process.wait(END_TIMEOUT_S)
 
     def log(self) -> Path:
-        """Give the one log of this run."""
+        """Return the one log of this run."""
         (path,) = self.logs.glob("*.parquet")
         return path
 
     def partial_logs(self) -> list[Path]:
-        """Give the unfinished logs of this run."""
+        """Return the unfinished logs of this run."""
         return sorted(self.logs.glob("*.partial"))
 
 
 def command(*arguments: str) -> list[str]:
-    """Give the command line of motorctl in this interpreter.
+    """Return the command line of motorctl in this interpreter.
 
     Tests that a shell runs in its background inherit that Ctrl-C is ignored: not so the daemon.
     """
@@ -233,6 +233,6 @@ def alive(pid: int) -> bool:
 
 
 def raw_status(daemon: Daemon) -> dict[str, Any]:
-    """Give the status as the client prints it with --json."""
+    """Return the status as the client prints it with --json."""
     document: dict[str, Any] = json.loads(daemon.cli("status", "--json").stdout)
     return document

@@ -56,7 +56,7 @@ C2 = model_of(*C1.names, "em_quadratic", "em_cubic")
 
 
 def input_map(theta, u):
-    """Give v(u) = u + theta5 u|u| + theta6 u^3."""
+    """Return v(u) = u + theta5 u|u| + theta6 u^3."""
     return u + theta[4] * u * np.abs(u) + theta[5] * u**3
 
 

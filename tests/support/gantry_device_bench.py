@@ -25,7 +25,7 @@ STATUS_WORD, SEQUENCE_IN, BOOT_WORD = 8, 9, 10
 
 
 def modbus_channel(number: int) -> dict[str, Any]:
-    """Give the registers of one of two channels."""
+    """Return the registers of one of two channels."""
     names = ("encoder_lost", "amplifier_fault", "limit_negative", "limit_positive")
     flags = {name: {"address": 8, "bit": 6 * number + k} for k, name in enumerate(names)}
     return {
@@ -45,7 +45,7 @@ MODBUS = {
 
 
 def device_data(serve: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
-    """Give the content of a device file with two channels."""
+    """Return the content of a device file with two channels."""
     data = {
         "gantry": {"preset": "published_gantry_clean"},
         "channels": [dict(CHANNEL, axis="x"), dict(CHANNEL, axis="y")],
@@ -120,7 +120,7 @@ class TcpPeer:
         return self.transaction
 
     def receive(self) -> tuple[int, bytes]:
-        """Give transaction and PDU of the next answer. Raises TimeoutError."""
+        """Return transaction and PDU of the next answer. Raises TimeoutError."""
         while len(self._buffer) < 6 or len(self._buffer) < 6 + self._length():
             came = self.socket.recv(4096)
             if not came:
@@ -131,7 +131,7 @@ class TcpPeer:
         return struct.unpack(">H", adu[:2])[0], adu[7:]
 
     def ask(self, pdu: bytes) -> bytes:
-        """Give the answer to a request."""
+        """Return the answer to a request."""
         sent = self.send(pdu)
         number, answer = self.receive()
         assert number == sent
@@ -148,7 +148,7 @@ class TcpPeer:
 
 
 def exchange_pdu(volts: tuple[float, float], enable: int = 3, sequence: int = 1) -> bytes:
-    """Give the request of function 23 for the registers of MODBUS."""
+    """Return the request of function 23 for the registers of MODBUS."""
     codes = [round(level * 32767 / 10.0) for level in volts]
     return struct.pack(">BHHHHBhhHH", 23, 0, 11, 0x0800, 4, 8, *codes, enable, sequence)
 
@@ -190,13 +190,13 @@ class RawPort:
         os.write(self.number, data)
 
     def read(self, timeout_s: float = 0.3) -> bytes:
-        """Give what comes within the time, nothing where nothing does."""
+        """Return what comes within the time, nothing where nothing does."""
         if not select.select([self.number], [], [], timeout_s)[0]:
             return b""
         return os.read(self.number, 65536)
 
     def read_until(self, end: bytes, timeout_s: float = 0.3) -> bytes:
-        """Give what comes up to and with `end`. Raises TimeoutError."""
+        """Return what comes up to and with `end`. Raises TimeoutError."""
         while end not in self._buffer:
             came = self.read(timeout_s)
             if not came:
@@ -206,7 +206,7 @@ class RawPort:
         return first + end
 
     def read_bytes(self, count: int, timeout_s: float = 0.3) -> bytes:
-        """Give so many bytes. Raises TimeoutError."""
+        """Return so many bytes. Raises TimeoutError."""
         while len(self._buffer) < count:
             came = self.read(timeout_s)
             if not came:
@@ -273,7 +273,7 @@ class SerialPeer(RawPort):
         return self.number_sent
 
     def receive(self, timeout_s: float = 0.3) -> bytes:
-        """Give the next good frame's body. Raises TimeoutError."""
+        """Return the next good frame's body. Raises TimeoutError."""
         end = time.monotonic() + timeout_s
         while (left := end - time.monotonic()) > 0:
             body = from_wire(self.read_until(b"\0", left))
@@ -299,7 +299,7 @@ class SerialPeer(RawPort):
         return self.send(kind, struct.pack(f"<B{len(codes)}h", enable, *codes))
 
     def state(self, timeout_s: float = 0.3) -> dict[str, Any]:
-        """Give the next STATE. Raises TimeoutError."""
+        """Return the next STATE. Raises TimeoutError."""
         while True:
             body = self.receive(timeout_s)
             if body[0] == 0x82:

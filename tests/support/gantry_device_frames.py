@@ -100,7 +100,7 @@ class CanPeer:
         self.send(SYNC_ID, b"")
 
     def frame(self, timeout_s: float = 0.5) -> can.Message | None:
-        """Give the next frame, None where none comes."""
+        """Return the next frame, None where none comes."""
         end = time.monotonic() + timeout_s
         while (left := end - time.monotonic()) > 0:
             message = self.bus.recv(left)
@@ -109,7 +109,7 @@ class CanPeer:
         return None
 
     def state(self, timeout_s: float = 0.5) -> dict[str, Any]:
-        """Give the next state frame of FRAMES. Raises TimeoutError."""
+        """Return the next state frame of FRAMES. Raises TimeoutError."""
         while True:
             message = self.frame(timeout_s)
             if message is None:

@@ -71,7 +71,7 @@ ROW = np.dtype([(name, "f8") for name in ("x", "v", "y", "u", "virtual", "d0")] 
 
 
 def effects(*names: str) -> EffectList:
-    """Give a list of known effects with their default options."""
+    """Return a list of known effects with their default options."""
     return EffectList([make_effect(effect_class(name)) for name in names])
 
 
@@ -156,7 +156,7 @@ class Law:
 def multisine(
     duration_s: float, period_s: float = 0.2e-3, *, peak_m_s2: float = 40.0
 ) -> np.ndarray:
-    """Give a reference (N, 3) that starts at rest and holds several frequencies."""
+    """Return a reference (N, 3) that starts at rest and holds several frequencies."""
     t = np.arange(int(duration_s / period_s)) * period_s
     total = np.zeros((len(t), 3))
     for hz, share, phase in ((1.3, 0.15, 0.0), (2.9, 0.3, 1.0), (5.3, 0.3, 2.0), (8.7, 0.25, 0.5)):

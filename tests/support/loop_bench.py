@@ -30,14 +30,14 @@ TS = 0.2e-3
 
 @cache
 def gantry() -> Machine:
-    """Give the machine as it is shipped, but as little patient as one of metal."""
+    """Return the machine as it is shipped, but as little patient as one of metal."""
     machine = load("published_gantry")
     loop = machine.loop.model_copy(update={"without_realtime": "degrade"})
     return dataclasses.replace(machine, loop=loop)
 
 
 def changed(part: Any, **changes: Any) -> Any:
-    """Give frozen keys with changes, nested ones as keys of changes."""
+    """Return frozen keys with changes, nested ones as keys of changes."""
     for key, value in changes.items():
         before = getattr(part, key)
         if isinstance(value, dict) and isinstance(before, BaseModel):
@@ -144,12 +144,12 @@ class Rig(VirtualMachine):
         return np.concatenate([ticks for ticks, _ in self.chunks])
 
     def rows(self, axis: str) -> np.ndarray:
-        """Give all rows of an axis (N,)."""
+        """Return all rows of an axis (N,)."""
         number = self.names.index(axis)
         return np.concatenate([samples[:, number] for _, samples in self.chunks])
 
     def last(self, axis: str) -> np.void:
-        """Give the newest row of an axis."""
+        """Return the newest row of an axis."""
         return self.chunks[-1][1][-1, self.names.index(axis)]
 
     def seconds(self, duration_s: float) -> None:
@@ -157,7 +157,7 @@ class Rig(VirtualMachine):
         self.advance(round(duration_s * self.machine.rate_hz))
 
     def ask(self, verb: Verb, axis: str = "x", **arguments: int) -> Reply | None:
-        """Give a command and the answer to it, a tick later."""
+        """Post a command, and return the answer to it a tick later."""
         number = self.memory.post(verb, self.names.index(axis), **arguments)
         self.advance(1)
         return self.memory.reply(number)
@@ -218,7 +218,7 @@ class Hand:
             self.step(**arguments)
 
     def ask(self, verb: Verb, axis: str = "x", **arguments: int) -> Reply | None:
-        """Give a command and the answer to it, a tick later."""
+        """Post a command, and return the answer to it a tick later."""
         number = self.memory.post(verb, self.names.index(axis), **arguments)
         self.step()
         return self.memory.reply(number)
@@ -229,12 +229,12 @@ class Hand:
         assert self.ask(Verb.FOLLOW, axis, slot=slot, tick=tick) is Reply.OK
 
     def status(self, axis: str = "x") -> np.void:
-        """Give the status record of an axis."""
+        """Return the status record of an axis."""
         status: np.void = self.memory.axis_status[self.names.index(axis)]
         return status
 
     def row(self, axis: str = "x") -> np.void:
-        """Give the newest row of an axis."""
+        """Return the newest row of an axis."""
         newest = (int(self.memory.status["ring_head"][0]) - 1) % self.memory.ring_rows
         row: np.void = self.memory.samples[newest, self.names.index(axis)]
         return row

@@ -27,11 +27,11 @@ class OwnSaturation(Effect):
 
 @njit
 def column(j, u, c):
-    """Give u|u| or u^2."""
+    """Return u|u| or u^2."""
     return u * abs(u) if j == 0 else u * u
 
 
 @njit
 def slope(j, u, c):
-    """Give its derivative."""
+    """Return its derivative."""
     return 2.0 * abs(u) if j == 0 else 2.0 * u

@@ -26,7 +26,7 @@ def back_and_forth(time_s, period_s=PERIOD_S, distance_m=0.4):
 
 
 def make_rows(count, axes=2, seed=0, ticks=None, error_m=1e-5, rate_hz=RATE_HZ):
-    """Give TICK_SAMPLE (count,) and axis_sample (count, axes) filled with known signals."""
+    """Return TICK_SAMPLE (count,) and axis_sample (count, axes) filled with known signals."""
     random = np.random.default_rng(seed)
     tick = np.zeros(count, TICK_SAMPLE)
     tick["tick"] = np.arange(count) if ticks is None else ticks

@@ -38,7 +38,7 @@ def effect(name, **options):
 
 
 def cogging(axis):
-    """Give the gantry's cogging and its parameters."""
+    """Return the gantry's cogging and its parameters."""
     theta = [
         part
         for _, amplitude, phase in COGGING[axis]
@@ -66,7 +66,7 @@ def found(made, theta=(), score=1000.0, **changes):
 
 
 def true_effects(axis):
-    """Give what the gantry has beyond its declared model, as effects that were found."""
+    """Return what the gantry has beyond its declared model, as effects that were found."""
     made, theta = cogging(axis)
     return (
         found(made, theta, 5000.0),

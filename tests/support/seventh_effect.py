@@ -42,5 +42,5 @@ class SeventhEffect(Effect):
 
 @njit
 def column(j, x, v, a, vs, t, c):
-    """Give sine or cosine."""
+    """Return sine or cosine."""
     return math.sin(c[0] * x) if j == 0 else math.cos(c[0] * x)

@@ -101,7 +101,7 @@ class Bench:
 
 
 def bare(**plant: Any) -> dict[str, Any]:
-    """Give BARE with additions."""
+    """Return BARE with additions."""
     return {**BARE, **plant}
 
 

@@ -30,7 +30,7 @@ SLOW_GAINS = {"k1_1_s": 40.0, "ks_v_s_m": 12.0, "gamma_d": 10.0}
 
 @cache
 def machine(method: str) -> Machine:
-    """Give the axis; it is homed by this method."""
+    """Return the axis; it is homed by this method."""
     changes: dict[str, Any] = {
         "gains": SLOW_GAINS,
         "adaptation": {"filter_rad_s": 60.0},

@@ -51,9 +51,9 @@ class Bus:
     name: str
     rate_hz: float
     serve: Callable[[int], Options]
-    """Gives the device's key `serve` for a free UDP port."""
+    """Returns the device's key `serve` for a free UDP port."""
     driver: Callable[[str, int], Options]
-    """Gives the driver's options for the device's endpoint and the UDP port."""
+    """Returns the driver's options for the device's endpoint and the UDP port."""
     counter_bits: int = 32
 
     @property
@@ -123,7 +123,7 @@ BUSES = {
 
 
 def device_file(bus: Bus, port: int, faults: Sequence[Options] = ()) -> Options:
-    """Give the file of the device at the other end of a bus."""
+    """Return the file of the device at the other end of a bus."""
     channel = {"resolution_m": 0.5e-6, "counter_bits": bus.counter_bits, "max_voltage_v": 10.0}
     return {
         "gantry": {"preset": "published_gantry", "seed": 1},
@@ -223,7 +223,7 @@ class Outcome:
         return float(self.log.time_s[np.flatnonzero(enabled)[0]])
 
     def window(self, begin_s: float, end_s: float) -> slice:
-        """Give the rows between two times of the faults' clock."""
+        """Return the rows between two times of the faults' clock."""
         t = self.log.time_s - self.began_s
         first, last = np.searchsorted(t, (begin_s, end_s))
         return slice(int(first), int(last))
@@ -270,7 +270,7 @@ def start(daemon: Daemon, axis: str) -> None:
 
 
 def free_port() -> int:
-    """Give a UDP port that nobody uses."""
+    """Return a UDP port that nobody uses."""
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as free:
         free.bind(("", 0))
         return int(free.getsockname()[1])

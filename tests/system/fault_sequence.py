@@ -68,7 +68,7 @@ class Spell:
         return max(loop_s, float(self.told["longest_pause_s"]))
 
     def trip_row(self, axis: str) -> int:
-        """Give the row in which an axis tripped."""
+        """Return the row in which an axis tripped."""
         state = self.outcome.log.axes[axis].state
         assert state is not None
         return self.rows.start + int(np.flatnonzero(state[self.rows] == AxisState.FAULT)[0])
@@ -80,7 +80,7 @@ class Spell:
 
 
 def times_of(orders: Mapping[str, Options]) -> list[Options]:
-    """Give the orders their times, one after another."""
+    """Return the orders with their times, one after another."""
     timed, at_s = [], FIRST_S
     for order in orders.values():
         timed.append({"duration_s": LASTS_S, **order, "at_s": round(at_s, 3)})

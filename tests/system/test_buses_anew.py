@@ -53,7 +53,7 @@ def _refusal(daemon: Daemon, do: str, axis: str, **arguments: Any) -> str:
 
 
 def _beside_a_simulated_axis(endpoint: Path) -> str:
-    """Give the configuration of x on a serial box, to be homed, and y on a driver of its own."""
+    """Return the configuration of x on a serial box, to be homed, and y on a driver of its own."""
     options = SERIAL.driver(str(endpoint), 0) | {"connect_s": CONNECT_S}
     data = yaml.safe_load(host_file(SERIAL, options))
     sim = {"type": "sim", "preset": "published_gantry", "seed": 1}

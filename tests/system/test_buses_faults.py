@@ -52,7 +52,7 @@ class Promise:
 
 
 def held(*words: str, off_s: float = HOLD_S, watchdog_trips: int = 0) -> Promise:
-    """Give the promise that an axis goes on for the allowed time, then trips."""
+    """Return the promise that an axis goes on for the allowed time, then trips."""
     return Promise((FaultCause.NO_NEW_SAMPLE,), (SILENT, *words), off_s, watchdog_trips)
 
 

@@ -26,7 +26,7 @@ ADVICE = {
 
 
 def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Give both files, on ports and a group of this test's own."""
+    """Return both files, on ports and a group of this test's own."""
     host = yaml.safe_load(shipped_config(f"{bus}_gantry").read_text())
     served = yaml.safe_load((SHIPPED / f"{device}.yaml").read_text())
     driver = host["drivers"]["gantry"]

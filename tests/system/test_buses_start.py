@@ -32,7 +32,7 @@ ABSENT = {
 
 
 def _refused(folder: Path, config: str) -> str:
-    """Give the last line of a daemon that does not start."""
+    """Return the last line of a daemon that does not start."""
     daemon = Daemon(folder, config)
     with pytest.raises(AssertionError):
         daemon.wait_until_running()
@@ -50,7 +50,7 @@ def test_a_device_that_is_not_there_is_one_message_and_exit_status_1(tmp_path, b
 
 @contextmanager
 def _of_another_version() -> Iterator[str]:
-    """Give the port of a box that answers every HELLO with ERROR: versions 2 to 3."""
+    """Yield the port of a box that answers every HELLO with ERROR: versions 2 to 3."""
     master, slave = os.openpty()
     tty.setraw(slave)
 

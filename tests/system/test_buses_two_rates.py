@@ -26,7 +26,7 @@ MOTION = {"max_velocity_m_s": 0.3, "max_acceleration_m_s2": 1.0, "jerk_time_s": 
 
 
 def two_rates(endpoint: str):
-    """Give a machine of x at 500 Hz on Modbus TCP beside y at 5 kHz, simulated directly."""
+    """Return a machine of x at 500 Hz on Modbus TCP beside y at 5 kHz, simulated directly."""
     (modbus,) = [t for t in transports() if t.name == "modbus tcp"]
     data = copy.deepcopy(dict(load("published_gantry").resolved))
     late = {"hold_ticks": 100, "predict": True}

@@ -129,7 +129,7 @@ def test_no_toy_is_found_where_the_plant_has_none(installed, recorded, tmp_path)
 
 
 def _numbers(toy: Toy) -> dict[str, float]:
-    """Give what a configuration should say in the end: options, and parameters by their names."""
+    """Return what a configuration should say in the end: options, and parameters by their names."""
     parameters = {key.removeprefix(toy.name).lstrip("_"): value for key, value in toy.theta.items()}
     return {**toy.options, **parameters}
 

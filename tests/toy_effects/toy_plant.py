@@ -59,7 +59,7 @@ def _drive(u, x, kind, q, core):
 
 @njit
 def _closed_loop(xd, vd, ad, kind, q, bandwidth):
-    """Give what the encoder shows and what was commanded.
+    """Return what the encoder shows and what was commanded.
 
     q is: ZONE c, middle, half length - CREEP k, T - HALVES d - CORE q, T - MAGNET g, place, width -
     CURRENT corner [Hz], dead time in its periods - JOINT shift, place, width - KNEE p, q, knee.

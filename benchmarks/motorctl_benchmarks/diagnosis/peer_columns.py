@@ -25,7 +25,7 @@ from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import ranked, whitened
-from motorctl.identify.diagnose.search.undetermined import carried
+from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording
 from motorctl.model import Effect, Spans
@@ -90,7 +90,7 @@ class PeerBench:
         data = with_others(recording, axis)
         declared = declared_models(recording, None, axis)[axis]
         signals = make_signals(data, slope_s_m=slope_of(declared.effects))
-        model, _ = carried(signals, declared)
+        model, _ = without_undetermined(signals, declared)
         regressors, _ = whitened(signals, model, ())
         return cls(Hypothesis(regressors).refreshed(), spans_of(signals), sign_of(declared.effects))
 

@@ -45,7 +45,7 @@ class RealAxis:
 
     name: str
     read: Read
-    """Gives its columns from the folder of all recordings."""
+    """Returns its columns from the folder of all recordings."""
     unit: str
     may_name: tuple[str, ...] = ()
     """Effects that the machine has; none other may be named."""

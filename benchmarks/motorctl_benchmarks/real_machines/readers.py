@@ -16,7 +16,7 @@ from scipy.io import loadmat
 
 Columns = dict[str, NDArray[np.float64]]
 Read = Callable[[Path], Columns]
-"""Gives time_s, position or velocity, command and, where there is one, reference, from the folder
+"""Returns time_s, position or velocity, command and, where there is one, reference, from the folder
 of all recordings."""
 
 UR10E = "shamilmamedov/dynamic_calibration"

@@ -123,6 +123,6 @@ class TestBoxDriver(DriverConformance):
 
     @pytest.fixture
     def rig(self):
-        """Give a new rig for each check."""
+        """Yield a new rig for each check."""
         with BoxRig() as rig:
             yield rig

@@ -31,11 +31,26 @@ class CommandPeak:
 def required_command(
     model: EffectList, theta: Array, u_max: float
 ) -> Callable[[Array, Array, Array], Array]:
-    """Return the function (x [m], v [m/s], a [m/s^2]), all (N,) -> u [V], (N,) of an axis.
+    """Return the function that tells an axis' command for a desired motion.
 
-    theta (n,). The sum of theta_i psi_i over the state effects at the desired motion (va1, our
-    reconstruction of Chen, Yao, Wang 2013, eq. 13), through the inverse of the input map (eq. 9).
-    Time counts as 0; what effects remember, and other axes' motion, counts as nothing.
+    The sum of theta_i psi_i over the state effects at the desired motion (va1, our reconstruction
+    of Chen, Yao, Wang 2013, eq. 13), through the inverse of the input map (eq. 9). Time counts as
+    0; what effects remember, and other axes' motion, counts as nothing.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    theta
+        Parameters in the list's order, (n,).
+    u_max
+        Voltage limit [V]; beyond it the input map is continued by straight lines.
+
+    Returns
+    -------
+    callable
+        Of position [m], velocity [m/s] and acceleration [m/s^2], all (N,); it returns the command
+        [V], (N,).
     """
     each = [effect for effect in model.effects for _ in effect.parameters]
     state = np.where([e.kind == "state" and not e.memory_size for e in each], theta, 0.0)
@@ -69,7 +84,20 @@ def required_command(
 
 
 def command_peak(t: Array, u: Array) -> CommandPeak:
-    """Find the largest |u| [V] of samples over times t [s], with its sign."""
+    """Find the largest command of a motion, with its sign.
+
+    Parameters
+    ----------
+    t
+        Times [s], (N,).
+    u
+        Commands at these times [V], (N,); N is at least 1.
+
+    Returns
+    -------
+    CommandPeak
+        The command of the largest magnitude [V] and its time [s]; of equals the first.
+    """
     k = int(np.abs(u).argmax())
     return CommandPeak(float(u[k]), float(t[k]))
 

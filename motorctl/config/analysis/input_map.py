@@ -32,10 +32,25 @@ class CornerSlope:
 def smallest_slope(
     model: EffectList, theta: Array, u_max: float, travel_m: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, float]:
-    """Return the smallest dv/du over |u| <= u_max [V], and the u [V] at which it stands.
+    """Return the smallest dv/du that the input map of one theta has.
 
-    theta (n,) as in the list. A map that varies counts at its worst over travel and time. Chen,
-    Yao, Wang 2013, Assumption 2.
+    A map that varies counts at its worst over travel and time. Chen, Yao, Wang 2013, Assumption 2.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    theta
+        Parameters in the list's order, (n,).
+    u_max
+        Voltage limit [V]: the map is looked at from -u_max to u_max.
+    travel_m
+        Both ends of the travel [m], over which a map that varies with place is looked at.
+
+    Returns
+    -------
+    tuple
+        The slope [V/V], and the command [V] at which it stands.
     """
     return lowest_slope(model, theta, theta, u_max, travel_m)
 
@@ -43,7 +58,24 @@ def smallest_slope(
 def lowest_slope(
     model: EffectList, lower: Array, upper: Array, u_max: float, travel_m: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the smallest dv/du that any theta between lower and upper (n,) has, and its u [V]."""
+    """Return the smallest dv/du that any theta between two bounds has.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    lower, upper
+        Bounds of theta, (n,), in units of the parameters.
+    u_max
+        Voltage limit [V]: the map is looked at from -u_max to u_max.
+    travel_m
+        Both ends of the travel [m], over which a map that varies with place is looked at.
+
+    Returns
+    -------
+    tuple
+        The slope [V/V], and the command [V] at which it stands.
+    """
     grid = _grid(u_max)
     slopes = fixed_slopes(model, grid)
     least = 1.0 + np.minimum(slopes * lower, slopes * upper).sum(axis=1)
@@ -61,10 +93,25 @@ def corner_slopes(
 ) -> list[CornerSlope]:
     """Return the smallest dv/du at every corner of the input map's parameters, worst first.
 
-    lower, upper (n,): bounds of theta. Corners are those of the parameters whose effects stand
-    still; effects that vary count at their worst over travel, time and their own bounds, and are
-    not named. Empty where the model has no input effect; beyond `MAX_CORNERS` corners only the
-    worst is given.
+    Corners are those of the parameters whose effects stand still; effects that vary count at their
+    worst over travel, time and their own bounds, and are not named.
+
+    Parameters
+    ----------
+    model
+        The axis' effects, with n parameters.
+    lower, upper
+        Bounds of theta, (n,), in units of the parameters.
+    u_max
+        Voltage limit [V]: the map is looked at from -u_max to u_max.
+    travel_m
+        Both ends of the travel [m], over which a map that varies with place is looked at.
+
+    Returns
+    -------
+    list
+        Each corner with its slope [V/V] and the command [V] at which it has it. Empty where the
+        model has no input effect; beyond `MAX_CORNERS` corners only the worst.
     """
     if not input_indices(model):
         return []

@@ -51,6 +51,28 @@ def loop_margins(
     law and skew loop run: p with the velocity error by backward difference, -ks p, and the fast
     adaptation of d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it is off its bound and the command
     not saturated.
+
+    Parameters
+    ----------
+    theta1, theta2
+        Inertia [V s^2/m] and viscous friction [V s/m].
+    k1_1_s
+        Gain k1 of the position error [1/s].
+    ks_v_s_m
+        Robust gain ks [V s/m].
+    gamma_d
+        Gain of the fast adaptation [V/m].
+    period_s
+        Period of the loop, Ts [s].
+    delay_s, lag_s
+        Dead time and time constant between the command and the force [s]; 0 is none.
+    stiffness
+        Spring between the plant and the ground [V/m]; 0 is none.
+
+    Returns
+    -------
+    LoopMargins
+        Whether the loop is stable, its crossover [rad/s], phase margin [degrees] and gain margins.
     """
     plant = _DelayedPlant((theta1, theta2, stiffness), period_s, delay_s, lag_s)
     stable = bool(

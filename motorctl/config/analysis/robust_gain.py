@@ -27,9 +27,22 @@ class GainCondition:
 def required_ks1(theta1: float, k1_1_s: float, friction_slope: Range) -> float:
     """Return theta1 k1 - G + G^2 / (2 theta1 k1), at the worse end of G's range.
 
-    theta1 [V s^2/m]; G = theta2 + theta3 g [V s/m] lies in `friction_slope`. Our reconstruction:
-    with this ks1 the error dynamics of eq. 16 have the lambda of eq. 24. Convex in G, so its
-    maximum stands at an end.
+    Our reconstruction: with this ks1 the error dynamics of eq. 16 have the lambda of eq. 24. Convex
+    in G, so its maximum stands at an end.
+
+    Parameters
+    ----------
+    theta1
+        Inertia [V s^2/m], above 0.
+    k1_1_s
+        Gain k1 of the position error [1/s], above 0.
+    friction_slope
+        Least and largest G = theta2 + theta3 g [V s/m].
+
+    Returns
+    -------
+    float
+        ks1 [V s/m]; infinite where an end of G is.
     """
     stiffness = theta1 * k1_1_s
     return max(_at(stiffness, g) for g in friction_slope)
@@ -40,8 +53,28 @@ def gain_condition(
 ) -> GainCondition:
     """Test ks over a box of inertia, viscous and Coulomb friction (a point: both ends equal).
 
-    slope_s_m is that of Sf at rest divided by 2/pi: g ranges over 0 to 2 slope / pi. The
-    condition is convex in theta1 as well, so both its ends are tested.
+    g ranges over 0 to 2 slope / pi. The condition is convex in theta1 as well, so both its ends are
+    tested.
+
+    Parameters
+    ----------
+    theta1
+        Least and largest inertia [V s^2/m], above 0.
+    theta2
+        Least and largest viscous friction [V s/m].
+    theta3
+        Least and largest Coulomb friction [V].
+    slope_s_m
+        Slope of Sf at rest divided by 2/pi [s/m].
+    k1_1_s
+        Gain k1 of the position error [1/s].
+    ks_v_s_m
+        The robust gain ks that is tested [V s/m].
+
+    Returns
+    -------
+    GainCondition
+        The gain that is needed, what ks leaves of it, and the decay that follows.
     """
     steepest = 2.0 / math.pi * slope_s_m if theta3[1] > 0.0 else 0.0
     friction = (theta2[0], theta2[1] + (theta3[1] * steepest if steepest else 0.0))

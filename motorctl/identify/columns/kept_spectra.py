@@ -20,7 +20,7 @@ Spectra = tuple[Spectrum, ...]
 
 MOST_BYTES = 250_000_000
 """Memory that is used at most [B]. Larger leaves less to the columns themselves, smaller forms
-columns of long recordings anew in every round. Measured: a search of 24 s keeps 120 MB."""
+columns of long recordings anew in every round. Chosen by hand: a search of 24 s keeps 120 MB."""
 
 
 class KeptSpectra:

@@ -61,15 +61,16 @@ REST_SPEED = 3.0
 throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
 REST_RANGE = 14.0
 """Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
-within which friction's bristles bend unseen. A count's rounding has an rms of 1/sqrt(12), so 14 /
-sqrt(12) = 4.04 counts; larger throws away slow motion, smaller keeps rests. That it is four was
-chosen by hand on the simulated campaign."""
+within which friction's bristles bend unseen. Larger throws away slow motion, smaller keeps rests.
+Arithmetic: a count's rounding has an rms of 1/sqrt(12), so 14 / sqrt(12) = 4.04 counts; that it is
+four was chosen by hand on the simulated campaign."""
 REST_PART = 1e-3
 """Part of the top speed that creeping at rest stays below. Larger throws away slow motion, smaller
 keeps rests whose position hunts. Chosen by hand."""
 INVERSION_STEPS = 15
 """Times that the command is put into its own input map: it converges by the map's slope each time.
-Arithmetic: a slope of 0.5, of a worm gear, leaves 3e-5."""
+More takes time, fewer leaves the command of steep maps short. Arithmetic: a slope of 0.5, of a worm
+gear, leaves 3e-5."""
 
 
 @dataclass(frozen=True)

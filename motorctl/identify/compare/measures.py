@@ -19,10 +19,13 @@ Array = NDArray[np.float64]
 
 SYMBOLS = ("eM", "eF", "L2[e]", "uM")
 PERIODS_AT_END = 2
-"""Periods of the reference at the end of a run from which the final error is taken. Convention of
-the published table."""
+"""Periods of the reference at the end of a run from which the final error is taken. More counts
+what the adaptation still had to learn, fewer lets one disturbance decide. Convention of the
+published table."""
 STANDSTILL = 1e-6
-"""Share of the reference's range within which it stands still."""
+"""Distance from the reference's last value, as a part of its range, within which it stands still.
+Larger cuts the end of slow moves off the last periods, smaller takes rounding for motion, so that a
+long standstill counts as the end of the run. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class MeasuredRun:
 
 
 @dataclass(frozen=True)
-class Durations:
-    """A duration that is measured once a tick."""
+class DurationFigures:
+    """Median, percentiles and the worst of a duration that is measured once a tick."""
 
     median_s: float
     p99_s: float
@@ -71,8 +74,8 @@ class Durations:
 class Timing:
     """The timing of a recording; None where it was not measured, as in virtual time."""
 
-    turnaround: Durations | None
-    lateness: Durations | None
+    turnaround: DurationFigures | None
+    lateness: DurationFigures | None
 
 
 def measure_axis(
@@ -166,14 +169,14 @@ def table_cells(measures: Measures) -> list[str]:
     ]
 
 
-def _durations(time_s: Array, values: Array | None) -> Durations | None:
+def _durations(time_s: Array, values: Array | None) -> DurationFigures | None:
     if values is None or not np.any(values > 0.0):
         return None
     seen = np.isfinite(values)
     median, p99, p999 = np.percentile(values[seen], (50.0, 99.0, 99.9))
     worst = int(np.argmax(values[seen]))
     at_s = float(time_s[seen][worst])
-    return Durations(float(median), float(p99), float(p999), float(values[seen][worst]), at_s)
+    return DurationFigures(float(median), float(p99), float(p999), float(values[seen][worst]), at_s)
 
 
 def _under_control(axis: AxisRecording) -> NDArray[np.bool_]:

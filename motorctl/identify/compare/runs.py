@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, replace
-from math import isfinite, nan
+from math import nan
 from pathlib import PurePath
 from typing import Any
 
@@ -18,6 +18,7 @@ from motorctl.identify.compare.measures import (
     measure_timing,
     measured_document,
 )
+from motorctl.json_values import finite
 from motorctl.log import Recording
 
 
@@ -102,7 +103,7 @@ def comparison_document(comparison: Comparison) -> dict[str, Any]:
                 for run in comparison.runs
             ],
             "ratios_first_over": [
-                {name: value if isfinite(value) else None for name, value in ratio.items()}
+                {name: finite(value) for name, value in ratio.items()}
                 for ratio in comparison.ratios(axis)
             ],
         }

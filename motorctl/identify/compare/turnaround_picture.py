@@ -22,9 +22,11 @@ SHOWN_PERCENT = 99.9
 """Percentile up to which times are drawn. Nearer to 100 lets single outliers set the scale. Chosen
 by hand."""
 ROOM = 1.5
-"""The chart ends at this many times the slowest of the shown percentiles."""
+"""The chart ends at this many times the slowest of the shown percentiles, and begins as far below
+the fastest. Only looks depend on it. Chosen by hand."""
 LEAST_MICROSECONDS = 0.1
-"""Shortest time drawn [µs]: a logarithmic scale needs one above zero. Chosen by hand."""
+"""Shortest time drawn [µs]: a logarithmic scale needs one above zero. Larger cuts off fast ticks,
+smaller draws an empty decade. Chosen by hand."""
 
 
 def plot_turnaround(turnarounds: Mapping[str, Array], path: Path) -> Path:

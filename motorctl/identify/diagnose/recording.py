@@ -25,7 +25,7 @@ from motorctl.identify.diagnose.search.both_sides import searched
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
-from motorctl.identify.diagnose.search.undetermined import carried
+from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.recording_checks import (
@@ -160,7 +160,7 @@ def diagnose_axis(
     signals = make_signals(data, slope_s_m=slope)
     check_motion(data, signals)
     pieces = shortened(signals, LONGEST_SEARCH_S)
-    model, dropped = carried(pieces, declared)
+    model, dropped = without_undetermined(pieces, declared)
     plain = too_plain(signals)
     heard = check_explains(data, pieces, model, bool(plain), data.others)
     hint = late_command(heard)

@@ -21,10 +21,19 @@ from motorctl.identify.fit.regression_data import RegressionData, delay_range_s
 Array = NDArray[np.float64]
 
 STEPS_PER_PERIOD = 8
-"""Of the highest frequency in the band: the scan cannot step over the minimum."""
+"""Trials of the scan in a period of the highest frequency in the band [1]: the error over the delay
+has no valley narrower than that period. More takes time, fewer may step over the lowest valley.
+Chosen by hand."""
+FEWEST_TRIALS = 9
+"""Trials of the scan at least, however narrow the range. More takes time, fewer leaves the
+refinement no two neighbours around the best. Chosen by hand."""
 TOLERANCE_SAMPLES = 1e-4
 """Accuracy of the delay [samples]. Larger adds to the parameters' errors, smaller takes time.
 Chosen by hand."""
+AT_END_SAMPLES = 0.01
+"""Distance from an end of the range within which the delay stands there [samples]. Larger warns of
+sound delays, smaller overlooks that the search stops just short of its end. Chosen by hand: a
+hundred times its accuracy."""
 DIFFERENCE_SAMPLES = 0.02
 """Half step of the difference quotient over the delay [samples]. Larger is no slope any more,
 smaller drowns in rounding. Chosen by hand."""
@@ -51,7 +60,7 @@ def estimate_delay(data: RegressionData) -> DelayEstimate:
         options={"xatol": TOLERANCE_SAMPLES * data.period_s},
     )
     delay = float(found.x)
-    margin = 0.01 * data.period_s
+    margin = AT_END_SAMPLES * data.period_s
     return DelayEstimate(delay, delay - low < margin or high - delay < margin)
 
 
@@ -60,7 +69,7 @@ def delay_trials(data: RegressionData) -> Array:
     assert data.options.filter_hz is not None
     low, high = delay_range_s(data.options, 1.0 / data.period_s)
     step = 1.0 / (STEPS_PER_PERIOD * data.options.filter_hz)
-    return np.linspace(low, high, max(9, int((high - low) / step) + 2))
+    return np.linspace(low, high, max(FEWEST_TRIALS, int((high - low) / step) + 2))
 
 
 def unexplained(data: RegressionData, delay_s: float) -> float:

@@ -18,15 +18,18 @@ from motorctl.identify.fit.standard_errors import sandwich
 from motorctl.model import EffectList, basic_effects, known_effects
 
 SIGNIFICANT = 3.0
-"""Standard errors from which inertia has a sign. Convention: three standard deviations."""
+"""Standard errors from which inertia has a sign. Larger refuses gentle motion, smaller believes a
+sign that noise made. Convention: three standard deviations."""
 INDISTINCT = 2.0
-"""Standard errors below which a parameter may as well be zero. Convention: two standard
-deviations."""
+"""Standard errors below which a note says that a parameter may as well be zero. Larger doubts true
+terms, smaller keeps silent about chance ones. Convention: two standard deviations."""
 ILL_CONDITIONED = 1e3
 """Condition number of the normalised columns from which a note warns. Larger keeps silent about
 poor motions, smaller warns of good ones. Chosen by hand."""
 POORLY_DETERMINED = 0.02
-"""A term whose standard error moves more than this part of the command's rms."""
+"""Part of the command's rms that a term moves within its standard error, from which a note says so.
+Larger keeps silent about motions that show too little, smaller warns of errors that no controller
+feels. Chosen by hand."""
 BAD_ERROR = 0.5
 """Relative error of the command beyond which the model does not describe the recording. Larger lets
 wrong data pass, smaller warns of rough machines. Chosen by hand."""
@@ -39,6 +42,13 @@ fewer misses a weight that changes within a tenth of the travel. Chosen by hand.
 TAKES_PART = 0.2
 """Weight in a weak direction from which a parameter is named. Larger leaves some out, smaller names
 all. Chosen by hand."""
+CORRELATED_PARTS = 50
+"""Part of the rows, as one over this, whose residuals count as correlated where only the sign of
+inertia is asked. Larger trusts signs that slow forces make, smaller leaves too few independent rows
+to tell any. Chosen by hand."""
+MAP_POINTS = 201
+"""Commands from the largest down to its negative at which the input map's slope is looked at. More
+takes time, fewer may step over a kink. Chosen by hand: steps of a hundredth of the largest."""
 
 
 class NothingExplainedError(DataError):
@@ -109,7 +119,9 @@ def _drives_beside_place(data: Measured, model: EffectList) -> bool:
         return False
     solution = solve(found)
     scores = found.X * solution.residual[:, None]
-    variance = sandwich(solution.bread, scores, len(scores) // 50)[found.inertia, found.inertia]
+    variance = sandwich(solution.bread, scores, len(scores) // CORRELATED_PARTS)[
+        found.inertia, found.inertia
+    ]
     return bool(solution.b[found.inertia] > SIGNIFICANT * math.sqrt(max(variance, 0.0)))
 
 
@@ -220,7 +232,7 @@ def _map_notes(fit: AxisFit) -> list[str]:
     if not len(fit.columns.input_index):
         return []
     largest = float(np.max(np.abs(fit.data.command[fit.data.usable])))
-    u = np.linspace(-largest, largest, 201)
+    u = np.linspace(-largest, largest, MAP_POINTS)
     if np.all(np.diff(fit.model.input_over(u, fit.theta)[0]) > 0.0):
         return []
     return [

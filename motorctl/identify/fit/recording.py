@@ -28,7 +28,9 @@ from motorctl.model import EffectList
 Array = NDArray[np.float64]
 
 SHORTEST_CORRELATION_S = 0.1
-"""Residuals closer than this always count as correlated."""
+"""Residuals closer than this always count as correlated [s]. Longer leaves few independent ones, so
+standard errors are themselves rough; shorter makes them too small where the residual swings slowly.
+Chosen by hand."""
 ROWS_PER_PARAMETER = 10
 """Fewest rows for each parameter. Smaller fits noise, larger refuses short recordings. Convention:
 ten observations a parameter."""

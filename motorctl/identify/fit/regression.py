@@ -19,7 +19,21 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SMALLEST_SINGULAR_VALUE = 1e-9
-"""Of the normalised columns; directions below it are not determined by the data."""
+"""Singular value of the normalised columns, relative to the largest, below which a direction is not
+determined by the data. Larger gives up what weak motion still tells, smaller takes rounding for a
+value. Chosen by hand: far above a double's rounding, 2e-16."""
+ON_BOUND = 1e-6
+"""Distance from a bound, relative to the parameter's size, within which it stands on it: an
+interior method stops just short. Larger holds true values at bounds, smaller lets a value a hair
+inside pass for a free one. Chosen by hand."""
+LEAST_SIZE = 1e-6
+"""Size of a parameter at least, by which it is scaled for that search [its unit]. Larger makes
+steps too coarse for small ones, smaller divides by nothing where one starts at zero. Chosen by
+hand."""
+SOLVED = 1e-14
+"""Relative change of the parameters and of the cost at which the bounded search ends. Larger ends
+short of the bounds, smaller is below a double's rounding, 2e-16, and never reached. Chosen by
+hand."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +121,7 @@ def solve_bounded(problem: Regression, start: Array, lower: Array, upper: Array)
     The rows are first compressed to n by an orthogonal factorisation.
     """
     R = np.linalg.qr(np.column_stack([problem.X, problem.y]), mode="r")
-    size = np.maximum(np.abs(start), 1e-6)
+    size = np.maximum(np.abs(start), LEAST_SIZE)
     low, high = lower / size, upper / size
     inside = np.clip(start / size, low, high)
 
@@ -115,10 +129,9 @@ def solve_bounded(problem: Regression, start: Array, lower: Array, upper: Array)
         b = problem.coefficients(scaled * size)
         return np.asarray(R @ np.append(b, -1.0))
 
-    found = least_squares(residual, inside, bounds=(low, high), xtol=1e-14, ftol=1e-14)
+    found = least_squares(residual, inside, bounds=(low, high), xtol=SOLVED, ftol=SOLVED)
     theta = np.clip(found.x * size, lower, upper)
-    # an interior method stops just short of a bound
-    near = 1e-6 * size
+    near = ON_BOUND * size
     at_lower, at_upper = theta - lower <= near, upper - theta <= near
     theta = np.where(at_lower, lower, np.where(at_upper, upper, theta))
     return Bounded(theta, at_lower, at_upper)

@@ -11,10 +11,12 @@ from rich.table import Table
 
 from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, RecordingFit
 from motorctl.identify.fit.settings import Segment
+from motorctl.json_values import finite
 from motorctl.log.units import unit_for
 
 FAR_PERCENT = 1000.0
-"""A difference beyond it is told as the value itself."""
+"""Difference from which the other estimate is told by its value, no longer as a percentage [%].
+Only looks depend on it. Chosen by hand."""
 _ESTIMATORS = {
     "least_squares": "least squares with the {} on the left",
     "instruments": "instruments built from the reference",
@@ -92,9 +94,9 @@ def _axis_document(fit: AxisFit) -> dict[str, Any]:
         "error": {
             "unit": fit.data.command_unit,
             "rms": fit.error.rms,
-            "relative": _finite(fit.error.relative),
+            "relative": finite(fit.error.relative),
             "held_out_rms": None if held_out is None else held_out.rms,
-            "held_out_relative": None if held_out is None else _finite(held_out.relative),
+            "held_out_relative": None if held_out is None else finite(held_out.relative),
             "held_out_source": None if held_out is None else held_out.source,
         },
         "estimator": fit.estimator,
@@ -131,10 +133,6 @@ def _instruments_document(fit: AxisFit) -> dict[str, Any] | None:
 def _plain(value: object) -> object:
     """Make a value fit for JSON, which has no infinity."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _percent(value: float, reference: float) -> float | None:

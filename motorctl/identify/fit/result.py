@@ -19,11 +19,16 @@ Flags = NDArray[np.bool_]
 Bound = Literal["lower", "upper"]
 
 WEAK = 5.0
-"""An estimate whose standard error exceeds so many of another's says nothing about it."""
+"""Standard error over that of another estimate, beyond which this one says nothing about that.
+Larger compares with instruments that hardly move, smaller drops sound ones: those of the reference
+are always a little less sure. Chosen by hand."""
 SIGNIFICANT = 3.0
-"""Standard errors of the difference."""
+"""Difference of two estimates, in standard errors of the difference, from which it is more than
+chance. Larger overlooks bias, smaller tells chance as one. Convention: three standard
+deviations."""
 MATTERS = 0.01
-"""Of the command's rms: a smaller difference of a term is no disagreement."""
+"""Part of the command's rms that two estimates of a term must differ by, to disagree. Larger
+overlooks bias, smaller tells differences that no controller feels. Chosen by hand."""
 
 
 @dataclass(frozen=True)

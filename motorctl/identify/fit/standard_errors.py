@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 LONGEST_PART = 0.1
-"""The bandwidth never exceeds this part of the record."""
+"""The bandwidth never exceeds this part of the record. Larger sums lags of which few pairs tell
+anything, smaller cuts slow correlation off, so that standard errors come out too small. Chosen by
+hand."""
+ANDREWS_BARTLETT = 1.1447
+"""Factor of the optimal bandwidth for Bartlett's kernel, (3 / 2)^(1/3). Published in Andrews 1991,
+eq. 6.2."""
+MOST_CORRELATED = 0.97
+"""Correlation of one row's score with the next at most, either sign. Nearer to 1 lets the bandwidth
+run away, which grows with (1 - rho)^(-2/3); smaller cuts slow correlation off, so that standard
+errors come out too small. Chosen by hand."""
 
 
 def long_run_covariance(scores: Array, at_least: int) -> Array:
@@ -47,10 +56,10 @@ def _andrews_bandwidth(scores: Array) -> float:
     before, after = scores[:-1], scores[1:]
     power = np.sum(before**2, axis=0)
     power = np.where(power > 0.0, power, 1.0)
-    rho = np.clip(np.sum(before * after, axis=0) / power, -0.97, 0.97)
+    rho = np.clip(np.sum(before * after, axis=0) / power, -MOST_CORRELATED, MOST_CORRELATED)
     variance = np.sum((after - rho * before) ** 2, axis=0) / power
     numerator = np.sum(4.0 * rho**2 * variance**2 / ((1 - rho) ** 6 * (1 + rho) ** 2))
     denominator = np.sum(variance**2 / (1.0 - rho) ** 4)
     if denominator == 0.0:
         return 0.0
-    return float(1.1447 * (numerator / denominator * len(scores)) ** (1.0 / 3.0))
+    return float(ANDREWS_BARTLETT * (numerator / denominator * len(scores)) ** (1.0 / 3.0))

@@ -26,9 +26,13 @@ from motorctl.motion import AxisLimits, Program, check_program
 Array = NDArray[np.float64]
 
 CLEAR_OF_MARGIN = 1e-3
-"""dv/du at the start values lies so far above the margin, beyond what rounding takes."""
+"""Room of the input map's slope dv/du above the margin at the start values [V/V]. Larger gives away
+more of the estimates, smaller lets the rounding of what is written break the margin. Chosen by
+hand: start values have six digits."""
 CLEAR_SHARE = 1e-4
-"""What rounding may take of a share."""
+"""Part by which the largest sound share is reduced. Larger gives away more of the estimates,
+smaller lets the rounding of what is written make them unsound again. Chosen by hand: start values
+have six digits."""
 STEPS = 20
 """Halvings of the interval in which the largest sound share is sought: 2^-20 is a millionth. Fewer
 give away more of the estimates. Chosen by hand."""

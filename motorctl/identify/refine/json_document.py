@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from motorctl.identify.diagnose.report.json_document import axis_document
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.refine.axis import AxisRefinement, current_model
 from motorctl.identify.refine.refinement import Refinement
+from motorctl.json_values import finite
 
 
 def refinement_document(
@@ -45,15 +45,11 @@ def _axis(diagnosis: RecordingDiagnosis, axis: AxisRefinement, before: Machine) 
         "effects": told["effects"],
         "error": told["error"]
         | {
-            "start_values_before_rms": _finite(axis.start_error_v),
-            "start_values_after_rms": _finite(axis.refined_error_v),
+            "start_values_before_rms": finite(axis.start_error_v),
+            "start_values_after_rms": finite(axis.refined_error_v),
         },
         "parameters": {
             name: {"before": known.get(name), "after": asdict(estimate)}
             for name, estimate in axis.estimates().items()
         },
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -15,26 +15,34 @@ from motorctl.model import Effect, EffectList, Parameter
 Array = NDArray[np.float64]
 
 ERRORS = 5.0
-"""Bounds lie at least so many standard errors from the estimate,"""
+"""Distance of the bounds from the estimate, in standard errors, at least. Larger lets the
+adaptation wander, smaller may shut the true value out. Chosen by hand."""
 SHARE = 0.3
-"""at least this part of the amplitude,"""
+"""The same distance as a part of the effect's amplitude. Larger lets the adaptation wander, smaller
+leaves it no room for a machine that wears or warms up. Chosen by hand."""
 COMMAND_SHARE = 0.01
-"""and at least as far as changes the command by this part of its rms where that changes most."""
+"""The same distance as what changes the command, where the term changes it most, by this part of
+its rms. Larger lets small terms wander, smaller binds them closer than anybody can feel. Chosen by
+hand."""
 PEAK_SHARE = 0.999
-"""Quantile of a column that stands for its peak: one sample in a thousand may be an outlier. Chosen
-by hand."""
+"""Quantile of a column that stands for its peak. Larger lets an outlier among a thousand samples
+stand for it, smaller takes the usual for the peak, so bounds get wide. Chosen by hand."""
 MOVING = 0.02
-"""Part of the top speed above which the axis moves."""
+"""Part of the top speed above which the axis moves. Larger leaves slow motion out of the columns'
+sizes, smaller lets long rests make them small, and Gamma(0) large. Chosen by hand."""
 LEARNING_S = 5.0
-"""Time in which the adaptation may take up what the recording got wrong."""
+"""Time in which the adaptation may take up what the recording got wrong [s]. Longer leaves the
+errors there for as long, shorter makes the estimate follow noise. Chosen by hand."""
 DIGITS = 6
-"""Digits of a start value: a millionth is below any standard error here. Chosen by hand."""
+"""Digits of a start value. More are lost in its standard error, fewer change what was fitted.
+Chosen by hand: a millionth is below any standard error here."""
 BOUND_DIGITS = 4
 """Digits of a bound. Only looks depend on it. Chosen by hand."""
 COVARIANCE_DIGITS = 3
 """Digits of an initial covariance. Only looks depend on it. Chosen by hand."""
 OPTION_DIGITS = 7
-"""A pitch has to be right over many of them."""
+"""Digits of an option. More are lost in its standard error, fewer shift the last of many waves: a
+pitch adds its error up over the travel. Chosen by hand."""
 
 
 @dataclass(frozen=True)

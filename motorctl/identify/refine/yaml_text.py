@@ -18,9 +18,10 @@ from motorctl.located_yaml import CoreLoader
 KeyPath = tuple[str, ...]
 
 COMMENT_GAP = 2
-"""Spaces between a value and the comment after it."""
+"""Spaces between a value and the comment after it. Only looks depend on it. Convention of YAML
+files."""
 INDENT = 2
-"""Spaces by which a block is indented. Convention of YAML files."""
+"""Spaces by which a block is indented. Only looks depend on it. Convention of YAML files."""
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ class Bench:
         return self.inputs.counts.tolist(), self.inputs.status.tolist()
 
     def sent(self) -> list[can.Message]:
-        """Give every frame that has come to the peer since the last call."""
+        """Return every frame that has come to the peer since the last call."""
         return list(iter(lambda: self.peer.recv(0), None))
 
 

@@ -23,7 +23,7 @@ NAMES = {"x": "X", "y": "Y"}
 
 @st.composite
 def placed(draw, wanted):
-    """Give signals their places, little and big endian mixed, and the frame its length."""
+    """Return the signals with their places, little and big endian mixed, and the frame's length."""
     signals, byte = [], 0
     for name, width, more in draw(st.permutations(wanted)):
         gap, big = draw(st.integers(0, 7)), draw(st.booleans())

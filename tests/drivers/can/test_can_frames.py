@@ -255,7 +255,7 @@ def test_two_commands_without_room_are_told_and_do_not_stop_a_machine():
 
 
 def told_of_periods(bench, slow, room):
-    """Give what each read tells after a write with room for the commands, or without."""
+    """Return what each read tells after a write with room for the commands, or without."""
     told = []
     for has_room in room:
         if has_room:

@@ -21,7 +21,7 @@ def blocks(language):
 
 
 def shown(number, folder):
-    """Give the options in one of the page's YAML examples."""
+    """Return the options in one of the page's YAML examples."""
     file = folder / "example.yaml"
     file.write_text(blocks("yaml")[number])
     given = dict(read_document(file).data["drivers"]["bench"])

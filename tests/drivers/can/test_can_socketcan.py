@@ -80,7 +80,7 @@ def scene(result, name):
 
 
 def frames(result, name):
-    """Give what candump saw: identifier as it writes it, and what follows."""
+    """Return what candump saw: identifier as it writes it, and what follows."""
     lines = (result.folder / f"{name}.log").read_text().splitlines()
     found = [re.fullmatch(r"\(\d+\.\d+\) vcan\d ([0-9A-F]+)#(\S*)", line) for line in lines]
     assert all(found), lines

@@ -307,7 +307,7 @@ class Rig:
         self.outputs = Outputs(len(driver.channels))
 
     def read(self) -> tuple[list[int], list[int]]:
-        """Give counts and status words."""
+        """Return counts and status words."""
         self.driver.read(self.inputs)
         return self.inputs.counts.tolist(), self.inputs.status.tolist()
 

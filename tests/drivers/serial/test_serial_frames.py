@@ -278,9 +278,9 @@ def test_random_bytes_are_never_a_sample():
 
 @njit
 def judge_frames(rx, before, good, total, random):
-    """Give `total` frames to the decoder: random ones, and `good` with bytes changed, lost, put in.
+    """Decode `total` frames: random ones, and `good` with bytes changed, lost, put in.
 
-    Gives how many were fresh and differed from `good`, how many were `good` itself, how many of
+    Returns how many were fresh and differed from `good`, how many were `good` itself, how many of
     those were refused, and after how many the good one that followed was not taken.
     """
     wire = np.zeros(200, np.uint8)

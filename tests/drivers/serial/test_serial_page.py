@@ -15,7 +15,7 @@ PAGE = (Path(__file__).parents[3] / "docs/drivers/serial.md").read_text()
 
 
 def table(heading, first_cell):
-    """Give the cells of the table behind a heading, without backquotes."""
+    """Return the cells of the table behind a heading, without backquotes."""
     lines = iter(PAGE.split(heading, 1)[1].splitlines())
     for line in lines:
         if line.startswith(f"| {first_cell} |"):

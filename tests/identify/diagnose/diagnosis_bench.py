@@ -99,7 +99,7 @@ def declared_list():
 
 
 def axis_diagnosis(*names, seed=1, other_seed=2, duration_s=DURATION_S, **changes):
-    """Give the diagnosis of axis x whose plant has the named effects of `KNOWN` too."""
+    """Return the diagnosis of axis x whose plant has the named effects of `KNOWN` too."""
     m, y = motion(seed, duration_s), motion(other_seed, duration_s)
     declared = declared_list()
     u0 = np.zeros(len(m.t))
@@ -253,7 +253,7 @@ def _found(effect, theta, count):
 
 
 def unknown_axis(depends_on=("position", "velocity"), **changes):
-    """Give the diagnosis of an axis that sticks in one place, which no effect explains."""
+    """Return the diagnosis of an axis that sticks in one place, which no effect explains."""
     m = motion(1)
     patch = 0.25 * np.exp(-(((m.x - 0.28) / 0.02) ** 2)) * np.sign(m.v)
     axis = axis_diagnosis()
@@ -300,7 +300,7 @@ def unknown_axis(depends_on=("position", "velocity"), **changes):
 
 
 def insufficient_axis(axis="x"):
-    """Give the diagnosis of an axis that hardly moved: nothing could be fitted."""
+    """Return the diagnosis of an axis that hardly moved: nothing could be fitted."""
     complete = axis_diagnosis()
     nothing = np.zeros(0)
     program = {

@@ -28,12 +28,12 @@ def diagnosed(case: Case, folder: Path, duration_s: float = DURATION_S):
 
 
 def names(diagnosis) -> list[str]:
-    """Give the effects that a diagnosis names."""
+    """Return the effects that a diagnosis names."""
     return [effect.name for effect in diagnosis.effects]
 
 
 def travel(case: Case) -> tuple[float, float]:
-    """Give the travel of the axis under test."""
+    """Return the travel of the axis under test."""
     low, high = case.config["axes"][case.axis]["limits"]["travel_m"]
     return low, high
 

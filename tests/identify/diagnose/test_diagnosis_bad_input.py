@@ -28,7 +28,7 @@ def run():
 
 @pytest.fixture
 def refused(run, tmp_path, monkeypatch, capsys):
-    """Give a function that has the command line refuse a recording, and gives the message."""
+    """Return a function that has the command line refuse a recording, and returns the message."""
 
     def refuse(config=None, options=(), axis="x", **columns):
         own = {"time_s": run.time_s, "position_m": run.position, "command_v": run.command}

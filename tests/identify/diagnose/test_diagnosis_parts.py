@@ -13,7 +13,6 @@ from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import low_pass_response, make_signals, spans_of
 from motorctl.identify.columns.stretches import smoothed
-from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.held_out_blocks import (
     FOLDS,
     held_out_sse,
@@ -23,6 +22,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     solve,
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.noise_twins import largest_gain
 from motorctl.identify.diagnose.search.parameters import values_of
 from motorctl.identify.diagnose.search.search import LEAST_GAIN, whitened
 from motorctl.identify.diagnose.search.spectral_lines import position_spectrum, strongest

@@ -66,7 +66,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory):
-    """Give a diagnosis with an axis of every verdict, the files of its report, and its page."""
+    """Return a diagnosis with an axis of every verdict, the files of its report, and its page."""
     axes = {name[0]: make() for name, make in VERDICTS.items()}
     named = bench.recording(notes=("the clock jumped <once>",), **axes)
     diagnosis = replace(named, refused={"w": "axis w: no motion"})

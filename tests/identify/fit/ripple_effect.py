@@ -41,6 +41,6 @@ class Ripple(Effect):
 
 @njit(inline="always")
 def column(j, x, v, a, vs, t, c):
-    """Give sine or cosine."""
+    """Return sine or cosine."""
     angle = 2.0 * math.pi * x / c[0]
     return math.sin(angle) if j == 0 else math.cos(angle)

@@ -22,7 +22,7 @@ def fitted(run):
 
 
 def map_error(fit, run):
-    """Give the largest error of the identified v(u), as a part of its greatest value."""
+    """Return the largest error of the identified v(u), as a part of its greatest value."""
     u = np.linspace(0.0, np.abs(run.command).max(), 50)
     difference = input_map(fit.theta, u) - input_map(TRUTH, u)
     return np.abs(difference).max() / input_map(TRUTH, u[-1])

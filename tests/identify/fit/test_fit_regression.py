@@ -16,7 +16,7 @@ THETAS = arrays(float, 4, elements=st.floats(-5.0, 5.0).filter(lambda v: abs(v) 
 
 
 def exact_data(theta, seed=0, rows=400):
-    """Give psi and u that obey u = psi theta."""
+    """Return psi and u that obey u = psi theta."""
     psi = np.random.default_rng(seed).standard_normal((rows, len(theta)))
     return psi, psi @ theta
 

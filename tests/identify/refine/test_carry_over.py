@@ -14,7 +14,7 @@ INERTIA, VISCOUS, OFFSET = 0.4, 0.3, 0.02
 
 
 def diagnosis(*found, declared=()):
-    """Give a diagnosis of four basic effects and of others as (name, options, theta)."""
+    """Return a diagnosis of four basic effects and of others as (name, options, theta)."""
     basic = [make_effect(known_effects()[n]) for n in ("inertia", "viscous_friction", "offset")]
     stated = [make_effect(known_effects()[name], options) for name, options, _ in declared]
     new = [make_effect(known_effects()[name], options) for name, options, _ in found]

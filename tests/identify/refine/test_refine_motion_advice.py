@@ -18,7 +18,7 @@ DECLARED = ("inertia", "viscous_friction", "coulomb_friction", "offset")
 
 
 def recorded(low=0.0, high=0.4, speed=1.0, acceleration=10.0, duration_s=24.0):
-    """Give a recording's spans, and signals as far as advice looks at them."""
+    """Return a recording's spans, and signals as far as advice looks at them."""
     count = 2000
     t = np.arange(count) * 1e-3
     data = Measured("run", "x", 1e3, t, 0 * t, 0 * t, np.ones(count, bool))

@@ -24,5 +24,5 @@ class TiltedWay(Effect):
 
 @njit
 def column(j, x, v, a, vs, t, c):
-    """Give the position."""
+    """Return the position."""
     return x

@@ -31,7 +31,7 @@ FOLDER, PROGRAM = 0o40755, 0o100755
 
 
 def make_initrd(busybox: Path, kernel: Path) -> bytes:
-    """Give the initrd, with modules from an unpacked kernel package."""
+    """Return the initrd, with modules from an unpacked kernel package."""
     modules = {path.stem: path for path in kernel.rglob("*.ko")}
     files = [(name, FOLDER, b"") for name in ("bin", "dev", "root")]
     files += [("bin/busybox", PROGRAM, busybox.read_bytes()), ("init", PROGRAM, SCRIPT.encode())]

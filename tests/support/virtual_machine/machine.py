@@ -102,7 +102,7 @@ class Machine:
 
 
 def machine() -> Machine:
-    """Give the machine, built now if that was not done before; raises UnavailableError."""
+    """Return the machine, built now if that was not done before; raises UnavailableError."""
     recipe.check_host()
     base = os.environ.get("XDG_CACHE_HOME")
     cache = (Path(base) if base else Path.home() / ".cache") / "motorctl-tests"

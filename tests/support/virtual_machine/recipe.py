@@ -41,7 +41,7 @@ class UnavailableError(Exception):
 
 
 def requirements() -> list[str]:
-    """Give what motorctl needs inside."""
+    """Return what motorctl needs inside."""
     project = tomllib.loads(PYPROJECT.read_text())["project"]
     wanted = list(project["dependencies"])
     for extra in EXTRAS:
@@ -69,7 +69,7 @@ def check_host() -> None:
 
 
 def mirror() -> str:
-    """Give the address that the host's own Debian packages come from. Raises UnavailableError."""
+    """Return the address that the host's own Debian packages come from. Raises UnavailableError."""
     files = [Path("/etc/apt/sources.list"), *Path("/etc/apt/sources.list.d").glob("*")]
     for file in files:
         text = file.read_text() if file.is_file() else ""

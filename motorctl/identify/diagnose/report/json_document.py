@@ -6,14 +6,11 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.report.parameter_text import (
     Value,
     compensation_values,
     declared_alone_values,
-    finite,
     force_values,
     found_values,
     option_document,
@@ -26,6 +23,7 @@ from motorctl.identify.diagnose.result import (
     RecordingDiagnosis,
     UnknownStructure,
 )
+from motorctl.json_values import plain
 
 
 def diagnosis_document(diagnosis: RecordingDiagnosis) -> dict[str, Any]:
@@ -65,7 +63,7 @@ def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
         "notes": list(axis.notes),
         "seconds": axis.seconds,
     }
-    return {key: _plain(part) for key, part in document.items()}
+    return {key: plain(part) for key, part in document.items()}
 
 
 def _effect_document(data: Measured, found: FoundEffect) -> dict[str, Any]:
@@ -132,14 +130,3 @@ def _error_document(axis: AxisDiagnosis) -> dict[str, Any]:
 
 def _documents(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
     return {name: value.document() for name, value in values.items()}
-
-
-def _plain(value: Any) -> Any:
-    """Make a value fit for JSON, which has neither NaN nor infinity nor arrays."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, np.generic | np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    return finite(value) if isinstance(value, float) else value

@@ -49,7 +49,7 @@ LONGEST_S = 900.0
 smaller may miss warming up. Chosen by hand."""
 GOLDEN = 0.6180339887498949
 """Golden ratio's fraction, (sqrt(5) - 1) / 2: its multiples fill the range from 0 to 1 evenly and
-never repeat. Another number leaves places out. Arithmetic."""
+never repeat. Larger or smaller ones leave places out. Arithmetic."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 from motorctl.identify.columns.measured import Array, Measured
 from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, UnknownStructure
+from motorctl.json_values import finite
 from motorctl.log.units import unit_for
 from motorctl.model import Effect, EffectList, Parameter
 from motorctl.model.effect import option_unit
@@ -57,11 +58,6 @@ class Value:
             digits = 2 + max(0, math.floor(math.log10(abs(value) / error)) if value else 0)
             told = f"{value:.{digits}g} ± {error:.2g}"
         return f"{told} {pretty(unit)}".rstrip()
-
-
-def finite(value: float | None) -> float | None:
-    """Return a number as JSON can hold it: None for what is not finite."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def percent(share: float) -> str:

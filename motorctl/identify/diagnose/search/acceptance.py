@@ -16,7 +16,7 @@ from motorctl.model.knowledge import Group
 
 LEAST_GAIN = 60.0
 """Gain in log-likelihood of held-out rows that a name needs. Larger misses weak effects, smaller
-names chance. Chosen by hand; the clean twins guard what lies just above it."""
+names chance. Chosen by hand; the noise twins guard what lies just above it."""
 RELEVANT = 6e-4
 """Part of the command's rms (of an encoder's error: of what the declared model misses) that an
 effect must take: less does not matter to any axis, and no declared form is exact to such a degree.

@@ -20,12 +20,14 @@ WIDTHS_PER_DECADE = 3
 """Widths that are tried in each decade of speed. More takes time, fewer may miss the best. Chosen
 by hand."""
 NARROWEST, WIDEST = 2e-4, 0.3
-"""Widths that are tried, as parts of the top speed. A narrower one is a step to any motion, a wider
-one is viscous. Chosen by hand."""
+"""Widths that are tried, as parts of the top speed. Further apart takes time for nothing, for a
+narrower one is a step to any motion and a wider one is viscous; closer together misses true widths.
+Chosen by hand."""
 EXTREMES: tuple[Shape, ...] = ("arctan", "clip")
 """The shapes that differ most: one comes near to its end slowly, one is there at once."""
 TOLERANCE = 0.01
-"""Of the logarithm of the slope. Smaller takes time. Chosen by hand."""
+"""Accuracy of the logarithm of friction's slope: 0.01 is a hundredth of the slope. Larger leaves
+residual to be named, smaller takes time. Chosen by hand."""
 
 
 def turning_over(hypothesis: Hypothesis, sign: Sign) -> Hypothesis:

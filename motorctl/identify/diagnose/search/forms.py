@@ -74,9 +74,41 @@ leaves options short of their best. Chosen by hand."""
 LINE_STEPS = 12
 """Steps of the line search (Brent) over a single option, at most, once it is between two others.
 More takes time, fewer leaves the option short of its best. Chosen by hand."""
+FIRST_STEP = 0.5
+"""First step of both searches, in the effect's own first steps of its options. Larger leaves the
+form that was found by the scan, smaller takes more steps. Chosen by hand: half of one."""
+OPTION_TOLERANCE = 3e-4
+"""Accuracy of the options, in the effect's first steps. Larger leaves residual for other names,
+smaller takes time. Chosen by hand."""
+COST_TOLERANCE = 1e-6
+"""Accuracy of the logarithm of the squared residual, at which the simplex ends. Larger ends in flat
+valleys, smaller takes time. Chosen by hand."""
+IMPOSSIBLE = 1e3
+"""Cost of options outside their range: that of a residual exp(1000) times as large, which no
+options have. Any other would do that is beyond what options can cost. Chosen by hand."""
+BEYOND_TRIALS = 1.5
+"""Factor by which options may leave the range of the forms that are tried. Larger lets forms turn
+into something else, smaller misses true ones at the ends. Chosen by hand: three halves."""
 EDGE = 0.02
 """Relative distance to an end of an option's range within which it counts as standing there. Larger
 refuses forms near it, smaller accepts ones that are something else. Chosen by hand."""
+ONE_LINE = 1.5
+"""Width of a spectral line, in cycles over the travel, within which there is no second one. Larger
+hides close orders, smaller finds a line's own shoulder. Chosen by hand: a line's first zero
+is at 1, its first sidelobe's top just below 1.5."""
+SAME_LINE = 0.5
+"""Distance of a line from a multiple of a pitch's wave number, in cycles over the travel, up to
+which it is that order. Larger takes chance lines for orders, smaller misses true ones whose top is
+blurred. Chosen by hand: half of a line's half width."""
+BETTER = 1e-3
+"""Part of the held-out residual that another pitch must save to be taken instead. Larger keeps the
+first pitch, smaller exchanges by chance. Chosen by hand."""
+MOST_FUNDAMENTALS = 4
+"""Pitches that are tried for a set of lines, those of the most orders first. More takes time, fewer
+may miss the right one. Chosen by hand."""
+ORDER_MATTERS = 0.05
+"""Part of the held-out residual that an order must save to be kept, whatever the others of its
+effect take. Larger leaves all to `ORDER_GAIN`, smaller keeps chance ones. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -191,14 +223,14 @@ def by_simplex(
         nonlocal best
         values = start + place * scale
         if any(not low <= value <= high for value, (low, high) in zip(values, bounds, strict=True)):
-            return 1e3
+            return IMPOSSIBLE
         try:
             effect = form.effect.with_options(**dict(zip(names, map(float, values), strict=True)))
         except ValidationError:
-            return 1e3
+            return IMPOSSIBLE
         found = measure(hypothesis, effect)
         if found is None:
-            return 1e3
+            return IMPOSSIBLE
         if found.sse < best.sse:
             best = found
         return float(np.log(found.sse / form.sse))
@@ -207,12 +239,12 @@ def by_simplex(
     if n == 1:
         minimize_scalar(
             lambda place: cost(np.array([place - 1.0])),
-            bracket=(1.0, 1.5),
+            bracket=(1.0, 1.0 + FIRST_STEP),
             method="brent",
-            options={"xtol": 3e-4, "maxiter": min(most_steps, LINE_STEPS)},
+            options={"xtol": OPTION_TOLERANCE, "maxiter": min(most_steps, LINE_STEPS)},
         )
         return best
-    simplex = np.vstack([np.zeros(n), 0.5 * np.eye(n)])
+    simplex = np.vstack([np.zeros(n), FIRST_STEP * np.eye(n)])
     minimize(
         cost,
         np.zeros(n),
@@ -220,8 +252,8 @@ def by_simplex(
         options={
             "initial_simplex": simplex,
             "maxfev": most_steps * n,
-            "xatol": 3e-4,
-            "fatol": 1e-6,
+            "xatol": OPTION_TOLERANCE,
+            "fatol": COST_TOLERANCE,
         },
     )
     return best
@@ -238,7 +270,8 @@ def option_bounds(
     for name in names:
         values = [float(getattr(form.options, name)) for form in forms]
         low, high = min(values), max(values)
-        bounds.append((low / 1.5, high * 1.5) if low > 0.0 and high > low else (-np.inf, np.inf))
+        bounded = low > 0.0 and high > low
+        bounds.append((low / BEYOND_TRIALS, high * BEYOND_TRIALS) if bounded else (-np.inf, np.inf))
     return bounds
 
 
@@ -263,7 +296,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     for _ in range(LINES - 1):
         kappa, gain = _spectrum(current, cls)
         near = np.min(np.abs(kappa[:, None] - np.array(waves)[None]), axis=1)
-        gain = np.where(near < 1.5 / spans.travel_m, 0.0, gain)
+        gain = np.where(near < ONE_LINE / spans.travel_m, 0.0, gain)
         place = strongest(kappa, gain, 1)
         if not place:
             break
@@ -278,7 +311,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
             continue
         found = by_simplex(hypothesis, found, spans)
         found = _pruned(hypothesis, found)
-        if found.held_out < best.held_out * (1.0 - 1e-3):
+        if found.held_out < best.held_out * (1.0 - BETTER):
             best = found
     for _ in range(RICHER_STEPS):
         richer = [measure(hypothesis, effect) for effect in best.effect.richer(spans)]
@@ -334,7 +367,7 @@ def _left_over(hypothesis: Hypothesis) -> Array:
 def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[int, ...]]]:
     """Return pitches of which the lines are whole orders, with these orders."""
     found: dict[tuple[float, tuple[int, ...]], float] = {}
-    tolerance = 0.5 / spans.travel_m
+    tolerance = SAME_LINE / spans.travel_m
     first = waves[0]
     for k in range(1, MOST_ORDER + 1):
         base = first / k
@@ -351,7 +384,7 @@ def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[i
             continue
         found[(1.0 / base, tuple(sorted(orders)))] = len(orders)
     ordered = sorted(found, key=lambda item: (-found[item], -1.0 / item[0]))
-    return ordered[:4]
+    return ordered[:MOST_FUNDAMENTALS]
 
 
 def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
@@ -387,7 +420,8 @@ def _pruned(hypothesis: Hypothesis, form: Form) -> Form:
         if found is None:
             continue
         lost = found.held_out - best.held_out
-        if lost < ORDER_GAIN * max(without - best.sse, 0.0) and lost < 0.05 * best.held_out:
+        least = min(ORDER_GAIN * max(without - best.sse, 0.0), ORDER_MATTERS * best.held_out)
+        if lost < least:
             best = found
     return best
 

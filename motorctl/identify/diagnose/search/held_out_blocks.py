@@ -23,8 +23,9 @@ FOLDS = 3
 """Groups of blocks that are held out in turn. More takes time, fewer fits each with less. Chosen by
 hand."""
 NOTHING = 1e-200
-"""Sum of squares of a column that is nothing but rounding, as a spline's where no row comes: its
-coefficient would overflow. Convention."""
+"""Sum of squares of a column that is nothing but rounding, as a spline's where no row comes. Larger
+drops true columns, smaller lets their coefficients overflow. Convention: far below any signal's,
+far above the smallest double, 2e-308."""
 RIDGE = 1e-13
 """Added to the diagonal of the normal equations once the columns have length one: keeps what is
 collinear solvable. Larger pulls estimates to zero, smaller is lost in rounding (2e-16 times the

@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 
 MOST_PHYSICAL = 3
 """Parameters that a spline may have and still be as stiff as a formula: a single cubic polynomial
-needs no holding. With more, knots that few rows show would take up noise. Arithmetic: a cubic
-without its constant has three."""
+needs no holding. Larger lets knots that few rows show take up noise, smaller holds polynomials
+back. Arithmetic: a cubic without its constant has three."""
 PREDICTED_BAND = 1.5
 """Band of the predicted acceleration, in multiples of the rows' band. Smaller distorts what acts on
 the acceleration, larger adds the measurement's noise. Chosen by hand."""

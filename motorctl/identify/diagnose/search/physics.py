@@ -18,8 +18,8 @@ from motorctl.model import Effect
 Array = NDArray[np.float64]
 
 SURELY = 3.0
-"""Standard errors by which a parameter that cannot be negative is so. Convention: three standard
-deviations."""
+"""Standard errors by which a parameter that cannot be negative is so. Larger keeps effects of
+impossible sign, smaller refutes true ones by chance. Convention: three standard deviations."""
 BEYOND = 3.0
 """Force of an effect over the largest command, from which it is extrapolated from a corner of its
 own shape and cannot be. Larger lets such pass, smaller refutes forces that cancel others. Chosen by

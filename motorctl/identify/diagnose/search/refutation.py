@@ -27,7 +27,9 @@ WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
 impossible models pass, smaller refutes by chance. Chosen by hand."""
 CERTAIN = 1e-9
-"""Relative size below which a simulation that is worse means nothing: rounding. Convention."""
+"""Size, relative to the travel, below which a simulation that is worse means nothing. Larger lets
+impossible models of fine motion pass, smaller refutes by rounding. Convention: far below any
+encoder, far above a double's rounding, 2e-16."""
 
 
 def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, tuple[str, ...]]:

@@ -19,7 +19,6 @@ from motorctl.identify.diagnose.search.acceptance import (
     gain,
     in_step,
 )
-from motorctl.identify.diagnose.search.clean_twins import largest_gain
 from motorctl.identify.diagnose.search.forms import (
     NEAR,
     Form,
@@ -45,6 +44,7 @@ from motorctl.identify.diagnose.search.mending import (
     mended,
     without_unneeded,
 )
+from motorctl.identify.diagnose.search.noise_twins import largest_gain
 from motorctl.identify.diagnose.search.physics import physical
 from motorctl.identify.diagnose.search.settling import settled
 from motorctl.identify.diagnose.search.simpler import freedom, instead_of, simplest_first
@@ -80,7 +80,7 @@ PARTLY_SEEN = 2.0
 """Factor on `NEAR` for effects of which a scan shows only a part. Larger takes time, smaller misses
 them. Chosen by hand."""
 PLAIN_GAIN = 600.0
-"""Beyond this gain no clean twin of any machine has come: below, the machine's own twins are asked.
+"""Beyond this gain no noise twin of any machine has come: below, the machine's own twins are asked.
 Larger takes time, smaller lets false names pass unasked. Chosen by hand on the simulated
 campaign."""
 TWINS_GAIN = 1.5

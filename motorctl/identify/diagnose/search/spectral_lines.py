@@ -21,6 +21,12 @@ pitch."""
 OVERSAMPLING = 8
 """Points of the spectrum for each independent one. Fewer may miss a line's top, more takes time.
 Chosen by hand: at 8 a line lies within a sixteenth of its width."""
+BAND_PART = 0.45
+"""Part of the band that the finest wave may reach in slow motion. Larger takes what the filter's
+edge lets through for a line, smaller misses fine pitches. Chosen by hand."""
+CELLS_PER_WAVE = 4.0
+"""Places into which the finest wave is cut. More takes time, fewer blurs it: 2 would be Nyquist's
+limit. Chosen by hand: twice that."""
 SPEED_BINS = 64
 """Bins of speed from which the filter's loss is told. More takes time, fewer is coarser. Chosen by
 hand."""
@@ -33,6 +39,12 @@ LEAST_COVERED = 0.1
 """Part of the places, over the travel, at which a wave must be slow enough to be seen. Larger
 misses fine pitches, smaller names waves that single turning points make. Chosen by hand on the
 simulated campaign."""
+COVERED_WAVES = 24
+"""Wave numbers, evenly spread over their logarithm, at which that part is told; between them it is
+interpolated. More takes time, fewer rounds off where it falls. Chosen by hand."""
+SLOW_PERCENT = 25.0
+"""Percentile of the speed that stands for slow motion. Larger misses pitches that only slow motion
+shows, smaller names what few rows show. Chosen by hand."""
 
 
 def position_spectrum(
@@ -44,10 +56,10 @@ def position_spectrum(
     """
     x, v = signals.picked(lambda s: s.x), signals.picked(lambda s: s.v)
     low, travel = float(x.min()), float(np.ptp(x))
-    finest = min(CYCLES_PER_TRAVEL / travel, 0.45 * signals.band_hz / _slow(v))
+    finest = min(CYCLES_PER_TRAVEL / travel, BAND_PART * signals.band_hz / _slow(v))
     r = adjoint(signals, left_over)
     w = np.ones_like(r) if weight is None else weight
-    cell = 1.0 / (4.0 * finest)
+    cell = 1.0 / (CELLS_PER_WAVE * finest)
     bins = int(travel / cell) + 2
     place = (x - low) / cell
     index = place.astype(int)
@@ -121,7 +133,7 @@ def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
     fit whatever happens there.
     """
     index = np.minimum((place * PLACES).astype(int), PLACES - 1)
-    some = np.geomspace(float(kappa[0]), float(kappa[-1]), 24)
+    some = np.geomspace(float(kappa[0]), float(kappa[-1]), COVERED_WAVES)
     covered = np.empty(len(some))
     for k, wave in enumerate(some):
         energy = np.bincount(index, signals.response(wave * np.abs(v)) ** 2, PLACES)
@@ -131,4 +143,4 @@ def _covered(signals: Signals, place: Array, v: Array, kappa: Array) -> Array:
 
 def _slow(v: Array) -> float:
     """Return a speed that a good part of the rows stay below."""
-    return max(float(np.percentile(np.abs(v), 25.0)), 1e-9)
+    return max(float(np.percentile(np.abs(v), SLOW_PERCENT)), 1e-9)

@@ -19,7 +19,9 @@ drops an offset that a few reversals show, smaller keeps two parameters of which
 known. Chosen by hand."""
 
 
-def carried(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+def without_undetermined(
+    signals: Signals, declared: EffectList
+) -> tuple[EffectList, dict[str, str]]:
     """Return the declared list without what the recording cannot carry, and why that was dropped.
 
     The electromagnetic effects bend the input map: where the commands are too small to determine

@@ -35,15 +35,17 @@ SEED = 7
 would do as well. Convention."""
 IN_COUNTS = 0.02
 """Mean distance of the position's steps from whole counts, in counts, up to which it comes in them;
-any other position has 0.25. Arithmetic, with room for rounding in text files."""
+any other position has 0.25. Larger rounds the twin of a fine position, smaller does not where a
+text file's last digits are off. Arithmetic, with room for rounding chosen by hand."""
 NEXT_TO_TWIN = 1.6
 """What a model misses of the position over the shortest windows, over what it misses of the twin's,
 up to which nothing is missing. Larger hides structure, smaller calls the feedback of an encoder's
 counts structure. Chosen by hand: clean machines of another author have 1.1 to 1.5, machines that
 lack something 2.6 to 7."""
 NEAR_TWIN = 2.4
-"""The same as the geometric mean over all windows; clean machines have 0.9 to 2.3, those that lack
-something 1.5 to 9. Chosen by hand as above."""
+"""The same as the geometric mean over all windows. Larger hides structure, smaller calls the
+feedback of an encoder's counts structure. Chosen by hand as above: clean machines have 0.9 to 2.3,
+those that lack something 1.5 to 9."""
 
 
 def clean_twin(found: Found) -> Found | None:

@@ -34,6 +34,10 @@ Rows = NDArray[np.bool_]
 HELD_OUT_EVERY = 3
 """One block in so many is held out where the recording does not say which. More fits with more and
 judges with less. Chosen by hand; as many as there are folds."""
+LEAST_HELD_OUT, MOST_HELD_OUT = 0.02, 0.9
+"""Parts of the rows between which the recording's own choice is followed. Closer together ignores
+what its author asked for, further apart judges with next to nothing, or fits to it. Chosen by
+hand."""
 REPORT_HZ = 100.0
 """Band of pictures, and of errors on another recording [Hz]: that in which `fit` works. Larger
 shows noise, smaller hides effects. Arithmetic: `fit`'s widest band."""
@@ -70,7 +74,7 @@ def split_rows(hypothesis: Hypothesis, segments: dict[str, tuple[float, float]])
     if "held_out" in segments:
         begin, end = segments["held_out"]
         inside = (time >= begin) & (time < end)
-        if 0.02 < inside.mean() < 0.9:
+        if LEAST_HELD_OUT < inside.mean() < MOST_HELD_OUT:
             return Split(inside, True)
     block = np.arange(len(time)) // hypothesis.regressors.blocks.length
     return Split(block % HELD_OUT_EVERY == HELD_OUT_EVERY - 1, False)

@@ -19,7 +19,8 @@ from motorctl.model import Effect, Spans
 Array = NDArray[np.float64]
 
 TINY = 1e-300
-"""Sum of squares below which there is nothing left: keeps divisions whole. Convention."""
+"""Sum of squares below which there is nothing left: keeps divisions whole. Any other would do that
+is below every signal's and above zero. Convention."""
 FAINT_RIVAL = 0.1
 """Share of the gain below which a rival counts as one of it: much smaller ones say no more. Larger
 does not tell close rivals from far ones, smaller lets a lead alone make a name sure. Chosen by how
@@ -37,7 +38,8 @@ SMALL_STEP = 0.02
 """Part of a lag or delay by which it is changed to see what it does. Larger leaves the straight
 line, smaller drowns in rounding. Chosen by hand."""
 FAINTEST = 1e-3
-"""Shares and parts below it count as it: their logarithms would run away. Convention."""
+"""Shares and parts below it count as it. Larger does not tell steady effects from very steady ones,
+smaller lets their logarithms run away. Convention: a thousandth."""
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,11 @@ STEP_S = 5e-4
 """Between two times that are tried [s]. Larger tells it roughly, smaller takes time. Chosen by
 hand."""
 LEAST_S = 1e-3
-"""Shortest lateness that is told [s]: less is within what lags and sampling blur. Chosen by
-hand."""
+"""Shortest lateness that is told [s]. Larger misses late columns, smaller tells of what lags and
+sampling blur. Chosen by hand."""
 LEAST_SAMPLES = 1.5
-"""The same in samples: columns may be latched at either end of one. Arithmetic."""
+"""The same in samples: columns may be latched at either end of one. Larger misses late columns at
+low rates, smaller tells of that. Arithmetic: one sample, with half of one as room."""
 FITS_BETTER = 0.9
 """Squared acceleration that an earlier command leaves, over what the recorded one leaves, from
 which it is told. Nearer to 1 suspects sound recordings, smaller misses late columns. Chosen by

@@ -14,7 +14,8 @@ DROWNED = 0.1
 shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
 coarse encoders. Chosen by hand."""
 TINY = 1e-300
-"""Least command that anything is divided by. Convention."""
+"""Least command that anything is divided by. Any other would do that is below every command and
+above zero. Convention."""
 
 
 def why_undetermined(

@@ -13,7 +13,7 @@ COMMAND, STATE = 0x200, 0x180
 
 
 def frames() -> dict[str, Any]:
-    """Give one command and one state frame of 8 bytes."""
+    """Return one command and one state frame of 8 bytes."""
     command: dict[str, Any] = {"sequence": {"means": "sequence", "start": 40, "bits": 8}}
     state: dict[str, Any] = {"sequence": {"means": "sequence", "start": 56, "bits": 8}}
     for k, axis in enumerate("xy"):
@@ -29,7 +29,7 @@ def frames() -> dict[str, Any]:
 
 
 def device_file() -> dict[str, Any]:
-    """Give the file for `motorctl gantry-device`."""
+    """Return the file for `motorctl gantry-device`."""
     channel = {"resolution_m": 0.5e-6, "counter_bits": 28, "max_voltage_v": 10.0}
     bus = {"interface": "socketcan", "channel": INTERFACE, "frames": frames()}
     return {
@@ -42,14 +42,14 @@ def device_file() -> dict[str, Any]:
 
 
 def can_driver() -> dict[str, Any]:
-    """Give the driver's options: free-running, as no emulated device keeps time."""
+    """Return the driver's options: free-running, as no emulated device keeps time."""
     bus = {"interface": "socketcan", "channel": INTERFACE, "frames": frames(), "max_age_s": 1.0}
     late = {"hold_ticks": RATE_HZ, "predict": True}
     return {"type": "can", **bus, "open_timeout_s": 60.0, "late": late}
 
 
 def config(driver: dict[str, Any]) -> dict[str, Any]:
-    """Give the configuration of the machine on a driver."""
+    """Return the configuration of the machine on a driver."""
     return {
         "name": "socketcan",
         "rate_hz": RATE_HZ,

@@ -27,7 +27,7 @@ def _example(number: int) -> dict[str, Any]:
 
 
 def classic_driver(**changes: Any) -> CanDriver:
-    """Give the driver of the DBC example: classic frames, free-running, counts of 24 bits."""
+    """Return the driver of the DBC example: classic frames, free-running, counts of 24 bits."""
     (dbc,) = (text for _, text in _blocks() if text.startswith("VERSION"))
     Path("/tmp/bench.dbc").write_text(dbc)
     data = {**_example(1), "channel": "vcan0", "open_timeout_s": 20, "max_age_s": 3, **changes}
@@ -35,7 +35,7 @@ def classic_driver(**changes: Any) -> CanDriver:
 
 
 def fd_driver(**changes: Any) -> CanDriver:
-    """Give the driver of the complete example: CAN FD with SYNC, counts of 32 bits."""
+    """Return the driver of the complete example: CAN FD with SYNC, counts of 32 bits."""
     sync = {"id": 0x80, "wait_s": 1.0}
     data = {**_example(0), "channel": "vcan0", "open_timeout_s": 20, "max_age_s": 3}
     return _driver({**data, "sync": sync, **changes}, 32)

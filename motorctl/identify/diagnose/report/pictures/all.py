@@ -92,23 +92,23 @@ def plot_diagnosis(diagnosis: RecordingDiagnosis, folder: Path) -> list[Picture]
     return pictures
 
 
-def _axis_pictures(subject: AxisSignals, folder: Path) -> list[Picture]:
+def _axis_pictures(axis: AxisSignals, folder: Path) -> list[Picture]:
     def place(what: str) -> Path:
-        return folder / f"{subject.name}_{what}.png"
+        return folder / f"{axis.name}_{what}.png"
 
     pictures = []
-    for found in subject.axis.effects:
+    for found in axis.diagnosis.effects:
         how = found.effect.picture
-        path = DRAWERS[how.kind](subject, found, place(found.name))
-        pictures.append(Picture(path, subject.name, found.name, how.caption))
-    if (unknown := subject.axis.unknown) is not None:
-        path = plot_unknown(subject, unknown, place("unknown"))
+        path = DRAWERS[how.kind](axis, found, place(found.name))
+        pictures.append(Picture(path, axis.name, found.name, how.caption))
+    if (unknown := axis.diagnosis.unknown) is not None:
+        path = plot_unknown(axis, unknown, place("unknown"))
         caption = "Residual against what it may depend on."
-        pictures.append(Picture(path, subject.name, "unknown", caption))
+        pictures.append(Picture(path, axis.name, "unknown", caption))
     caption = "What the model leaves of the command, over time."
-    path = plot_residual(subject, place("residual"))
-    pictures.append(Picture(path, subject.name, "residual", caption))
+    path = plot_residual(axis, place("residual"))
+    pictures.append(Picture(path, axis.name, "residual", caption))
     caption = "Spectra of the residual: over time, beside the noise expected, and along the way."
-    path = plot_spectra(subject, place("spectrum"))
-    pictures.append(Picture(path, subject.name, "spectrum", caption))
+    path = plot_spectra(axis, place("spectrum"))
+    pictures.append(Picture(path, axis.name, "spectrum", caption))
     return pictures

@@ -24,7 +24,7 @@ class AxisSignals:
     """One axis with its signals; arrays of shape (m,) as in `Traces`."""
 
     name: str
-    axis: AxisDiagnosis
+    diagnosis: AxisDiagnosis
     traces: Traces
     others: Mapping[str, Traces] = field(default_factory=dict)
     """Signals of the other diagnosed axes."""
@@ -32,38 +32,38 @@ class AxisSignals:
     @property
     def command_unit(self) -> str:
         """As it stands on axes."""
-        return pretty(self.axis.data.command_unit)
+        return pretty(self.diagnosis.data.command_unit)
 
     @property
     def force_per_command(self) -> float | None:
         """None where it is not known."""
-        return self.axis.data.force_per_command
+        return self.diagnosis.data.force_per_command
 
     @property
     def force_unit(self) -> str:
         """As it stands on axes."""
-        return pretty(self.axis.data.force_unit)
+        return pretty(self.diagnosis.data.force_unit)
 
     @property
     def place(self) -> tuple[float, str]:
         """Factor and unit in which positions are drawn."""
-        return (1e3, "mm") if self.axis.data.position_unit == "m" else (1.0, "rad")
+        return (1e3, "mm") if self.diagnosis.data.position_unit == "m" else (1.0, "rad")
 
     @property
     def small_place(self) -> tuple[float, str]:
         """Factor and unit in which small displacements are drawn."""
-        return 1e6, f"µ{self.axis.data.position_unit}"
+        return 1e6, f"µ{self.diagnosis.data.position_unit}"
 
     @property
     def push(self) -> str:
         """What a force on the axis is called."""
-        return "force on the carriage" if self.axis.data.position_unit == "m" else "torque"
+        return "force on the carriage" if self.diagnosis.data.position_unit == "m" else "torque"
 
     @property
     def effect_names(self) -> str:
         """What the whole model has beyond the declared one, in words."""
-        found = [effect.name for effect in self.axis.effects]
-        unknown = self.axis.unknown
+        found = [effect.name for effect in self.diagnosis.effects]
+        unknown = self.diagnosis.unknown
         if unknown is not None and unknown.compensation is not None:
             found.append(f"spline ({unknown.compensation.name})")
         return " + ".join(found) if len(found) <= MOST_NAMES else "the effects found"
@@ -79,16 +79,16 @@ class AxisSignals:
 
     def coefficient(self, signal: Signal) -> float:
         """Return what multiplies a signal in the whole model; 0 where nothing does."""
-        return _coefficient(self.axis.model, self.axis.theta, signal)
+        return _coefficient(self.diagnosis.model, self.diagnosis.theta, signal)
 
     def declared_coefficient(self, signal: Signal) -> float:
         """Return the same of the declared model where it is fitted alone."""
-        return _coefficient(self.axis.declared, self.axis.declared_theta, signal)
+        return _coefficient(self.diagnosis.declared, self.diagnosis.declared_theta, signal)
 
     @property
     def reference_acceleration(self) -> Array | None:
         """The desired acceleration at the rows; None where there is no reference."""
-        data, t = self.axis.data, self.traces.time_s
+        data, t = self.diagnosis.data, self.traces.time_s
         if data.reference is None or len(t) < 2:
             return None
         step = float(np.median(np.diff(t)))
@@ -100,14 +100,16 @@ class AxisSignals:
     @cached_property
     def declared_friction(self) -> Array:
         """Friction as the declared model has it where it is fitted alone."""
-        return self._friction(self.axis.declared, self.axis.declared, self.axis.declared_theta)
+        return self._friction(
+            self.diagnosis.declared, self.diagnosis.declared, self.diagnosis.declared_theta
+        )
 
     @cached_property
     def friction_model(self) -> Array:
         """Friction as the whole model has it."""
-        found = {effect.name for effect in self.axis.effects}
-        declared = EffectList([e for e in self.axis.declared.effects if e.name not in found])
-        total = self._friction(declared, self.axis.model, self.axis.theta)
+        found = {effect.name for effect in self.diagnosis.effects}
+        declared = EffectList([e for e in self.diagnosis.declared.effects if e.name not in found])
+        total = self._friction(declared, self.diagnosis.model, self.diagnosis.theta)
         for name, contribution in self.traces.contributions.items():
             if name in self._friction_names:
                 total = total + contribution
@@ -123,7 +125,7 @@ class AxisSignals:
 
     @cached_property
     def _friction_names(self) -> frozenset[str]:
-        return frozenset(e.name for e in self.axis.model.effects if "friction" in e.groups)
+        return frozenset(e.name for e in self.diagnosis.model.effects if "friction" in e.groups)
 
     def _friction(self, effects: EffectList, model: EffectList, theta_hat: Array) -> Array:
         """Return the friction of some effects with the parameters that a model has for them."""

@@ -42,42 +42,42 @@ REVERSAL_PART = 0.1
 reversals, smaller finds them in noise. Chosen by hand."""
 
 
-def plot_friction(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
+def plot_friction(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw friction against velocity, of both signs: all speeds, and slow ones close by."""
-    traces = subject.traces
+    traces = axis.traces
     fastest = float(np.max(np.abs(traces.velocity), initial=0.0))
     slow = min(VELOCITIES * found.effect.picture.scale or SLOW_PART * fastest, fastest)
     with figure_in_file(path, ["a", "b"], 2.9) as panels:
-        _velocity_panel(panels["a"], subject, fastest)
-        _velocity_panel(panels["b"], subject, slow)
+        _velocity_panel(panels["a"], axis, fastest)
+        _velocity_panel(panels["b"], axis, slow)
         panels["b"].set_title("slow motion, close by")
         legend_above(panels["a"], 3)
     return path
 
 
-def plot_presliding(subject: AxisSignals, found: FoundEffect, path: Path) -> Path:
+def plot_presliding(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:
     """Draw friction against the way after each reversal, and against velocity."""
-    fastest = float(np.max(np.abs(subject.traces.velocity), initial=0.0))
+    fastest = float(np.max(np.abs(axis.traces.velocity), initial=0.0))
     with figure_in_file(path, ["a", "b"], 2.9) as panels:
-        _reversal_panel(panels["a"], subject, found)
-        _velocity_panel(panels["b"], subject, SLOW_PART * fastest)
+        _reversal_panel(panels["a"], axis, found)
+        _velocity_panel(panels["b"], axis, SLOW_PART * fastest)
         legend_above(panels["a"], 3)
     return path
 
 
-def _velocity_panel(panel: Axes, subject: AxisSignals, fastest: float) -> None:
-    traces = subject.traces
-    scale, unit = subject.place
+def _velocity_panel(panel: Axes, axis: AxisSignals, fastest: float) -> None:
+    traces = axis.traces
+    scale, unit = axis.place
     if fastest <= 0.0:
         return
     inside = np.abs(traces.velocity) <= fastest
     velocity = traces.velocity[inside]
     edges = np.linspace(-fastest, fastest, BINS + 1)
     # with the constant force: an asymmetry shows as one where a model has only that
-    signal = subject.constant + subject.friction_model + traces.residual_after
+    signal = axis.constant + axis.friction_model + traces.residual_after
     data = binned(velocity, signal[inside], edges)
     draw_bins(panel, data, scale)
-    for friction, constant, colour, style, label in _models(subject):
+    for friction, constant, colour, style, label in _models(axis):
         model = binned(velocity, (friction + constant)[inside], edges)
         panel.plot(model.centre * scale, model.middle, color=colour, lw=1.4, ls=style, label=label)
     limits(panel, data.low, data.high, share=0.0)
@@ -85,23 +85,23 @@ def _velocity_panel(panel: Axes, subject: AxisSignals, fastest: float) -> None:
     panel.axvline(0.0, color="black", lw=0.7, zorder=0.5)
     span(panel, -fastest * scale, fastest * scale)
     panel.set_xlabel(f"velocity [{unit}/s]")
-    panel.set_ylabel(f"friction and offset [{subject.command_unit}]")
-    force_scale(panel, subject)
+    panel.set_ylabel(f"friction and offset [{axis.command_unit}]")
+    force_scale(panel, axis)
 
 
-def _reversal_panel(panel: Axes, subject: AxisSignals, found: FoundEffect) -> None:
+def _reversal_panel(panel: Axes, axis: AxisSignals, found: FoundEffect) -> None:
     """Draw the friction in the direction of the new motion: it starts where the old one left."""
-    traces = subject.traces
-    scale, unit = subject.small_place
+    traces = axis.traces
+    scale, unit = axis.small_place
     own = found.effect.picture.scale
-    least = max(REVERSAL_PART * own, REVERSAL_COUNTS * (subject.axis.data.resolution or 0.0))
+    least = max(REVERSAL_PART * own, REVERSAL_COUNTS * (axis.diagnosis.data.resolution or 0.0))
     way, direction = since_reversal(traces.position, least)
     rows = (direction != 0.0) & (way > 0.0)
     edges = np.geomspace(0.1 * own, max(1e3 * own, 10.0 * least), 41)
-    viscous = subject.coefficient("velocity") * traces.velocity
-    data = direction * (subject.friction_model + traces.residual_after - viscous)
+    viscous = axis.coefficient("velocity") * traces.velocity
+    data = direction * (axis.friction_model + traces.residual_after - viscous)
     draw_bins(panel, binned(way[rows], data[rows], edges), scale)
-    for friction, _, colour, style, label in _models(subject):
+    for friction, _, colour, style, label in _models(axis):
         model = binned(way[rows], (direction * (friction - viscous))[rows], edges)
         panel.plot(model.centre * scale, model.middle, color=colour, lw=1.4, ls=style, label=label)
     panel.set_xscale("log")
@@ -117,25 +117,25 @@ def _reversal_panel(panel: Axes, subject: AxisSignals, found: FoundEffect) -> No
     )
     zero_line(panel)
     panel.set_xlabel(f"way since the last reversal [{unit}]")
-    panel.set_ylabel(f"friction without\nits viscous part [{subject.command_unit}]")
-    force_scale(panel, subject)
+    panel.set_ylabel(f"friction without\nits viscous part [{axis.command_unit}]")
+    force_scale(panel, axis)
 
 
-def _models(subject: AxisSignals) -> list[tuple[Array, float, str, str, str]]:
+def _models(axis: AxisSignals) -> list[tuple[Array, float, str, str, str]]:
     """Return the models' friction and constant force, with colour, line and name."""
     return [
         (
-            subject.declared_friction,
-            -subject.declared_coefficient("one"),
+            axis.declared_friction,
+            -axis.declared_coefficient("one"),
             BEFORE,
             "--",
             "declared model alone",
         ),
         (
-            subject.friction_model,
-            subject.constant,
+            axis.friction_model,
+            axis.constant,
             AFTER,
             "-",
-            f"with {subject.effect_names}",
+            f"with {axis.effect_names}",
         ),
     ]

@@ -54,9 +54,9 @@ def figure_in_file(path: Path, layout: list[str], height: float) -> Iterator[dic
         figure.savefig(path, metadata={"Software": None})
 
 
-def force_scale(panel: Axes, subject: AxisSignals, per: str = "") -> None:
+def force_scale(panel: Axes, axis: AxisSignals, per: str = "") -> None:
     """Add a second scale at the right in units of force, where the force constant is known."""
-    gain = subject.force_per_command
+    gain = axis.force_per_command
     if not gain:
         return
 
@@ -69,7 +69,7 @@ def force_scale(panel: Axes, subject: AxisSignals, per: str = "") -> None:
     right = panel.secondary_yaxis("right", functions=(to_force, to_command))
     right.spines["right"].set_visible(True)
     right.spines["right"].set_color("#999999")
-    right.set_ylabel(f"[{subject.force_unit}{per}]")
+    right.set_ylabel(f"[{axis.force_unit}{per}]")
 
 
 def draw_bins(panel: Axes, bins: Bins, scale: float) -> None:

@@ -55,71 +55,69 @@ FLOOR = 1e-3
 scale over nothing. Chosen by hand."""
 
 
-def plot_residual(subject: AxisSignals, path: Path) -> Path:
+def plot_residual(axis: AxisSignals, path: Path) -> Path:
     """Draw what the models leave of the command over time, and the motion below it."""
-    traces = subject.traces
-    both = bool(subject.effect_names)
+    traces = axis.traces
+    both = bool(axis.effect_names)
     with figure_in_file(path, ["a", "b", "x"] if both else ["b", "x"], 2.0) as panels:
         if both:
             draw_broken(panels["a"], traces.time_s, traces.residual_before, BEFORE, "")
-            panels["a"].set_title(_rms("declared model alone", traces.residual_before, subject))
+            panels["a"].set_title(_rms("declared model alone", traces.residual_before, axis))
             draw_broken(panels["b"], traces.time_s, traces.residual_after, AFTER, "")
-            name = f"with {subject.effect_names}"
-            panels["b"].set_title(_rms(name, traces.residual_after, subject))
+            name = f"with {axis.effect_names}"
+            panels["b"].set_title(_rms(name, traces.residual_after, axis))
         else:
             draw_broken(panels["b"], traces.time_s, traces.residual_before, BEFORE, "")
-            panels["b"].set_title(_rms("declared model", traces.residual_before, subject))
+            panels["b"].set_title(_rms("declared model", traces.residual_before, axis))
         for key in ("a", "b") if both else ("b",):
             panel = panels[key]
             limits(panel, traces.residual_before, traces.residual_after)
-            panel.set_ylabel(f"residual [{subject.command_unit}]")
+            panel.set_ylabel(f"residual [{axis.command_unit}]")
             zero_line(panel)
-            force_scale(panel, subject)
-        scale, unit = subject.place
+            force_scale(panel, axis)
+        scale, unit = axis.place
         draw_broken(panels["x"], traces.time_s, traces.position * scale, "black", "")
         panels["x"].set_ylabel(f"position [{unit}]")
-        panels["x"].set_xlabel("time [s]" + _shade_held_out(panels, subject))
+        panels["x"].set_xlabel("time [s]" + _shade_held_out(panels, axis))
         for panel in panels.values():
             span(panel, float(traces.time_s[0]), float(traces.time_s[-1]))
         figure_of(panels["x"]).align_ylabels(list(panels.values()))
     return path
 
 
-def plot_spectra(subject: AxisSignals, path: Path) -> Path:
+def plot_spectra(axis: AxisSignals, path: Path) -> Path:
     """Draw the residual's spectrum over time, with the noise model, and over position."""
     with figure_in_file(path, ["t", "x"], 2.9) as panels:
-        _over_time(panels["t"], subject)
-        wave, before, after = position_spectra(subject)
-        draw_position_spectrum(panels["x"], subject, wave, before, after)
-        _noise_line(panels["x"], subject)
-        span(panels["x"], 0.0, _shown_wave(subject, wave, before))
+        _over_time(panels["t"], axis)
+        wave, before, after = position_spectra(axis)
+        draw_position_spectrum(panels["x"], axis, wave, before, after)
+        _noise_line(panels["x"], axis)
+        span(panels["x"], 0.0, _shown_wave(axis, wave, before))
         panels["x"].set_title("over position")
     return path
 
 
-def position_spectra(
-    subject: AxisSignals, highest: float | None = None
-) -> tuple[Array, Array, Array]:
+def position_spectra(axis: AxisSignals, highest: float | None = None) -> tuple[Array, Array, Array]:
     """Return wave numbers, and the amplitudes of the residuals before and after."""
-    traces = subject.traces
-    highest = highest or _highest_wave(subject)
+    traces = axis.traces
+    highest = highest or _highest_wave(axis)
     wave, before = position_spectrum(traces.position, traces.residual_before, highest)
     return wave, before, position_spectrum(traces.position, traces.residual_after, highest)[1]
 
 
 def draw_position_spectrum(
-    panel: Axes, subject: AxisSignals, wave: Array, before: Array, after: Array
+    panel: Axes, axis: AxisSignals, wave: Array, before: Array, after: Array
 ) -> None:
     """Draw amplitudes over wave number, before and after."""
-    unit = subject.axis.data.position_unit
+    unit = axis.diagnosis.data.position_unit
     panel.plot(wave, before, color=BEFORE, lw=1.0, label="declared model alone")
-    if subject.effect_names:
-        panel.plot(wave, after, color=AFTER, lw=1.0, label=f"with {subject.effect_names}")
+    if axis.effect_names:
+        panel.plot(wave, after, color=AFTER, lw=1.0, label=f"with {axis.effect_names}")
     span(panel, 0.0, float(wave[-1]) if len(wave) else 1.0)
     panel.set_ylim(0.0, HEADROOM * float(np.max(before, initial=0.0)) or 1.0)
     panel.set_xlabel(f"wave number [cycles/{unit}]")
-    panel.set_ylabel(f"amplitude [{subject.command_unit}]")
-    force_scale(panel, subject)
+    panel.set_ylabel(f"amplitude [{axis.command_unit}]")
+    force_scale(panel, axis)
 
 
 def mark_frequency(panel: Axes, at: float, words: str, *, top: bool = True) -> None:
@@ -143,8 +141,8 @@ def mark_frequency(panel: Axes, at: float, words: str, *, top: bool = True) -> N
     name.set_in_layout(False)  # a mark outside the limits must not squeeze the panels
 
 
-def _over_time(panel: Axes, subject: AxisSignals) -> None:
-    traces, unit = subject.traces, subject.command_unit
+def _over_time(panel: Axes, axis: AxisSignals) -> None:
+    traces, unit = axis.traces, axis.command_unit
     shown = traces.frequency_hz > 0.0
     f = traces.frequency_hz[shown]
     densities = [
@@ -152,8 +150,8 @@ def _over_time(panel: Axes, subject: AxisSignals) -> None:
         for power in (traces.spectrum_before, traces.spectrum_after, traces.spectrum_noise)
     ]
     panel.loglog(f, densities[0], color=BEFORE, lw=1.0, label="declared model alone")
-    if subject.effect_names:
-        panel.loglog(f, densities[1], color=AFTER, lw=1.0, label=f"with {subject.effect_names}")
+    if axis.effect_names:
+        panel.loglog(f, densities[1], color=AFTER, lw=1.0, label=f"with {axis.effect_names}")
     panel.loglog(f, densities[2], color=NOISE, lw=1.3, ls="--", label="noise expected")
     highest = max((float(np.max(d, initial=0.0)) for d in densities), default=0.0)
     inside = f <= traces.band_hz
@@ -170,22 +168,22 @@ def _over_time(panel: Axes, subject: AxisSignals) -> None:
     panel.set_xlabel(f"frequency [Hz]   (fitted up to {traces.band_hz:.4g} Hz)")
     panel.set_ylabel(f"residual [{unit}/√Hz]")
     panel.grid(visible=True, which="minor", alpha=0.12)
-    for found in subject.axis.effects:
+    for found in axis.diagnosis.effects:
         if "line_over_time" in found.effect.groups:
             for frequency in found.effect.lines:
                 mark_frequency(panel, frequency, f"{frequency:.4g} Hz")
-    force_scale(panel, subject, "/√Hz")
+    force_scale(panel, axis, "/√Hz")
     legend_above(panel)
 
 
-def _noise_line(panel: Axes, subject: AxisSignals) -> None:
+def _noise_line(panel: Axes, axis: AxisSignals) -> None:
     """Draw what noise alone does not exceed."""
-    traces = subject.traces
+    traces = axis.traces
     rate_hz = 1.0 / float(np.median(np.diff(traces.time_s)))
     # rows closer than half a period of the band's end repeat their neighbours' noise
     repeated = max(0.5 * rate_hz / traces.band_hz, 1.0)
     rms = traces.noise_floor_rms * np.sqrt(repeated)
-    level = position_noise(traces.position, rms, _highest_wave(subject))
+    level = position_noise(traces.position, rms, _highest_wave(axis))
     if np.isfinite(level):
         label = "99 % of noise is below"
         panel.axhline(level, color=NOISE, lw=1.3, ls="--", label=label)
@@ -193,9 +191,9 @@ def _noise_line(panel: Axes, subject: AxisSignals) -> None:
         legend_above(panel)
 
 
-def _highest_wave(subject: AxisSignals) -> float:
+def _highest_wave(axis: AxisSignals) -> float:
     """Return the shortest waves that the rows can show at the usual speed, as a wave number."""
-    traces = subject.traces
+    traces = axis.traces
     travel = float(np.ptp(traces.position))
     if travel <= 0.0:
         return 1.0
@@ -206,26 +204,26 @@ def _highest_wave(subject: AxisSignals) -> float:
     return min(highest, 1.0 / least) if least > 0.0 else highest
 
 
-def _shown_wave(subject: AxisSignals, wave: Array, amplitude: Array) -> float:
-    travel = float(np.ptp(subject.traces.position))
+def _shown_wave(axis: AxisSignals, wave: Array, amplitude: Array) -> float:
+    travel = float(np.ptp(axis.traces.position))
     if travel <= 0.0:
         return 1.0
     strong = np.flatnonzero(amplitude > SHOWN_PART * np.max(amplitude))
     return float(min(max(1.4 * wave[strong[-1]], FEWEST_WAVES / travel), wave[-1]))
 
 
-def _rms(words: str, residual: Array, subject: AxisSignals) -> str:
+def _rms(words: str, residual: Array, axis: AxisSignals) -> str:
     known = residual[np.isfinite(residual)]
     rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
-    told = f"{words}: rms {rms:.3g} {subject.command_unit}"
-    if subject.force_per_command:
-        told += f" = {abs(subject.force_per_command) * rms:.3g} {subject.force_unit}"
+    told = f"{words}: rms {rms:.3g} {axis.command_unit}"
+    if axis.force_per_command:
+        told += f" = {abs(axis.force_per_command) * rms:.3g} {axis.force_unit}"
     return told
 
 
-def _shade_held_out(panels: dict[str, Axes], subject: AxisSignals) -> str:
+def _shade_held_out(panels: dict[str, Axes], axis: AxisSignals) -> str:
     """Shade the rows that were not fitted, and return the caption's words for that."""
-    time_s, held = subject.traces.time_s, subject.traces.held_out
+    time_s, held = axis.traces.time_s, axis.traces.held_out
     if not held.any() or held.all():
         return ""
     edges = np.flatnonzero(np.diff(held.astype(np.int8))) + 1

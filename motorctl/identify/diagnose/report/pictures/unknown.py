@@ -38,14 +38,14 @@ hand."""
 NAMES = {"history": "the way since the last reversal"}
 
 
-def plot_unknown(subject: AxisSignals, unknown: UnknownStructure, path: Path) -> Path:
+def plot_unknown(axis: AxisSignals, unknown: UnknownStructure, path: Path) -> Path:
     """Draw the residual against position, velocity, command, and what else it depends on."""
-    chosen = _variables(subject, unknown)
+    chosen = _variables(axis, unknown)
     both = {"position", "velocity"} <= set(unknown.depends_on)
     layout = ["ab", "cd"]
     with figure_in_file(path, [*layout, "mm"] if both else layout, 2.6) as panels:
         for key, name in zip("abcd", chosen, strict=True):
-            _panel(panels[key], subject, name)
+            _panel(panels[key], axis, name)
             named = NAMES.get(name, name)
             marked = name in unknown.depends_on
             panels[key].set_title(
@@ -53,23 +53,23 @@ def plot_unknown(subject: AxisSignals, unknown: UnknownStructure, path: Path) ->
                 fontweight="bold" if marked else "normal",
             )
         if both:
-            _map(panels["m"], subject)
+            _map(panels["m"], axis)
         figure = figure_of(panels["a"])
         handles, labels = panels["a"].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=3)
     return path
 
 
-def _variables(subject: AxisSignals, unknown: UnknownStructure) -> list[str]:
+def _variables(axis: AxisSignals, unknown: UnknownStructure) -> list[str]:
     """Return four variables, those that the residual depends on first."""
     possible = ("position", "velocity", "command", "acceleration", "time", "history")
     first = [name for name in possible if name in unknown.depends_on]
     return [*first, *(name for name in possible if name not in first)][:4]
 
 
-def _panel(panel: Axes, subject: AxisSignals, name: str) -> None:
-    traces = subject.traces
-    variable, scale, label = _variable(subject, name)
+def _panel(panel: Axes, axis: AxisSignals, name: str) -> None:
+    traces = axis.traces
+    variable, scale, label = _variable(axis, name)
     known = np.isfinite(variable)
     if not known.any():
         return
@@ -93,29 +93,29 @@ def _panel(panel: Axes, subject: AxisSignals, name: str) -> None:
     panel.plot(
         bins.centre * scale, bins.middle, color=BEFORE, lw=1.4, label="declared model alone, median"
     )
-    if subject.effect_names:
+    if axis.effect_names:
         after = binned(variable, traces.residual_after, edges)
-        words = f"with {subject.effect_names}"
+        words = f"with {axis.effect_names}"
         panel.plot(after.centre * scale, after.middle, color=AFTER, lw=1.4, label=words)
     zero_line(panel)
     panel.set_xlabel(label)
-    panel.set_ylabel(f"residual [{subject.command_unit}]")
-    force_scale(panel, subject)
+    panel.set_ylabel(f"residual [{axis.command_unit}]")
+    force_scale(panel, axis)
 
 
-def _variable(subject: AxisSignals, name: str) -> tuple[Array, float, str]:
+def _variable(axis: AxisSignals, name: str) -> tuple[Array, float, str]:
     """Return a variable's values, the factor in which it is drawn, and its label."""
-    traces, (scale, unit) = subject.traces, subject.place
+    traces, (scale, unit) = axis.traces, axis.place
     match name:
         case "position":
             return traces.position, scale, f"position [{unit}]"
         case "velocity":
             return traces.velocity, scale, f"velocity [{unit}/s]"
         case "acceleration":
-            own = subject.axis.data.position_unit
+            own = axis.diagnosis.data.position_unit
             return traces.acceleration, 1.0, f"acceleration [{own}/s²]"
         case "command":
-            return traces.command, 1.0, f"command [{subject.command_unit}]"
+            return traces.command, 1.0, f"command [{axis.command_unit}]"
         case "time":
             return traces.time_s, 1.0, "time [s]"
     least = REVERSAL_PART * float(np.ptp(traces.position))
@@ -124,9 +124,9 @@ def _variable(subject: AxisSignals, name: str) -> tuple[Array, float, str]:
     return way, scale, f"way since the last reversal [{unit}]"
 
 
-def _map(panel: Axes, subject: AxisSignals) -> None:
+def _map(panel: Axes, axis: AxisSignals) -> None:
     """Draw the residual's mean over position and velocity as colours."""
-    traces, (scale, unit) = subject.traces, subject.place
+    traces, (scale, unit) = axis.traces, axis.place
     edges = [
         np.linspace(float(np.min(signal)), float(np.max(signal)), cells + 1)
         for signal, cells in zip((traces.position, traces.velocity), MAP_CELLS, strict=True)
@@ -145,7 +145,7 @@ def _map(panel: Axes, subject: AxisSignals) -> None:
     panel.grid(visible=False)
     # below the panel: beside it, it would take width from those above
     bar = figure_of(panel).colorbar(mesh, ax=panel, location="bottom", shrink=0.5, aspect=50)
-    bar.set_label(f"residual [{subject.command_unit}]")
+    bar.set_label(f"residual [{axis.command_unit}]")
     panel.set_title("mean residual of the declared model alone")
     panel.set_xlabel(f"position [{unit}]")
     panel.set_ylabel(f"velocity [{unit}/s]")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
@@ -13,6 +12,7 @@ from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.identify.compare.measures import SYMBOLS, Measures
 from motorctl.identify.compare.runs import ratios
 from motorctl.identify.diagnose.report.json_document import axis_document
+from motorctl.json_values import finite
 
 
 def closed_loop_document(loop: ClosedLoop) -> dict[str, Any]:
@@ -82,12 +82,12 @@ def _judgement(judgement: AxisJudgement) -> dict[str, Any]:
     return {
         "accepted": judgement.accepted,
         "against": list(judgement.against),
-        "model_error": {"unit": "V", "before_rms": _finite(before), "after_rms": _finite(after)},
+        "model_error": {"unit": "V", "before_rms": finite(before), "after_rms": finite(after)},
         "tracking": {
             motion: {
                 "before": _measures(first),
                 "after": _measures(second),
-                "ratio": {k: _finite(v) for k, v in ratios(first, second).items()},
+                "ratio": {k: finite(v) for k, v in ratios(first, second).items()},
             }
             for motion, (first, second) in judgement.tracking.items()
         },
@@ -96,7 +96,3 @@ def _judgement(judgement: AxisJudgement) -> dict[str, Any]:
 
 def _measures(measures: Measures) -> Mapping[str, float]:
     return dict(zip(SYMBOLS, astuple(measures), strict=True))
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

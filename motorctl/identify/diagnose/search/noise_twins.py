@@ -1,4 +1,4 @@
-"""Clean twins of the identified machine: what gains the search finds where nothing is missing.
+"""Noise twins of the identified machine: what gains the search finds where nothing is missing.
 
 A twin is the fitted model with noise of the machine's own spectrum in place of what is left over:
 the phases of the residual that no smooth function explains are drawn anew. What the best form of
@@ -21,7 +21,7 @@ from motorctl.model.sign_function import Sign
 Array = NDArray[np.float64]
 
 TWINS = 2
-"""Clean twins of the identified machine that are simulated. More tells better what chance gains,
+"""Noise twins of the identified machine that are formed. More tells better what chance gains,
 and takes time; fewer lets a lucky twin pass a false name. Chosen by hand on the simulated
 campaign."""
 SEED = 20
@@ -30,7 +30,7 @@ would do as well. Convention."""
 
 
 def largest_gain(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> float:
-    """Return the largest gain in held-out log-likelihood that any effect has on clean twins."""
+    """Return the largest gain in held-out log-likelihood that any effect has on noise twins."""
     rows = hypothesis.regressors.signals.rows
     fitted_rest = residual(hypothesis.problem, hypothesis.solution.b)[:rows]
     noise = saturated_residual(hypothesis, SmoothFunctions(hypothesis.regressors.signals))
