@@ -78,8 +78,8 @@ def measure_latency(machine: Machine, options: LatencyOptions, progress: Progres
         if folder is not None:
             _must_be_writable(folder)
     if machine.loop.waits:  # measured is what a machine of metal would bear
-        patient = machine.loop.model_copy(update={"without_realtime": "degrade"})
-        machine = replace(machine, loop=patient)
+        settings = machine.loop.model_copy(update={"without_realtime": "degrade"})
+        machine = replace(machine, loop=settings)
     cpu = chosen_cpu(machine.loop)
     host = host_facts()
     limits_s = (*LATE_S, machine.period_s)
