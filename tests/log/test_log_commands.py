@@ -134,6 +134,7 @@ def test_recover_gives_json_and_takes_another_name(invoke, crashed, tmp_path):
         "tail_cut": False,
         "was_finished": False,
         "partial_kept": False,
+        "was_closed": False,
     }
     assert read_recording(out).metadata["seed"] == 4
 
