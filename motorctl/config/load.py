@@ -17,6 +17,7 @@ from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
+from motorctl.config.recording_rules import RecordingRate, check_recording, recording_rate
 from motorctl.config.shipped import locate
 from motorctl.config.validation import read_keys, validate
 from motorctl.errors import Problem
@@ -100,6 +101,7 @@ def _build(
     problems += _check_spin(document, rate_hz)
     problems += check_claims(document)
     problems += check_groups(document)
+    problems += check_recording(document, _recording_rate(parts, rate_hz))
     drivers: dict[str, DriverSetup] = {}
     if hardware:
         drivers, refused = build_drivers(document, directory)
@@ -142,6 +144,13 @@ def _check_spin(document: Document, rate_hz: float | None) -> list[Problem]:
         message = f"found {loop.spin_s:g}, should be below the period of {1.0 / rate_hz:g} s"
         return [document.problem(("loop", "spin_s"), message)]
     return []
+
+
+def _recording_rate(parts: Mapping[str, AxisParts], rate_hz: float | None) -> RecordingRate | None:
+    models = [part.model for part in parts.values()]
+    if rate_hz is None or any(model is None for model in models):
+        return None
+    return recording_rate((len(model) for model in models if model), rate_hz)
 
 
 def _drop_lost_points(document: Document) -> None:
