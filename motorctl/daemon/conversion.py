@@ -1,0 +1,131 @@
+"""Make logs of closed recordings beside the daemon, one at a time, at idle priority."""
+
+from __future__ import annotations
+
+import json
+import logging
+import subprocess
+import sys
+from collections import deque
+from pathlib import Path
+
+from motorctl.daemon.error_text import in_words
+from motorctl.errors import MotorctlError
+from motorctl.log import recover
+from motorctl.log.folder import in_use, stored_logs
+
+MODULE = "motorctl.log.background"
+
+_log = logging.getLogger("motorctl")
+
+
+class Conversion:
+    """A queue of partial files, and the process that works on the first of them.
+
+    Nothing here waits but `finish`: whoever looks after it calls `look` every now and then.
+    """
+
+    def __init__(self) -> None:
+        self.recorded_bytes = 0
+        """Of what was made logs of by this daemon, as it was while it was recorded."""
+        self.closed_bytes = 0
+        """And as it is in the logs."""
+        self.failure: str | None = None
+        """Why the last one that failed did; its partial file stays."""
+        self.failed: list[Path] = []
+        self._waiting: deque[Path] = deque()
+        self._current: Path | None = None
+        self._size = 0
+        self._process: subprocess.Popen[str] | None = None
+
+    @property
+    def current(self) -> Path | None:
+        """The partial file that a log is being made of."""
+        return self._current
+
+    @property
+    def waiting(self) -> list[Path]:
+        """Those that come after it."""
+        return list(self._waiting)
+
+    def add(self, partial: Path) -> None:
+        """Put a closed recording into the queue; may be called by any thread."""
+        self._waiting.append(partial)
+
+    def add_leftovers(self, folder: Path, machine: str) -> list[Path]:
+        """Put what earlier runs left unfinished into the queue, and return it, the oldest first."""
+        left = [
+            log.partial_path
+            for log in stored_logs(folder, machine)
+            if log.partial and not in_use(log)
+        ]
+        self._waiting.extend(left)
+        return left
+
+    def look(self) -> None:
+        """See whether a log is done, and begin with the next."""
+        if self._process is not None and self._process.poll() is not None:
+            process, self._process = self._process, None
+            told, error = process.communicate()
+            self._end(process.returncode, told, error)
+        if self._process is None and self._waiting:
+            self._begin(self._waiting.popleft())
+
+    def finish(self) -> list[str]:
+        """Make logs of all that is left, at the daemon's own priority; return what went wrong."""
+        if self._process is not None and self._current is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
+            self._waiting.appendleft(self._current)  # a log appears complete or not at all
+        wrong = []
+        while self._waiting:
+            self._current = self._waiting.popleft()
+            try:
+                self._size = self._current.stat().st_size
+                done = recover(self._current)
+            except (MotorctlError, OSError) as error:
+                wrong.append(self._fail(in_words(error)))
+            else:
+                self._succeed(done.path, done.rows)
+        return wrong
+
+    def _begin(self, partial: Path) -> None:
+        if not partial.exists():  # retention was faster
+            return
+        self._current = partial
+        try:
+            self._size = partial.stat().st_size
+            # A session of its own: Ctrl-C is for the daemon, which then finishes this itself.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", MODULE, str(partial)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                start_new_session=True,
+            )
+        except OSError as error:
+            self._fail(f"{partial}: {in_words(error)}")
+
+    def _end(self, status: int, told: str, error: str) -> None:
+        if status == 0:
+            done = json.loads(told)
+            self._succeed(Path(done["path"]), done["rows"])
+            return
+        why = error.strip().splitlines()[-1:] or [f"the process ended with status {status}"]
+        self._fail(f"{self._current}: cannot be made a log: {why[0]}")
+
+    def _succeed(self, log: Path, rows: int) -> None:
+        size = log.stat().st_size
+        self.recorded_bytes += self._size
+        self.closed_bytes += size
+        self._current, self.failure = None, None
+        _log.info("log %s: %d ticks, %.3g MB", log, rows, size / 1e6)
+
+    def _fail(self, problem: str) -> str:
+        if self._current is not None:
+            self.failed.append(self._current)
+        self._current, self.failure = None, problem
+        _log.error("recording: %s; `motorctl log recover` tries again", problem)
+        return problem
