@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,6 +15,9 @@ Megabytes = Annotated[float, Field(ge=1, le=1e9)]
 DEFAULT_DURATION_H = 1.0
 DEFAULT_SIZE_MB = 2000.0
 """A part that is made a log within minutes, and of which `diagnose` can take a good piece."""
+MOST_RESERVE_MB = 500.0
+"""What the largest usual log needs to be made smaller."""
+RESERVE_SHARE = 0.05
 
 
 class FlightRecorderSettings(Keys):
@@ -38,7 +42,7 @@ class RotationSettings(Keys):
 
     max_size_mb: Megabytes | None = Field(
         default=DEFAULT_SIZE_MB,
-        description="largest log, as it is while it is recorded; closed it takes about a fifth; "
+        description="largest log, as it is while it is recorded; closed it takes about a quarter; "
         "null: no limit",
     )
     max_duration_h: Annotated[float, Field(ge=1 / 60, le=1e5)] | None = Field(
@@ -66,10 +70,11 @@ class DiskSettings(Keys):
     warn_below_h: Annotated[float, Field(ge=0, le=1e5)] = Field(
         default=24.0, description="warn when recording can go on for less than so many hours"
     )
-    stop_below_mb: Annotated[float, Field(ge=0, le=1e9)] = Field(
-        default=500.0,
-        description="recording stops while less is free, and goes on in a new log afterwards: "
-        "the computer goes on working, and closed logs can still be made smaller",
+    stop_below_mb: Annotated[float, Field(ge=0, le=1e9)] | None = Field(
+        default=None,
+        description="recording stops while less is free, and goes on in a new log afterwards, so "
+        "that the computer goes on working and closed logs can be made smaller; null: 500, or if "
+        "that is less a twentieth of the disk, or half of retention.min_free_mb",
     )
 
 
@@ -95,3 +100,17 @@ class RecordingKeys(Keys):
     flight_recorder: FlightRecorderSettings = Field(
         default_factory=FlightRecorderSettings, description="what is kept of a fault"
     )
+
+    def reserve_mb(self, disk_mb: float) -> float:
+        """Return below which free space recording stops [MB].
+
+        Parameters
+        ----------
+        disk_mb
+            Size of the disk [MB].
+        """
+        if self.disk.stop_below_mb is not None:
+            return self.disk.stop_below_mb
+        kept = self.retention.min_free_mb
+        # Retention comes first where it keeps some space free.
+        return min(MOST_RESERVE_MB, RESERVE_SHARE * disk_mb, math.inf if kept is None else kept / 2)

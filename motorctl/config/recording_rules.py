@@ -12,7 +12,7 @@ from motorctl.located_yaml import Document
 from motorctl.log.sample import row_bytes
 
 MEGABYTE = 1e6
-CLOSED_SHARE = 0.22
+CLOSED_SHARE = 0.25
 """What a row takes in a closed log, of what it takes while it is recorded: measured with two axes
 in motion (docs/recording.md). At rest it is less."""
 SHORTEST_S = 60.0
@@ -105,7 +105,7 @@ def _retention(recording: RecordingKeys, rate: RecordingRate | None) -> Iterator
         limit = f"should be at least rotate.max_duration_h: {longest:g}"
         yield ("retention", "max_age_days"), f"found {age:g} ({age * 24:g} h), {limit}"
     stop = recording.disk.stop_below_mb
-    if free is not None and free <= stop:
+    if free is not None and stop is not None and free <= stop:
         limit = f"should be more than disk.stop_below_mb: {stop:g}"
         message = f"found {free:g}, {limit}: recording would stop before anything is removed"
         yield ("retention", "min_free_mb"), message

@@ -6,6 +6,7 @@ import json
 import logging
 import subprocess
 import sys
+import time
 from collections import deque
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from motorctl.log import recover
 from motorctl.log.folder import in_use, stored_logs
 
 MODULE = "motorctl.log.background"
+TRY_AGAIN_S = 600.0
 
 _log = logging.getLogger("motorctl")
 
@@ -32,8 +34,9 @@ class Conversion:
         """And as it is in the logs."""
         self.failure: str | None = None
         """Why the last one that failed did; its partial file stays."""
-        self.failed: list[Path] = []
         self._waiting: deque[Path] = deque()
+        self._failed: dict[Path, float] = {}
+        """When each was tried last, by the monotonic clock."""
         self._current: Path | None = None
         self._size = 0
         self._process: subprocess.Popen[str] | None = None
@@ -47,6 +50,11 @@ class Conversion:
     def waiting(self) -> list[Path]:
         """Those that come after it."""
         return list(self._waiting)
+
+    @property
+    def failed(self) -> list[Path]:
+        """Those that could not be made logs; they are tried again, as a full disk becomes free."""
+        return list(self._failed)
 
     def add(self, partial: Path) -> None:
         """Put a closed recording into the queue; may be called by any thread."""
@@ -68,8 +76,16 @@ class Conversion:
             process, self._process = self._process, None
             told, error = process.communicate()
             self._end(process.returncode, told, error)
-        if self._process is None and self._waiting:
+        if self._process is not None:
+            return
+        if self._waiting:
             self._begin(self._waiting.popleft())
+            return
+        now = time.monotonic()
+        for partial, tried_at in self._failed.items():
+            if now - tried_at >= TRY_AGAIN_S:
+                self._begin(partial)
+                return
 
     def finish(self) -> list[str]:
         """Make logs of all that is left, at the daemon's own priority; return what went wrong."""
@@ -79,11 +95,15 @@ class Conversion:
             self._process = None
             self._waiting.appendleft(self._current)  # a log appears complete or not at all
         wrong = []
+        self._waiting.extend(path for path in self._failed if path not in self._waiting)
         while self._waiting:
-            self._current = self._waiting.popleft()
+            partial = self._waiting.popleft()
+            if not partial.exists():
+                continue
+            self._current = partial
             try:
-                self._size = self._current.stat().st_size
-                done = recover(self._current)
+                self._size = partial.stat().st_size
+                done = recover(partial)
             except (MotorctlError, OSError) as error:
                 wrong.append(self._fail(in_words(error)))
             else:
@@ -91,7 +111,8 @@ class Conversion:
         return wrong
 
     def _begin(self, partial: Path) -> None:
-        if not partial.exists():  # retention was faster
+        if not partial.exists():  # retention was faster, or somebody else
+            self._failed.pop(partial, None)
             return
         self._current = partial
         try:
@@ -120,12 +141,15 @@ class Conversion:
         size = log.stat().st_size
         self.recorded_bytes += self._size
         self.closed_bytes += size
+        if self._current is not None:
+            self._failed.pop(self._current, None)
         self._current, self.failure = None, None
         _log.info("log %s: %d ticks, %.3g MB", log, rows, size / 1e6)
 
     def _fail(self, problem: str) -> str:
-        if self._current is not None:
-            self.failed.append(self._current)
-        self._current, self.failure = None, problem
-        _log.error("recording: %s; `motorctl log recover` tries again", problem)
+        partial, self._current, self.failure = self._current, None, problem
+        if partial is not None:
+            if partial not in self._failed:
+                _log.error("logs: %s; it is tried again later", problem)
+            self._failed[partial] = time.monotonic()
         return problem

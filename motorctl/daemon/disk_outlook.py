@@ -45,10 +45,21 @@ class Outlook:
 
 
 class DiskOutlook:
-    """Follows a recording's rate and foretells when the disk is full."""
+    """Follows a recording's rate and foretells when the disk is full.
 
-    def __init__(self, settings: RecordingKeys, expected: RecordingRate) -> None:
+    Parameters
+    ----------
+    settings
+        How logs rotate, and what retention keeps.
+    expected
+        The rate, as long as none is known.
+    reserve_mb
+        Below which free space recording stops [MB].
+    """
+
+    def __init__(self, settings: RecordingKeys, expected: RecordingRate, reserve_mb: float) -> None:
         self._settings = settings
+        self._reserve_mb = reserve_mb
         self._expected = expected
         self._largest_mb = largest_log_mb(settings, expected) or 0.0
         self._seen: deque[tuple[float, int]] = deque()
@@ -68,12 +79,11 @@ class DiskOutlook:
         recorded = self._rate_mb_h(time_s, bytes_written)
         share = occupied.closed_share or CLOSED_SHARE
         closed = recorded * share
-        stop_mb = self._settings.disk.stop_below_mb
-        room = max(occupied.free_mb - stop_mb, 0.0)
+        room = max(occupied.free_mb - self._reserve_mb, 0.0)
         if recorded <= 0.0 or self._is_kept_free(occupied.logs_mb, room, closed):
             return Outlook(recorded, closed, None)
         # What is recorded now becomes smaller, but the last log before the end is as large as any.
-        smaller = (1.0 - share) * (occupied.recorded_mb - max(self._largest_mb, 0.0))
+        smaller = (1.0 - share) * (occupied.recorded_mb - self._largest_mb)
         hours = max((room + smaller) / closed, room / recorded)
         return Outlook(recorded, closed, hours)
 

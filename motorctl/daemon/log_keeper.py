@@ -15,7 +15,7 @@ from motorctl.config.recording_rules import MEGABYTE, recording_rate
 from motorctl.daemon.conversion import Conversion
 from motorctl.daemon.disk_outlook import DiskOutlook, Occupied, Outlook
 from motorctl.daemon.error_text import in_words
-from motorctl.daemon.rotating_log import RotatingLog, free_bytes
+from motorctl.daemon.rotating_log import RotatingLog, free_bytes, reserve_bytes
 from motorctl.log.folder import Removed, Retention, remove_outdated, stored_logs
 
 PERIOD_S = 1.0
@@ -63,7 +63,11 @@ class LogKeeper:
         self._warn_below_h = disk.warn_below_h
         self._warn_again_h = math.inf
         models = [len(axis.model) for axis in machine.axes.values()]
-        self._disk = DiskOutlook(machine.recording, recording_rate(models, machine.rate_hz))
+        self._disk = DiskOutlook(
+            machine.recording,
+            recording_rate(models, machine.rate_hz),
+            reserve_bytes(machine.recording, directory) / MEGABYTE,
+        )
         self._trouble: str | None = None
         self._tidied_at = self._foretold_at = -math.inf
         self._free_mb = math.nan

@@ -34,6 +34,15 @@ def free_bytes(folder: Path) -> float:
     return float(stat.f_bavail * stat.f_frsize)
 
 
+def reserve_bytes(settings: RecordingKeys, folder: Path) -> float:
+    """Return below which free space of a folder's disk recording stops; 0 if it tells no size."""
+    try:
+        stat = os.statvfs(folder)
+    except OSError:
+        return 0.0
+    return settings.reserve_mb(stat.f_blocks * stat.f_frsize / MEGABYTE) * MEGABYTE
+
+
 class RotatingLog:
     """Writes rows as `LogWriter` does, and begins a new log where the settings say so.
 
@@ -96,7 +105,7 @@ class RotatingLog:
         rotate = settings.rotate
         self._max_bytes = (rotate.max_size_mb or np.inf) * MEGABYTE
         self._max_s = (rotate.max_duration_h or np.inf) * 3600.0
-        self._stop_below = settings.disk.stop_below_mb * MEGABYTE
+        self._stop_below = reserve_bytes(settings, directory)
         self._pauses = PausesWhileOff() if settings.while_off == "pause" else None
         self._on_sealed = on_sealed
         self._free = free

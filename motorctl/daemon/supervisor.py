@@ -148,6 +148,8 @@ class Supervisor:
 
     async def _begin(self) -> None:
         """Start the loop process and wait until it ticks."""
+        # Before the loop ticks: removing many old logs may take longer than the ring holds.
+        await asyncio.to_thread(self._keeper.begin)
         theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
         for remark in remarks:
             _log.info("%s", remark)
@@ -162,7 +164,6 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
-        await asyncio.to_thread(self._keeper.begin)
         log = self._new_log()
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()

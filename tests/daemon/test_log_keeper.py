@@ -151,6 +151,29 @@ def test_a_damaged_recording_is_told_and_the_next_is_made_a_log(
     log.close({})
 
 
+def test_what_could_not_be_made_a_log_is_tried_again(
+    bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sealed: list[Path] = []
+    log = rotating(tmp_path, settings(rotate=MINUTES), sealed.append)
+    recorded(bench, log, 1.2)
+    log.close({})
+    in_the_way = sealed[0].with_suffix("")
+    in_the_way.write_bytes(b"another file")
+    conversion = Conversion()
+    conversion.add(sealed[0])
+    wait_until(lambda: done(conversion))
+    assert "another file is here" in str(conversion.failure)
+    in_the_way.unlink()
+    conversion.look()
+    assert conversion.current is None  # not at once
+    monkeypatch.setattr("motorctl.daemon.conversion.TRY_AGAIN_S", 0.0)
+    conversion.look()
+    wait_until(lambda: done(conversion))
+    assert (conversion.failure, conversion.failed) == (None, [])
+    assert ticks_of([in_the_way]).tolist() == list(range(60_000))
+
+
 _RECORDS_UNTIL_IT_IS_KILLED = """
 import sys
 from pathlib import Path
@@ -270,9 +293,9 @@ RATE = RecordingRate(row_bytes=328, rate_hz=5000.0)
 
 def outlook(free_mb: float, logs_mb: float = 0.0, **recording: object) -> float | None:
     rotate = {"max_size_mb": 2000, "max_duration_h": 1}
-    keys = settings(**{"rotate": rotate, "disk": {"stop_below_mb": 500}, **recording})
+    keys = settings(**{"rotate": rotate, **recording})
     occupied = Occupied(free_mb, logs_mb, recorded_mb=0.0, closed_share=0.2)
-    return DiskOutlook(keys, RATE).look(0.0, 0, occupied).hours_left
+    return DiskOutlook(keys, RATE, 500.0).look(0.0, 0, occupied).hours_left
 
 
 def test_the_hours_left_are_those_of_closed_logs_but_the_last_one_is_large() -> None:
@@ -302,7 +325,7 @@ def test_where_retention_keeps_the_disk_free_no_end_is_foretold(
 
 def test_a_recording_that_pauses_takes_no_space() -> None:
     keys = settings(rotate=MINUTES)
-    disk = DiskOutlook(keys, RATE)
+    disk = DiskOutlook(keys, RATE, 500.0)
     occupied = Occupied(10_000, 0.0, 0.0, None)
     disk.look(0.0, 1000, occupied)
     assert disk.look(3600.0, 1000, occupied).hours_left is None
