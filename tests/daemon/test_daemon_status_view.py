@@ -108,7 +108,7 @@ def test_what_matters_is_on_it() -> None:
         ("recording.trouble", "the next log cannot be begun", "the next log cannot"),
         ("recording.conversion", {"failure": "a.partial: No space left"}, "a.partial: No space"),
         ("recording.disk", ROOM, "1,480 MB an hour are kept; 230.0 GB free, enough for 6 days"),
-        ("recording.disk", {**ROOM, "hours_left": None}, "230.0 GB free\n"),
+        ("recording.disk", {**ROOM, "hours_left": None}, "230.0 GB free  "),
         ("recording.disk", {**ROOM, "warning": "recording can go on for 3 h"}, "go on for 3 h"),
         ("recording.retention", REMOVED, "3 old logs removed, 1.2 GB: free space"),
         ("daemon.stopping", True, "● stopping"),
