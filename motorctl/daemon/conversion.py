@@ -72,11 +72,7 @@ class Conversion:
 
     def look(self) -> None:
         """See whether a log is done, and begin with the next."""
-        if self._process is not None and self._process.poll() is not None:
-            process, self._process = self._process, None
-            told, error = process.communicate()
-            self._end(process.returncode, told, error)
-        if self._process is not None:
+        if self._works():
             return
         if self._waiting:
             self._begin(self._waiting.popleft())
@@ -89,7 +85,7 @@ class Conversion:
 
     def finish(self) -> list[str]:
         """Make logs of all that is left, at the daemon's own priority; return what went wrong."""
-        if self._process is not None and self._current is not None:
+        if self._works() and self._process is not None and self._current is not None:
             self._process.kill()
             self._process.communicate()
             self._process = None
@@ -109,6 +105,16 @@ class Conversion:
             else:
                 self._succeed(done.path, done.rows)
         return wrong
+
+    def _works(self) -> bool:
+        """Tell whether the process works on a log; take note of one that is done."""
+        process = self._process
+        if process is None or process.poll() is None:
+            return process is not None
+        self._process = None
+        told, error = process.communicate()
+        self._end(process.returncode, told, error)
+        return False
 
     def _begin(self, partial: Path) -> None:
         if not partial.exists():  # retention was faster, or somebody else
