@@ -37,6 +37,7 @@ class Conversion:
         self._waiting: deque[Path] = deque()
         self._failed: dict[Path, float] = {}
         """When each was tried last, by the monotonic clock."""
+        self._leftovers: set[Path] = set()
         self._current: Path | None = None
         self._size = 0
         self._process: subprocess.Popen[str] | None = None
@@ -68,6 +69,7 @@ class Conversion:
             if log.partial and not in_use(log)
         ]
         self._waiting.extend(left)
+        self._leftovers = set(left)
         return left
 
     def look(self) -> None:
@@ -84,7 +86,11 @@ class Conversion:
                 return
 
     def finish(self) -> list[str]:
-        """Make logs of all that is left, at the daemon's own priority; return what went wrong."""
+        """Make logs of all that is left, at the daemon's own priority; return what went wrong.
+
+        What earlier runs left and cannot be made a log is no failure of this one: it is told, and
+        stays.
+        """
         if self._works() and self._process is not None and self._current is not None:
             self._process.kill()
             self._process.communicate()
@@ -101,7 +107,8 @@ class Conversion:
                 self._size = partial.stat().st_size
                 done = recover(partial)
             except (MotorctlError, OSError) as error:
-                wrong.append(self._fail(in_words(error)))
+                problem = self._fail(in_words(error))
+                wrong += [] if partial in self._leftovers else [problem]
             else:
                 self._succeed(done.path, done.rows)
         return wrong

@@ -113,9 +113,10 @@ class RotatingLog:
         self._lost_before = 0
         self._begin_s: float | None = None
         self._full = False
-        self._writer: LogWriter | None = None
-        self._writer = self._open(None)
-        self._run = self._writer.path.stem
+        self._last: Path | None = None
+        """The last log that was ended."""
+        self._run = ""
+        self._writer: LogWriter | None = self._open(None)
         self._path = self._writer.path
 
     @property
@@ -189,12 +190,14 @@ class RotatingLog:
 
     def _open(self, predecessor: Path | None) -> LogWriter:
         path = free_log_path(self._directory, self._machine, self._now())
+        run = self._run if predecessor else path.stem
         part = {
-            "run": self._run if self.part else path.stem,
+            "run": run,
             "part": self.part + 1,
             "predecessor": predecessor.name if predecessor else None,
         }
         writer = LogWriter(path, {**self._opening(), **part}, self._axes)
+        self._run = run
         self.part += 1
         return writer
 
@@ -228,7 +231,7 @@ class RotatingLog:
         first, refused = self.rows, None
         for _ in range(2):
             if self._writer is None:
-                self._writer = self._open(self._path)
+                self._writer = self._open(self._last)
                 self._path = self._writer.path
             done = self.rows - first
             try:
@@ -277,6 +280,8 @@ class RotatingLog:
             return
         if writer.rows == 0:
             writer.discard()
+            self.part -= 1
+            self._path = self._last or self._path
         else:
             self._seal(writer, None)
 
@@ -285,6 +290,7 @@ class RotatingLog:
             writer.seal(self._ending(self._closing(), successor))
         except (MotorctlError, OSError) as error:
             self.trouble = f"a log could not be told its end, which its rows do not need: {error}"
+        self._last = writer.path
         self._on_sealed(writer.partial)
 
     def _ending(self, facts: Mapping[str, Any], successor: str | None) -> dict[str, Any]:

@@ -146,6 +146,8 @@ def test_a_damaged_recording_is_told_and_the_next_is_made_a_log(
     assert conversion.add_leftovers(tmp_path, "bench") == [broken, sealed[0]]
     wait_until(lambda: done(conversion))
     assert conversion.failed == [broken]
+    assert conversion.finish() == []  # no failure of this run
+    assert conversion.failed == [broken]
     assert broken.read_bytes() == b"no recording"
     assert sealed[0].with_suffix("").exists()
     log.close({})

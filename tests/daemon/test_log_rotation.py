@@ -207,6 +207,64 @@ def test_recording_stops_before_the_disk_is_full_and_goes_on_in_a_new_log(
     assert len(list(tmp_path.iterdir())) == 2
 
 
+@trying(max_examples=12, deadline=None)
+@given(
+    steps=st.lists(st.tuples(st.integers(1, 2500), st.booleans()), min_size=2, max_size=12),
+    size_mb=st.one_of(st.none(), st.just(1.0)),
+)
+def test_whenever_the_disk_is_full_every_row_is_in_one_log_or_counted_as_lost(
+    steps: list[tuple[int, bool]], size_mb: float | None
+) -> None:
+    free = [MUCH]
+    keys = settings(disk={"stop_below_mb": 100}, rotate={"max_size_mb": size_mb})
+    with ring() as bench, tempfile.TemporaryDirectory() as folder:
+        sealed: list[Path] = []
+        log = rotating(Path(folder), keys, sealed.append, lambda _: free[0], lambda: log.rows_lost)
+        expected: list[int] = []
+        for rows, full in steps:
+            free[0] = 99e6 if full else MUCH
+            first = bench.rows
+            bench.run(rows)
+            try:
+                log.append(*bench.take())
+                expected += range(first, first + rows)
+            except RunError:
+                assert full
+        lost = bench.rows - len(expected)
+        assert (log.rows, log.rows_lost) == (len(expected), lost)
+        ended_at = log.part
+        log.close({"rows_lost": lost})
+        finished(sealed)
+        logs = [stored.path for stored in stored_logs(Path(folder), MACHINE)]
+        told = [metadata_of(path) for path in logs]
+        assert [each["part"] for each in told] == list(range(1, len(logs) + 1))
+        assert ended_at == len(logs)
+        if logs:
+            assert ticks_of(logs).tolist() == expected
+            # What is lost after the last log has no log that could tell it: `status` does.
+            assert sum(each["rows_lost"] for each in told) <= lost
+
+
+def test_a_disk_that_is_nearly_full_from_the_start_leaves_no_empty_logs(
+    bench: Ring, tmp_path: Path
+) -> None:
+    free = [50e6]
+    keys = settings(disk={"stop_below_mb": 100})
+    log = rotating(tmp_path, keys, lambda _: None, free=lambda _: free[0])
+    for _ in range(3):
+        bench.run(100)
+        with pytest.raises(RunError, match="50 MB are free"):
+            log.append(*bench.take())
+    assert list(tmp_path.iterdir()) == []
+    free[0] = MUCH
+    bench.run(100)
+    log.append(*bench.take())
+    path = log.close({"rows_lost": 300})
+    told = metadata_of(path)
+    assert (told["run"], told["part"], told["predecessor"]) == (path.stem, 1, None)
+    assert ticks_of([path]).tolist() == list(range(300, 400))
+
+
 def test_a_file_that_may_not_grow_costs_no_row(bench: Ring, tmp_path: Path) -> None:
     """As on file systems whose files are at most 4 GB."""
     resource = pytest.importorskip("resource")
