@@ -217,8 +217,13 @@ class LogKeeper:
             recorded_mb=recorded / MEGABYTE,
             closed_share=conversion.closed_bytes / known if known else None,
         )
+        first = self.outlook is None
         self.outlook = self._disk.look(log.time_s, log.bytes_written, occupied)
         hours = self.outlook.hours_left
+        if first:
+            lasts = "retention keeps it free" if hours is None else f"enough for {_hours(hours)}"
+            kept = f"{self.outlook.closed_mb_h:,.0f} MB an hour are kept"
+            _log.info("disk: %s MB are free, %s: %s", f"{self._free_mb:,.0f}", kept, lasts)
         if hours is None or hours >= self._warn_below_h:
             self._warn_again_h = math.inf
         elif hours < self._warn_again_h:

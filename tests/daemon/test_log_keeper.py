@@ -274,7 +274,10 @@ def test_a_warning_tells_how_many_hours_are_left_once_until_half_of_them_are_gon
     log = rotating(tmp_path, here.recording, keeper.take, keeper._free)
     keeper.log = log
     recorded(bench, log, 0.5)
-    keeper.look()
+    with caplog.at_level(logging.INFO, "motorctl"):
+        keeper.look()
+    assert "MB an hour are kept: enough for" in caplog.text
+    caplog.clear()
     assert keeper.warning is None
     assert keeper.outlook is not None
     closed = keeper.outlook.closed_mb_h
