@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motorctl.config.recording_keys import RecordingKeys
 from motorctl.config.recording_rules import MEGABYTE
 from motorctl.daemon.pauses import PausesWhileOff
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.columns import log_columns
 from motorctl.log.folder import free_log_path
@@ -70,7 +70,7 @@ class RotatingLog:
     Raises
     ------
     UsageError
-        Where the first log cannot be opened.
+        Where the first log cannot be opened, for another reason than a full disk.
     """
 
     def __init__(
@@ -116,8 +116,15 @@ class RotatingLog:
         self._last: Path | None = None
         """The last log that was ended."""
         self._run = ""
-        self._writer: LogWriter | None = self._open(None)
-        self._path = self._writer.path
+        self._writer: LogWriter | None = None
+        self._path = free_log_path(directory, machine, now())
+        try:
+            self._writer = self._open(None)
+            self._path = self._writer.path
+        except UsageError as error:
+            if not _is_full(error):
+                raise
+            # A machine may run with a full disk: the first rows that come try again, and tell.
 
     @property
     def path(self) -> Path:
@@ -304,5 +311,7 @@ class RotatingLog:
 
 
 def _is_full(error: BaseException) -> bool:
-    cause = error.__cause__
+    cause: BaseException | None = error
+    while isinstance(cause, MotorctlError):
+        cause = cause.__cause__
     return isinstance(cause, OSError) and cause.errno in FULL

@@ -31,7 +31,7 @@ from recorded_ring import (
 )
 
 from motorctl.daemon.recorder import Recorder
-from motorctl.errors import RunError
+from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log import read_recording, recover
 from motorctl.log.folder import stored_logs
 
@@ -263,6 +263,32 @@ def test_a_disk_that_is_nearly_full_from_the_start_leaves_no_empty_logs(
     told = metadata_of(path)
     assert (told["run"], told["part"], told["predecessor"]) == (path.stem, 1, None)
     assert ticks_of([path]).tolist() == list(range(300, 400))
+
+
+def test_a_disk_that_is_full_when_the_daemon_starts_does_not_stop_it(
+    bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("motorctl.log.writer.os.write", full)
+        log = rotating(tmp_path, settings(), lambda _: None)
+        bench.run(100)
+        with pytest.raises(MotorctlError, match="No space left"):
+            log.append(*bench.take())
+    assert (log.rows_lost, list(tmp_path.iterdir())) == (100, [])
+    bench.run(100)
+    log.append(*bench.take())
+    path = log.close({"rows_lost": 100})
+    assert ticks_of([path]).tolist() == list(range(100, 200))
+    assert metadata_of(path)["part"] == 1
+
+
+def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="the recording cannot be opened"):
+        rotating(tmp_path / "file", settings(), lambda _: None)
 
 
 def test_a_file_that_may_not_grow_costs_no_row(bench: Ring, tmp_path: Path) -> None:
