@@ -34,10 +34,35 @@ def print_summary(console: Console, summary: Part) -> None:
         console.print(_conditions(name, axis))
     if summary["programs"]:
         console.print(_programs(summary["programs"], summary["axes"]))
+    console.print(f"Logs: {escape(_recording(summary['recording']))}", highlight=False)
     console.print(f"When an axis trips: {escape(_together(summary['stop_together']))}")
     for note in summary["notes"]:
         console.print(f"[yellow]note[/yellow]  {escape(note)}")
     console.print("[green]valid[/green]")
+
+
+def _recording(recording: Part) -> str:
+    """Return in words how much is recorded, and how long it is kept."""
+    told = [
+        f"{recording['row_bytes']} bytes a row, {recording['recorded_mb_h']:,.0f} MB an hour while "
+        f"recorded, about {recording['closed_mb_h']:,.0f} closed "
+        f"({recording['closed_gb_year']:,.0f} GB a year)"
+    ]
+    if recording["while_off"] == "pause":
+        told.append("none while every axis is off")
+    if recording["log_h"] is not None:
+        told.append(
+            f"a new log after {_number(round(recording['log_h'] * 60, 1))} min or "
+            f"{recording['largest_log_mb']:,.0f} MB"
+        )
+    kept, free = recording["kept_days"], recording["retention"]["min_free_mb"]
+    if kept is not None:
+        told.append(f"the oldest are removed after about {_number(round(kept, 1))} days")
+    if free is not None:
+        told.append(f"the oldest are removed while less than {free:,.0f} MB are free")
+    if kept is None and free is None:
+        told.append("none is ever removed")
+    return "; ".join(told)
 
 
 def _together(groups: list[list[str]] | None) -> str:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -91,12 +91,14 @@ def _told(info: LogInfo) -> str:
     for key in known:
         if info.metadata.get(key) not in (None, 0):
             lines.append(f"  {key}: {_short(info.metadata[key])}")
+    lines += _part(info.metadata)
     timing = info.metadata.get("timing") or {}
     for name in ("turnaround", "lateness"):
         if isinstance(found := timing.get(name), dict):
             lines.append(f"  {name}: {_durations(found)}")
     if missing := timing.get("ticks_missing"):
-        lines.append(f"  {missing} ticks are missing (skipped or lost)")
+        paused = ", or left out in pauses" if info.metadata.get("pauses") else ""
+        lines.append(f"  {missing} ticks are missing (skipped or lost{paused})")
     lines += [
         f"  axis {axis}: {missed} of {info.rows} rows without a new sample"
         for axis, missed in info.missed.items()
@@ -107,6 +109,22 @@ def _told(info: LogInfo) -> str:
         lines.append(f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}{device}")
     lines += [f"  note: {note}" for note in info.notes]
     return "\n".join(lines)
+
+
+def _part(metadata: dict[str, Any]) -> list[str]:
+    """Say which part of a run a log is, and where rows were left out on purpose."""
+    told = []
+    if "part" in metadata:
+        around = [
+            f"{word} {metadata[key]}"
+            for key, word in (("predecessor", "after"), ("successor", "before"))
+            if metadata.get(key)
+        ]
+        told.append(", ".join([f"  part {metadata['part']} of the run {metadata['run']}", *around]))
+    if (pauses := metadata.get("pauses")) and pauses["count"]:
+        times = f"{pauses['count']} times, {pauses['seconds']:.6g} s in all"
+        told.append(f"  paused {times}: {pauses['while']}")
+    return told
 
 
 def _short(value: object) -> str:

@@ -179,9 +179,38 @@ def _loop(loop: Mapping[str, Any], recording: Mapping[str, Any]) -> Table:
         counted = f"{recording['rows']:,} ticks, {lost:,} lost"
         table.add_row("recording", Text(counted, "bold red" if lost else ""))
         table.add_row("", Text(recording["file"], "dim", overflow="fold"))
+        for text in _logs(recording):
+            table.add_row("", text)
     if recording["failure"]:
         table.add_row("", Text(recording["failure"], "bold red"))
     return table
+
+
+def _logs(recording: Mapping[str, Any]) -> list[Text]:
+    """Draw what else there is to know of the logs; nothing where all is as it should be."""
+    told = []
+    if recording.get("paused"):
+        told.append(Text("paused: every axis is off", "cyan"))
+    for text in (recording.get("trouble"), (recording.get("conversion") or {}).get("failure")):
+        if text:
+            told.append(Text(text, "bold red", overflow="fold"))
+    disk, retention = recording.get("disk") or {}, recording.get("retention") or {}
+    if retention.get("failure"):
+        told.append(Text(retention["failure"], "bold red", overflow="fold"))
+    if disk.get("warning"):
+        told.append(Text(disk["warning"], "bold yellow", overflow="fold"))
+    elif disk.get("free_mb") is not None and disk.get("closed_mb_h") is not None:
+        left = "" if disk["hours_left"] is None else f", enough for {_long(disk['hours_left'])}"
+        kept = f"{disk['closed_mb_h']:,.0f} MB an hour are kept"
+        told.append(Text(f"{kept}; {disk['free_mb'] / 1e3:,.1f} GB free{left}", "dim"))
+    if retention.get("removed"):
+        gone = f"{retention['removed']:,} old logs removed, {retention['removed_mb'] / 1e3:,.1f} GB"
+        told.append(Text(f"{gone}: {retention['because']}", "dim"))
+    return told
+
+
+def _long(hours: float) -> str:
+    return f"{hours:.0f} h" if hours < 48 else f"{hours / 24:,.0f} days"
 
 
 def _timing(figures: Mapping[str, float] | None) -> Text:

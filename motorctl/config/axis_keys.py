@@ -22,8 +22,8 @@ from motorctl.config.keys import (
     ProgramKeys,
     Range,
     Rate,
-    RecordingKeys,
 )
+from motorctl.config.recording_keys import RecordingKeys
 from motorctl.motion import AxisLimits
 
 Controller = Literal["C1", "C2"]

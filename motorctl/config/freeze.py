@@ -41,8 +41,7 @@ def freeze(
         programs=dict(programs),
         further_effects=dict(further_effects),
         loop=keys.loop,
-        log_directory=keys.recording.directory,
-        flight_recorder=keys.recording.flight_recorder,
+        recording=keys.recording,
         resolved=_resolved(keys, drivers, models, programs),
         stop_together=_groups(keys),
     )

@@ -8,7 +8,6 @@ to each other stands in `rules`. The keys of an axis stand in `axis_keys`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
@@ -85,34 +84,6 @@ class ProgramKeys(OpenKeys):
     """A motion; the further keys depend on its kind."""
 
     kind: str = Field(description="which motion: point_to_point, back_and_forth, circle, ...")
-
-
-class FlightRecorderSettings(Keys):
-    """What is kept of a fault: a log of the seconds around it, written when it happens."""
-
-    before_s: Annotated[float, Field(ge=0.1, le=6)] = Field(
-        default=5.0, description="seconds before the fault; the loop's memory holds 8 in all"
-    )
-    after_s: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.5, description="seconds after it: how the axes came to rest"
-    )
-    keep_records: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=100, description="how many are kept; the oldest are removed, never the newest"
-    )
-    max_size_mb: Annotated[float, Field(ge=1, le=1e6)] = Field(
-        default=1000.0, description="how large they may be together"
-    )
-
-
-class RecordingKeys(Keys):
-    """Where logs go."""
-
-    directory: Path = Field(
-        default=Path("logs"), description="relative to the directory that motorctl is started in"
-    )
-    flight_recorder: FlightRecorderSettings = Field(
-        default_factory=FlightRecorderSettings, description="what is kept of a fault"
-    )
 
 
 class LoopSettings(Keys):

@@ -17,6 +17,7 @@ from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
+from motorctl.config.recording_rules import RecordingRate, check_recording, recording_rate
 from motorctl.config.shipped import locate
 from motorctl.config.validation import read_keys, validate
 from motorctl.errors import Problem
@@ -100,6 +101,7 @@ def _build(
     problems += _check_spin(document, rate_hz)
     problems += check_claims(document)
     problems += check_groups(document)
+    problems += check_recording(document, _recording_rate(parts, rate_hz))
     drivers: dict[str, DriverSetup] = {}
     if hardware:
         drivers, refused = build_drivers(document, directory)
@@ -156,6 +158,13 @@ def _check_waiting(document: Document, drivers: Mapping[str, DriverSetup]) -> li
         f"({drivers[moving[0]].type}) moves a machine whose time waits for no computer"
     )
     return [document.problem(("loop", "without_realtime"), message)]
+
+
+def _recording_rate(parts: Mapping[str, AxisParts], rate_hz: float | None) -> RecordingRate | None:
+    axes = [(len(part.model), part.dual is not None) for part in parts.values() if part.model]
+    if rate_hz is None or len(axes) < len(parts):
+        return None
+    return recording_rate(axes, rate_hz)
 
 
 def _drop_lost_points(document: Document) -> None:

@@ -10,7 +10,8 @@ from pathlib import Path
 from pydantic import ConfigDict
 
 from motorctl.config.axis_keys import AxisSettings
-from motorctl.config.keys import FlightRecorderSettings, LateSamples, LoopSettings
+from motorctl.config.keys import LateSamples, LoopSettings
+from motorctl.config.recording_keys import FlightRecorderSettings, RecordingKeys
 from motorctl.hal import Driver, DriverOptions
 from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
@@ -66,12 +67,21 @@ class Machine:
     further_effects: Mapping[str, type[Effect]]
     """Effects that diagnosis tries beside those that are known or declared."""
     loop: LoopSettings
-    log_directory: Path
-    flight_recorder: FlightRecorderSettings
+    recording: RecordingKeys
     resolved: Mapping[str, object]
     """The configuration with every default filled in, JSON-serialisable, for log metadata."""
     stop_together: tuple[tuple[str, ...], ...] | None = None
     """Groups of axes that stop when one of them trips; None: those of one running program."""
+
+    @property
+    def log_directory(self) -> Path:
+        """Where logs go unless `run` is told otherwise."""
+        return self.recording.directory
+
+    @property
+    def flight_recorder(self) -> FlightRecorderSettings:
+        """What is kept of a fault."""
+        return self.recording.flight_recorder
 
     @property
     def period_s(self) -> float:

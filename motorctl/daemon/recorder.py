@@ -4,19 +4,40 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.daemon.error_text import in_words
-from motorctl.errors import MotorctlError
-from motorctl.log import LogWriter
 from motorctl.log.timing import TimingSummary
 from motorctl.loop import LoopMemory
 
 PERIOD_S = 0.25
 """Data reaches the disk at least once a second; a quarter leaves room for a slow disk."""
 ROWS_AT_ONCE = 4096
+
+
+class Log(Protocol):
+    """Where rows go: a `LogWriter`, or a `RotatingLog` of many."""
+
+    rows: int
+    rows_lost: int
+
+    @property
+    def path(self) -> Path:
+        """Where it will stand when it is closed."""
+
+    def append(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
+        """Take rows; raises where some are lost."""
+
+    def flush(self) -> None:
+        """Bring all of them onto the disk."""
+
+    def close(self, extra: Mapping[str, Any]) -> Path:
+        """Finish it."""
 
 
 class Recorder:
@@ -26,7 +47,7 @@ class Recorder:
     refuses rows stops no machine: they are counted as lost, and the next ones are tried again.
     """
 
-    def __init__(self, memory: LoopMemory, writer: LogWriter) -> None:
+    def __init__(self, memory: LoopMemory, log: Log) -> None:
         self.rows_written = 0
         self.rows_lost = 0
         """Ticks that are not in the log: overwritten in the ring, or refused by the disk."""
@@ -36,14 +57,14 @@ class Recorder:
         """Why rows of this recording were refused, also where later ones could be written again."""
         self.timing = TimingSummary()
         self._memory = memory
-        self._writer = writer
+        self._log = log
         self._ending = threading.Event()
         self._thread = self._new_thread()
 
     @property
     def path(self) -> Path:
         """Where the log will stand when it is closed."""
-        return self._writer.path
+        return self._log.path
 
     def start(self) -> None:
         """Begin to record."""
@@ -68,7 +89,7 @@ class Recorder:
         if self._thread.is_alive():
             self._thread.join()
         self._take()
-        return self._writer.close(extra())
+        return self._log.close(extra())
 
     def _new_thread(self) -> threading.Thread:
         return threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -91,18 +112,15 @@ class Recorder:
         failure = None
         for first in range(0, len(ticks), ROWS_AT_ONCE):
             rows = slice(first, first + ROWS_AT_ONCE)
-            count, refused = len(ticks[rows]), 0
-            refused_before = self._writer.rows_lost
+            written, refused = self._log.rows, self._log.rows_lost
             try:
-                self._writer.append(ticks[rows], samples[rows])
-                self._writer.flush()
-            except MotorctlError as error:
-                # What was written and only not synchronised is not lost: the writer knows.
-                failure, refused = in_words(error), self._writer.rows_lost - refused_before
+                self._log.append(ticks[rows], samples[rows])
+                self._log.flush()
             except Exception as error:
-                failure, refused = in_words(error), count
-            self.rows_lost += refused
-            self.rows_written += count - refused
+                # What was written and only not synchronised is not lost: the log knows.
+                failure = in_words(error)
+            self.rows_written += self._log.rows - written
+            self.rows_lost += self._log.rows_lost - refused
         self.failure = failure
         self.lost_because = failure or self.lost_because
         self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])

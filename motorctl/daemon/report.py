@@ -23,6 +23,7 @@ from motorctl.loop.states import State
 
 if TYPE_CHECKING:
     from motorctl.daemon.flight_recorder import FlightRecorder
+    from motorctl.daemon.log_keeper import LogKeeper
 
 
 def faults_of(
@@ -104,6 +105,7 @@ class Report:
         self._started_at = time.monotonic()
         self.recorder: Recorder | None = None
         self.flight: FlightRecorder | None = None
+        self.keeper: LogKeeper | None = None
         self.stopping = False
 
     def document(
@@ -173,6 +175,7 @@ class Report:
             "rows": recorder.rows_written if recorder else 0,
             "rows_lost": recorder.rows_lost if recorder else 0,
             "failure": recorder.failure if recorder else None,
+            **(self.keeper.status() if self.keeper else {}),
             "flight_records": self._flight_records(),
         }
 

@@ -10,7 +10,6 @@ import time
 from collections.abc import Awaitable
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +21,16 @@ from motorctl.daemon.commander import Commander
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.journal import Journal
+from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.daemon.paths import daemon_socket, state_file
 from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
+from motorctl.daemon.rotating_log import RotatingLog
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.log import LogWriter
 from motorctl.loop import Phase, Verb, reasons
 
 BEAT_PERIOD_S = 0.02
@@ -94,7 +94,8 @@ class Supervisor:
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
         self._recorder: Recorder | None = None
-        self._report.flight = self._flight
+        self._keeper = LogKeeper(machine, directory)
+        self._report.flight, self._report.keeper = self._flight, self._keeper
         self._asked = asyncio.Event()
 
     async def live(self) -> None:
@@ -148,6 +149,8 @@ class Supervisor:
 
     async def _begin(self) -> None:
         """Start the loop process and wait until it ticks."""
+        # Before the loop ticks: removing many old logs may take longer than the ring holds.
+        await asyncio.to_thread(self._keeper.begin)
         theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
         for remark in remarks:
             _log.info("%s", remark)
@@ -162,9 +165,10 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
-        self._recorder = Recorder(self._loop.memory, self._new_log())
+        log = self._new_log()
+        self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()
-        self._report.recorder = self._recorder
+        self._keeper.start(log)
         self._announce(self._recorder)
 
     async def _serve(self) -> None:
@@ -208,17 +212,22 @@ class Supervisor:
             return []
         wrong: list[str] = []
         closing = asyncio.create_task(asyncio.to_thread(self._recorder.finish, self._closing_facts))
-        # A long recording takes its time; systemd is told that it is not for nothing.
-        while not (await asyncio.wait({closing}, timeout=MORE_TIME_S / 4))[0]:
-            self._notifier.needs_time(MORE_TIME_S)
-        wrong += await _problems(closing)
+        wrong += await _problems(self._taking_time(closing))
         if not wrong:
             rows, lost = self._recorder.rows_written, self._recorder.rows_lost
             _log.info("log %s: %d ticks, %d lost", self._recorder.path, rows, lost)
             why = self._recorder.failure or self._recorder.lost_because
             if why is not None:
                 wrong.append(f"recording: {why}; {lost} rows were lost")
-        return wrong
+        finishing = asyncio.create_task(asyncio.to_thread(self._keeper.finish))
+        failed = await _problems(self._taking_time(finishing))
+        return wrong + (failed or finishing.result())
+
+    async def _taking_time(self, doing: asyncio.Task[Any]) -> None:
+        """Wait for what may take long with large logs; systemd is told that it is not in vain."""
+        while not (await asyncio.wait({doing}, timeout=MORE_TIME_S / 4))[0]:
+            self._notifier.needs_time(MORE_TIME_S)
+        await doing
 
     def _keep_learned(self) -> list[str]:
         if not learned.keeps_learned(self._machine):
@@ -231,14 +240,21 @@ class Supervisor:
             return [f"{self._state}: the learned parameters were not saved: {error}"]
         return []
 
-    def _new_log(self) -> LogWriter:
-        path = _free_path(self._directory, self._machine.name)
-        axes = log_axes(self._machine)
-        return LogWriter(path, {**log_metadata(self._machine), "clock": "wall"}, axes)
+    def _new_log(self) -> RotatingLog:
+        machine = self._machine
+        return RotatingLog(
+            self._directory,
+            machine.name,
+            log_axes(machine),
+            lambda: {**log_metadata(machine), "clock": "wall"},
+            self._closing_facts,
+            machine.recording,
+            self._keeper.take,
+        )
 
     def _closing_facts(self) -> dict[str, Any]:
-        assert self._recorder is not None
-        return {"rows_lost": self._recorder.rows_lost, **self._loop_facts()}
+        lost = self._recorder.rows_lost if self._recorder else 0
+        return {"rows_lost": lost, **self._loop_facts()}
 
     def _loop_facts(self) -> dict[str, Any]:
         return {"loop": self._report.loop(), "motions": self._commander.history}
@@ -280,12 +296,3 @@ def _must_be_writable(directory: Path) -> None:
         raise UsageError(f"log directory {directory}: {error.strerror}") from error
     if not os.access(directory, os.W_OK | os.X_OK):
         raise UsageError(f"log directory {directory}: no permission to write there")
-
-
-def _free_path(directory: Path, name: str) -> Path:
-    stem = f"{name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-    path, count = directory / f"{stem}.parquet", 1
-    while path.exists() or path.with_name(path.name + ".partial").exists():
-        count += 1
-        path = directory / f"{stem}-{count}.parquet"
-    return path

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from motorctl.log.columns import METADATA_KEY
-from motorctl.log.partial import PartialFile
+from motorctl.log.partial import Ending, PartialFile
 from motorctl.log.timing import TimingSummary
 
 ROW_GROUP_ROWS = 1 << 16
@@ -28,6 +28,8 @@ class Converted:
     rows: int
     given_up_bytes: int
     """How much of the partial file is damaged."""
+    whole: bool
+    """The recording was closed, and every row of it is there."""
 
 
 def load_metadata(schema: pa.Schema) -> dict[str, Any]:
@@ -39,10 +41,12 @@ def load_metadata(schema: pa.Schema) -> dict[str, Any]:
     return document if isinstance(document, dict) else {}
 
 
-def convert(partial: Path, target: Path, extra: Mapping[str, Any]) -> Converted:
+def convert(partial: Path, target: Path, without_end: Mapping[str, Any]) -> Converted:
     """Write what is whole in a partial file as a log.
 
     The log appears under its name complete or not at all; the partial file is left alone.
+    It goes to the disk piece by piece: one large write at the end would keep whoever records on
+    the same disk waiting.
 
     Parameters
     ----------
@@ -50,8 +54,9 @@ def convert(partial: Path, target: Path, extra: Mapping[str, Any]) -> Converted:
         The partial file.
     target
         Name of the log.
-    extra
-        Joins the metadata with which the recording began.
+    without_end
+        Joins the metadata with which the recording began, where its own ending is not there or
+        speaks of other rows.
 
     Raises
     ------
@@ -60,17 +65,19 @@ def convert(partial: Path, target: Path, extra: Mapping[str, Any]) -> Converted:
     OSError
         Where the log cannot be written.
     """
-    timing, given_up_bytes = _scan(partial)
+    timing, given_up_bytes, ending = _scan(partial)
     source = PartialFile(partial)
     draft = target.with_name(target.name + ".tmp")
     try:
         opening = load_metadata(source.schema)
         summary = {"rows": timing.rows, "timing": timing.result()}
-        metadata = opening | summary | dict(extra)
+        whole = ending is not None and ending.rows == timing.rows
+        metadata = opening | summary | dict(ending.metadata if ending and whole else without_end)
         schema = source.schema.with_metadata({METADATA_KEY: json.dumps(metadata).encode()})
         with _parquet_writer(draft, schema) as writer:
             for group in _row_groups(source, schema):
                 writer.write_table(group, row_group_size=ROW_GROUP_ROWS)
+                _sync(draft)
         _sync(draft)
         draft.replace(target)
         _sync(target.parent)
@@ -78,10 +85,10 @@ def convert(partial: Path, target: Path, extra: Mapping[str, Any]) -> Converted:
         source.close()
         with suppress(OSError):
             draft.unlink(missing_ok=True)
-    return Converted(timing.rows, given_up_bytes)
+    return Converted(timing.rows, given_up_bytes, whole)
 
 
-def _scan(partial: Path) -> tuple[TimingSummary, int]:
+def _scan(partial: Path) -> tuple[TimingSummary, int, Ending | None]:
     source = PartialFile(partial)
     try:
         timing = TimingSummary()
@@ -92,7 +99,7 @@ def _scan(partial: Path) -> tuple[TimingSummary, int]:
                     for name in ("tick", "time_s", "lateness_s", "turnaround_s")
                 )
             )
-        return timing, source.given_up_bytes
+        return timing, source.given_up_bytes, source.ending
     finally:
         source.close()
 

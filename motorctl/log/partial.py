@@ -1,14 +1,19 @@
 """The file that a log is while it is being recorded.
 
 It is an Arrow IPC stream, so any Arrow reader opens it. Each batch carries the CRC-32 of its
-columns: after a power cut a file system may have kept a file's length but not its data.
+columns: after a power cut a file system may have kept a file's length but not its data. A
+recording that was closed ends with a batch of no rows, which carries what is known at the end only:
+whoever makes a log of it later, in whatever process, makes the same one.
 """
 
 from __future__ import annotations
 
+import json
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -20,6 +25,7 @@ from motorctl.log.columns import METADATA_KEY
 SUFFIX = ".partial"
 STREAM_MAGIC = b"\xff\xff\xff\xff"
 _CRC_KEY = b"crc32"
+_END_KEY = b"end"
 _DAMAGE = (pa.ArrowException, OSError, ValueError, MemoryError)
 
 
@@ -38,12 +44,32 @@ def encode_head(schema: pa.Schema) -> bytes:
 
 def encode_batch(schema: pa.Schema, columns: list[NDArray[np.generic]]) -> memoryview:
     """Return the bytes of one batch: equally long contiguous columns in the schema's order."""
-    arrays = [pa.array(column) for column in columns]
+    batch = pa.RecordBatch.from_arrays([pa.array(column) for column in columns], schema=schema)
+    return _encode(schema, batch, {_CRC_KEY: str(checksum(columns)).encode()})
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What a recording says when it is closed."""
+
+    rows: int
+    """How many should stand before it."""
+    metadata: Mapping[str, Any]
+    """Joins that of the beginning."""
+
+
+def encode_ending(schema: pa.Schema, ending: Ending) -> memoryview:
+    """Return the bytes with which a stream ends that was closed."""
+    told = json.dumps({"rows": ending.rows, "metadata": dict(ending.metadata)}).encode()
+    extra = {_END_KEY: told, _CRC_KEY: str(zlib.crc32(told)).encode()}
+    empty = [pa.array([], field.type) for field in schema]
+    return _encode(schema, pa.RecordBatch.from_arrays(empty, schema=schema), extra)
+
+
+def _encode(schema: pa.Schema, batch: pa.RecordBatch, extra: dict[bytes, bytes]) -> memoryview:
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, schema) as writer:
-        crc = str(checksum(columns)).encode()
-        batch = pa.RecordBatch.from_arrays(arrays, schema=schema)
-        writer.write_batch(batch, custom_metadata={_CRC_KEY: crc})
+        writer.write_batch(batch, custom_metadata=extra)
         end = sink.tell()
     return memoryview(sink.getvalue())[len(encode_head(schema)) : end]
 
@@ -51,13 +77,15 @@ def encode_batch(schema: pa.Schema, columns: list[NDArray[np.generic]]) -> memor
 class PartialFile:
     """A partial file, opened for reading whatever is whole in it.
 
-    After `batches` is exhausted, `given_up_bytes` tells how much of the file is none. Raises
-    DataError where not even the beginning can be read.
+    After `batches` is exhausted, `given_up_bytes` tells how much of the file is none, and `ending`
+    what the recording said when it was closed, if it was. Raises DataError where not even the
+    beginning can be read.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.given_up_bytes = 0
+        self.ending: Ending | None = None
         try:
             self._size = path.stat().st_size
             if self._size == 0:
@@ -88,7 +116,9 @@ class PartialFile:
                 self.given_up_bytes += self._size - end
                 return
             begin, end = end, self._source.tell()
-            if _is_whole(batch, extra):
+            if (ending := _ending(extra)) is not None:
+                self.ending = ending
+            elif _is_whole(batch, extra):
                 yield batch
             else:
                 self.given_up_bytes += end - begin
@@ -96,6 +126,16 @@ class PartialFile:
     def close(self) -> None:
         """Release the file."""
         self._source.close()
+
+
+def _ending(extra: pa.KeyValueMetadata | None) -> Ending | None:
+    """Return what the batch says of the recording's end; None where it is one of rows."""
+    try:
+        if extra is None or int(extra[_CRC_KEY]) != zlib.crc32(told := extra[_END_KEY]):
+            return None
+        return Ending(**json.loads(told))
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _is_whole(batch: pa.RecordBatch, extra: pa.KeyValueMetadata | None) -> bool:

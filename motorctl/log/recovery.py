@@ -34,6 +34,8 @@ class Recovery:
     """The log was complete already; only the partial file was left over."""
     partial_kept: bool
     """More was damaged than an interrupted write can do, so the partial file is still there."""
+    was_closed: bool = False
+    """The recording itself was complete, and only waited to be made a log."""
 
 
 def recover(path: Path, out: Path | None = None) -> Recovery:
@@ -65,10 +67,12 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         PartialFile(partial).close()  # tells first what is not a recording at all
         if target == partial:
             raise DataError(f"{partial}: the log would overwrite it; name another file with --out")
-        rows = _rows_if_finished(partial, target)
-        if rows is not None:
-            partial.unlink()
-            return Recovery(target, rows, tail_cut=False, was_finished=True, partial_kept=False)
+        finished = _rows_if_finished(partial, target)
+        if finished is not None:
+            rows, keep = finished
+            if not keep:
+                partial.unlink()
+            return Recovery(target, rows, tail_cut=False, was_finished=True, partial_kept=keep)
         try:
             done = convert(partial, target, {"recovered": True, "rows_lost": None})
         except OSError as error:
@@ -77,7 +81,9 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         if not keep:
             partial.unlink()
         torn = done.given_up_bytes > 0
-        return Recovery(target, done.rows, torn, was_finished=False, partial_kept=keep)
+        return Recovery(
+            target, done.rows, torn, was_finished=False, partial_kept=keep, was_closed=done.whole
+        )
 
 
 def _partial_of(path: Path) -> Path:
@@ -105,15 +111,19 @@ def _locked(partial: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise DataError(
-                    f"{partial}: a daemon is recording to it; stop the daemon first"
+                    f"{partial}: a daemon is recording to it, or making a log of it; wait until "
+                    "that is done, or stop the daemon first"
                 ) from error
         yield
     finally:
         os.close(handle)
 
 
-def _rows_if_finished(partial: Path, target: Path) -> int | None:
-    """Return the number of rows of a log that already holds this recording; else None."""
+def _rows_if_finished(partial: Path, target: Path) -> tuple[int, bool] | None:
+    """Return the rows of a log that already holds this recording; else None.
+
+    And whether the partial file is damaged beyond a torn end.
+    """
     if not target.exists():
         return None
     source = PartialFile(partial)
@@ -126,7 +136,7 @@ def _rows_if_finished(partial: Path, target: Path) -> int | None:
     if head is not None:
         found, kept = head
         if kept >= rows and all(found.get(key) == value for key, value in opening.items()):
-            return kept
+            return kept, source.given_up_bytes > MOST_TORN_BYTES
     raise DataError(f"{target}: another file is here; move it, or name another file with --out")
 
 

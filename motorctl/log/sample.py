@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
@@ -138,6 +139,24 @@ AXIS_FIELDS = (
 )
 """What is sampled of each axis in each tick. A new field stands here, and is written in
 `loop.axis.axis_step`; the ring, the log's columns and its metadata follow."""
+
+
+def row_bytes(axes: Iterable[tuple[int, bool]]) -> int:
+    """Return what a row takes while it is recorded, without the little that each batch adds.
+
+    Parameters
+    ----------
+    axes
+        Of each axis, how many entries its theta has, and whether two motors drive it.
+    """
+    size = sum(np.dtype(field.dtype).itemsize for field in TICK_FIELDS)
+    for count, two_motors in axes:
+        for field in AXIS_FIELDS:
+            if field.of_dual_drive and not two_motors:
+                continue
+            size += np.dtype(field.dtype).itemsize * (count if field.per_parameter else 1)
+    return size
+
 
 TICK_SAMPLE = np.dtype([(field.name, field.dtype) for field in TICK_FIELDS], align=True)
 

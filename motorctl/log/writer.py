@@ -19,7 +19,7 @@ from motorctl import __version__
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log.columns import LogAxis, log_columns, log_schema
 from motorctl.log.convert import convert
-from motorctl.log.partial import SUFFIX, encode_batch, encode_head
+from motorctl.log.partial import SUFFIX, Ending, encode_batch, encode_ending, encode_head
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
 BATCH_ROWS = 8192
@@ -27,6 +27,8 @@ BATCH_ROWS = 8192
 
 class LogWriter:
     """A log that is being recorded: ``<path>.partial`` until `close` makes it ``<path>``.
+
+    `seal` ends it, too, and leaves making the log to `motorctl.log.recover`, at any time.
 
     `metadata` joins version, host, start time, axes and the names of states, faults and flags,
     and may replace them. Raises UsageError where the file cannot be made.
@@ -36,7 +38,8 @@ class LogWriter:
         self.path = Path(path)
         self.partial = self.path.with_name(self.path.name + SUFFIX)
         self.rows_lost = 0
-        self._rows = 0
+        self.rows = 0
+        """Those that were written."""
         self._columns = log_columns(axes)
         self._schema = log_schema(axes, json.dumps(_opening(axes) | dict(metadata)).encode())
         self._stage = [np.empty(BATCH_ROWS, column.dtype) for column in self._columns]
@@ -78,10 +81,29 @@ class LogWriter:
     def flush(self) -> None:
         """Bring every row that was appended onto the disk. Raises RunError where it fails."""
         self._write_batch()
+        self._sync()
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the partial file."""
+        return self._whole_bytes
+
+    def seal(self, extra: Mapping[str, Any] | None = None) -> Path:
+        """End the recording and return the partial file, which says so; `extra` joins the metadata.
+
+        Raises RunError where the disk refuses that; what was recorded stays.
+        """
         try:
-            os.fdatasync(self._file)
-        except OSError as error:
-            raise RunError(f"{self.partial}: cannot be written: {error.strerror}") from error
+            self.flush()
+            self._end({"rows_lost": self.rows_lost, **(extra or {})})
+        finally:
+            os.close(self._file)
+        return self.partial
+
+    def discard(self) -> None:
+        """Give up a recording that nothing was written to."""
+        self.partial.unlink(missing_ok=True)
+        os.close(self._file)
 
     def close(self, extra: Mapping[str, Any] | None = None) -> Path:
         """Finish the log and return its path; `extra` joins the metadata.
@@ -91,11 +113,13 @@ class LogWriter:
         try:
             self.flush()
             closing = {"rows_lost": self.rows_lost, **(extra or {})}
+            with suppress(RunError):  # it is there for who is killed while the log is made
+                self._end(closing)
             readable = convert(self.partial, self.path, closing).rows
-            if readable == self._rows:
+            if readable == self.rows:
                 self.partial.unlink()
                 return self.path
-            cause = f"of {self._rows} rows only {readable} can be read back"
+            cause = f"of {self.rows} rows only {readable} can be read back"
         except (OSError, MotorctlError) as error:
             cause = str(error)
         finally:
@@ -113,16 +137,20 @@ class LogWriter:
             else:
                 stage[rows] = samples[column.field.name][:, column.axis, column.entry]
 
+    def _end(self, closing: Mapping[str, Any]) -> None:
+        self._write(encode_ending(self._schema, Ending(self.rows, closing)))
+        self._sync()
+
     def _write_batch(self) -> None:
         count, self._staged = self._staged, 0
         if count == 0:
             return
         try:
             self._write(encode_batch(self._schema, [stage[:count] for stage in self._stage]))
-        except RunError:
+        except BaseException:
             self.rows_lost += count
             raise
-        self._rows += count
+        self.rows += count
 
     def _write(self, data: bytes | memoryview) -> None:
         """Write all of it, or leave the file as it was: what follows stays readable."""
@@ -137,6 +165,12 @@ class LogWriter:
                 raise RunError(message) from error
             raise
         self._whole_bytes += len(data)
+
+    def _sync(self) -> None:
+        try:
+            os.fdatasync(self._file)
+        except OSError as error:
+            raise RunError(f"{self.partial}: cannot be written: {error.strerror}") from error
 
     def _create(self) -> int:
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC

@@ -53,6 +53,9 @@ DOCUMENT: dict[str, Any] = {
     "axes": {"x": AXIS, "y": {**AXIS, "state": "idle", "motion": None}},
 }
 
+ROOM = {"free_mb": 230_000.0, "closed_mb_h": 1480.2, "hours_left": 155.0, "warning": None}
+REMOVED = {"removed": 3, "removed_mb": 1234.0, "because": "free space", "failure": None}
+
 
 DUAL = {
     "skew_m": -312.4e-6,
@@ -111,6 +114,13 @@ def test_what_matters_is_on_it() -> None:
         ("loop.overruns", 1234, "1,234, 0 periods skipped"),
         ("recording.failure", "run.partial: No space left", "No space left"),
         ("recording.file", None, "overruns"),
+        ("recording.paused", True, "paused: every axis is off"),
+        ("recording.trouble", "the next log cannot be begun", "the next log cannot"),
+        ("recording.conversion", {"failure": "a.partial: No space left"}, "a.partial: No space"),
+        ("recording.disk", ROOM, "1,480 MB an hour are kept; 230.0 GB free, enough for 6 days"),
+        ("recording.disk", {**ROOM, "hours_left": None}, "230.0 GB free  "),
+        ("recording.disk", {**ROOM, "warning": "recording can go on for 3 h"}, "go on for 3 h"),
+        ("recording.retention", REMOVED, "3 old logs removed, 1.2 GB: free space"),
         ("daemon.stopping", True, "● stopping"),
     ],
 )

@@ -134,6 +134,7 @@ def test_recover_gives_json_and_takes_another_name(invoke, crashed, tmp_path):
         "tail_cut": False,
         "was_finished": False,
         "partial_kept": False,
+        "was_closed": False,
     }
     assert read_recording(out).metadata["seed"] == 4
 
@@ -165,3 +166,17 @@ def test_a_log_without_the_devices_word_tells_its_faults_all_the_same(invoke, tm
     path = write_log(tmp_path / "run.parquet", (ticks, samples))
     (fault,) = json.loads(invoke("info", path, "--json").stdout)["faults"]
     assert (fault["cause"], fault["device"]) == ("ESTOP", [])
+
+
+def test_info_tells_which_part_of_a_run_a_log_is_and_when_it_paused(invoke, tmp_path):
+    part = {"run": "bench-1", "part": 2, "predecessor": "bench-1.parquet"}
+    pauses = {"while": "every axis off", "count": 3, "seconds": 12.5, "last": []}
+    ticks, samples = make_rows(40)
+    ticks["tick"][20:] += 50
+    ticks["time_s"] = ticks["tick"] / 1000
+    closing = {"successor": "bench-3.parquet", "pauses": pauses}
+    path = write_log(tmp_path / "bench-2.parquet", (ticks, samples), part, extra=closing)
+    shown = invoke("info", path).stdout
+    assert "part 2 of the run bench-1, after bench-1.parquet, before bench-3.parquet" in shown
+    assert "paused 3 times, 12.5 s in all: every axis off" in shown
+    assert "50 ticks are missing (skipped or lost, or left out in pauses)" in shown

@@ -1,0 +1,218 @@
+"""The logs of one machine in a folder: what they are called, which there are, which may go."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from motorctl.log.partial import SUFFIX
+
+LOG_SUFFIX = ".parquet"
+DRAFT_SUFFIX = ".tmp"
+"""Of a log that is being made of its partial file."""
+_STAMP = "%Y%m%dT%H%M%SZ"
+
+Reason = Literal["age", "total size", "free space"]
+
+
+@dataclass(frozen=True)
+class StoredLog:
+    """A log that stands in the folder, finished or not."""
+
+    path: Path
+    """Where it stands, or will stand, when it is finished."""
+    size_bytes: int
+    """Of all its files: the log, the partial file, the draft."""
+    changed_s: float
+    """When the newest of them was last written, in seconds since 1970."""
+    partial: bool
+    """There is a partial file: it is recorded, or waits to be made a log."""
+
+    @property
+    def partial_path(self) -> Path:
+        """The partial file, whether there is one or not."""
+        return self.path.with_name(self.path.name + SUFFIX)
+
+
+@dataclass(frozen=True)
+class Removed:
+    """A log that was removed, and what for."""
+
+    path: Path
+    size_bytes: int
+    reason: Reason
+
+
+@dataclass(frozen=True)
+class Retention:
+    """How much is kept; None: no limit."""
+
+    max_age_s: float | None = None
+    max_total_bytes: float | None = None
+    min_free_bytes: float | None = None
+
+
+def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> Path:
+    """Return the name of a log that begins, which no file has.
+
+    Parameters
+    ----------
+    folder
+        Of the logs.
+    machine
+        Name of the machine.
+    when
+        The beginning; None: now.
+    """
+    stem = f"{machine}-{when or datetime.now(UTC):{_STAMP}}"
+    path, count = folder / f"{stem}{LOG_SUFFIX}", 1
+    while path.exists() or path.with_name(path.name + SUFFIX).exists():
+        count += 1
+        path = folder / f"{stem}-{count}{LOG_SUFFIX}"
+    return path
+
+
+def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
+    """Return a machine's logs in a folder, the oldest first.
+
+    Parameters
+    ----------
+    folder
+        Of the logs; folders in it are not looked at.
+    machine
+        Name of the machine: what is called otherwise is not its log.
+    """
+    name = re.compile(rf"({re.escape(machine)}-(\d{{8}}T\d{{6}}Z)(?:-(\d+))?\.parquet)(\.\w+)?")
+    found: dict[str, tuple[tuple[str, int], StoredLog]] = {}
+    with suppress(FileNotFoundError), os.scandir(folder) as entries:
+        for entry in entries:
+            match = name.fullmatch(entry.name)
+            if match is None or match[4] not in (None, SUFFIX, DRAFT_SUFFIX):
+                continue
+            try:
+                if not entry.is_file(follow_symlinks=False):
+                    continue
+                stat = entry.stat()
+            except OSError:  # gone meanwhile: a draft that became a log
+                continue
+            log, place = match[1], (match[2], int(match[3] or 1))
+            before = found[log][1] if log in found else StoredLog(folder / log, 0, 0.0, False)
+            found[log] = (
+                place,
+                StoredLog(
+                    before.path,
+                    before.size_bytes + stat.st_size,
+                    max(before.changed_s, stat.st_mtime),
+                    before.partial or match[4] == SUFFIX,
+                ),
+            )
+    return [log for _, log in sorted(found.values(), key=lambda item: item[0])]
+
+
+def remove_outdated(
+    folder: Path,
+    machine: str,
+    retention: Retention,
+    now_s: float,
+    free_bytes: Callable[[], float],
+) -> list[Removed]:
+    """Remove the oldest logs of a machine until what is left keeps to the limits.
+
+    What is being recorded, or made a log of, is never removed, nor is any file that is not called
+    like a log of this machine.
+
+    Parameters
+    ----------
+    folder, machine
+        Whose logs.
+    retention
+        The limits.
+    now_s
+        Seconds since 1970.
+    free_bytes
+        Asked for the free space of the disk, anew after each removal.
+
+    Returns
+    -------
+    list of Removed
+        The oldest first.
+
+    Raises
+    ------
+    OSError
+        Where a log cannot be removed; those before it are.
+    """
+    logs = stored_logs(folder, machine)
+    total = sum(log.size_bytes for log in logs)
+    removed: list[Removed] = []
+    for log in logs:
+        reason = _outdated(log, retention, now_s, total, free_bytes)
+        if reason is None:
+            break  # those after it are younger
+        if _remove(log):
+            removed.append(Removed(log.path, log.size_bytes, reason))
+            total -= log.size_bytes
+    return removed
+
+
+def _outdated(
+    log: StoredLog,
+    retention: Retention,
+    now_s: float,
+    total: float,
+    free_bytes: Callable[[], float],
+) -> Reason | None:
+    if retention.max_age_s is not None and now_s - log.changed_s > retention.max_age_s:
+        return "age"
+    if retention.max_total_bytes is not None and total > retention.max_total_bytes:
+        return "total size"
+    if retention.min_free_bytes is not None and free_bytes() < retention.min_free_bytes:
+        return "free space"
+    return None
+
+
+def _remove(log: StoredLog) -> bool:
+    """Remove all files of a log; False where it is in use."""
+    with _unless_in_use(log) as mine:
+        if mine:
+            for path in (log.path, log.path.with_name(log.path.name + DRAFT_SUFFIX)):
+                path.unlink(missing_ok=True)
+            log.partial_path.unlink(missing_ok=True)
+    return mine
+
+
+@contextmanager
+def _unless_in_use(log: StoredLog) -> Iterator[bool]:
+    """Hold the lock of a partial file; yields False where a recorder or a converter holds it."""
+    if not log.partial:
+        yield True
+        return
+    try:
+        handle = os.open(log.partial_path, os.O_RDONLY)
+    except FileNotFoundError:  # it became a log meanwhile
+        yield True
+        return
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+        except OSError:  # some file systems know no locks: rather kept than lost
+            yield False
+        else:
+            yield True
+    finally:
+        os.close(handle)
+
+
+def in_use(log: StoredLog) -> bool:
+    """Tell whether a log is being recorded, or made of its partial file."""
+    with _unless_in_use(log) as mine:
+        return not mine
