@@ -29,6 +29,7 @@ def test_rows_are_left_out_while_every_axis_is_off(tmp_path: Path) -> None:
         wait_until(lambda: daemon.ask("status")["recording"]["paused"])
         rows = daemon.ask("status")["recording"]["rows"]
         assert "paused: every axis is off" in daemon.cli("status").stdout
+        wait_until(lambda: daemon.ask("status")["loop"]["ticks"] > rows + 300)
         daemon.ask("start", axis="x")
         wait_until(lambda: daemon.ask("status")["recording"]["rows"] > rows + 100)
         status = daemon.ask("status")["recording"]
