@@ -11,7 +11,7 @@ from motorctl.errors import RunError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb
 from motorctl.motion import Trajectory, point_to_point
-from motorctl_benchmarks.safety.machines import KINDS, machine_of
+from motorctl_benchmarks.safety.machines import KINDS, machine_of, resolved
 from motorctl_benchmarks.safety.stand import Stand
 
 Size = Literal["small", "full"]
@@ -22,7 +22,7 @@ ROUND_S = 20.0
 """Of motion between a start and the next stop."""
 SPELLS: dict[Size, dict[str, int]] = {
     "small": {"gantry": 1, "serial": 2, "modbus": 1, "stage": 1},
-    "full": {"gantry": 20, "serial": 60, "modbus": 24, "stage": 16},
+    "full": {"gantry": 8, "serial": 96, "modbus": 12, "stage": 6},
 }
 """With C1 and with C2 in turn. Slow machines have more of them, as their hours cost less."""
 HOMING_S = 60.0
@@ -79,20 +79,13 @@ def run_spell(spell: Spell, duration_s: float = SPELL_S) -> Quiet:
     """
     rng = np.random.default_rng([spell.seed, sorted(KINDS).index(spell.machine)])
     guards = {"guards": guards_of(spell.machine)}
-    data = machine_of(
-        spell.machine,
-        spell.controller,
-        seed=spell.seed,
-        sim={},
-        axes={},
-        top={"loop": {"overrun_policy": "leaky_bucket"}},
-    )
+    names = resolved(KINDS[spell.machine].config, spell.controller)["axes"]
     machine = machine_of(
         spell.machine,
         spell.controller,
         seed=spell.seed,
         sim={},
-        axes=dict.fromkeys(data.axes, guards),
+        axes=dict.fromkeys(names, guards),
         top={"loop": {"overrun_policy": "leaky_bucket"}},
     )
     moves = starts = 0

@@ -41,12 +41,12 @@ class SafetyOptions:
 def parse_task(text: str) -> Task:
     """Read the key of a case or of a spell without a fault. Raises UsageError where it is none."""
     parts = text.split(":")
-    if parts[0] == FREE:
-        if len(parts) == FREE_PARTS and parts[1] in KINDS and parts[2] in ("C1", "C2"):
-            if parts[3].isdecimal():
-                return Spell(parts[1], parts[2], int(parts[3]))
-        raise UsageError(f"{text}: no spell; free:MACHINE:CONTROLLER:SEED, as in free:stage:C2:1")
-    return parse_case(text)
+    if parts[0] != FREE:
+        return parse_case(text)
+    known = len(parts) == FREE_PARTS and parts[1] in KINDS and parts[2] in ("C1", "C2")
+    if known and parts[3].isdecimal():
+        return Spell(parts[1], parts[2], int(parts[3]))
+    raise UsageError(f"{text}: no spell; free:MACHINE:CONTROLLER:SEED, as in free:stage:C2:1")
 
 
 def run_task(task: Task) -> Outcome | Quiet:

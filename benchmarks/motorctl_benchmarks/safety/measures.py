@@ -18,8 +18,6 @@ SOON_TICKS = 1
 """Zero volts, or the ramp begun, within so many ticks of the detection."""
 END_TICKS = 3
 """A ramp ends with a whole tick, and the state changes in the next."""
-RESTS = 1e-9
-"""A reference slower than this [m/s] is at rest."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +110,13 @@ def _detection(expected: Expected, guard: str, ticks: int) -> list[str]:
 def _ramp_begins(limits: Limits, rows: NDArray[np.void], ticks: int) -> int:
     """Return how many ticks after the detection the reference brakes, or stands.
 
-    It brakes with the jerk of a stop at least; half of that tells it from any program's.
+    It brakes with the jerk of a stop at least; half of that tells it from any program's. What that
+    jerk takes away within a tick or two is rest.
     """
     jerk_m_s3, period_s = limits.stop_jerk_m_s3, limits.period_s
     speed, acceleration = rows["reference_velocity_m_s"], rows["reference_acceleration_m_s2"]
     for k in range(len(rows) - ticks - 1):
-        if abs(speed[ticks + k]) < RESTS or rows["state"][ticks + k] == AxisState.FAULT:
+        if abs(speed[ticks + k]) <= jerk_m_s3 * period_s**2 or rows["state"][ticks + k] == AxisState.FAULT:
             return k
         change = acceleration[ticks + k + 1] - acceleration[ticks + k]
         if change * np.sign(speed[ticks + k]) <= -0.5 * jerk_m_s3 * period_s:

@@ -119,8 +119,6 @@ def _planned(
         keys = dict(key.kind.axis_keys(dict(setting.drawn)))
     if key.reaction:
         keys = merged(keys, {"guards": {key.kind.guard: {"reaction": key.reaction}}})
-    if key.state == "search" and "timeout_s" in setting.drawn:
-        keys = merged(keys, {"homing": {"timeout_s": setting.drawn["timeout_s"]}})
     if key.fault == "law_nan":
         broken = {"type": "motorctl_benchmarks.safety.broken_map:BrokenMap", "initial": 0.0}
         keys = merged(keys, {"model": {"broken_map": broken}})
