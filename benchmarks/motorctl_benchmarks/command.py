@@ -1,4 +1,4 @@
-"""`motorctl bench`: figures of speed, of diagnosis and of buses, beside peers in the same run."""
+"""`motorctl bench`: figures of speed, diagnosis and buses beside peers, and the guards' campaign."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def bench(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
-    """Measure how fast motorctl is on this machine, or how often its diagnoses are right.
+    """Measure how fast motorctl is here, how often its diagnoses are right, what guards detect.
 
     speed: the law, the tick and virtual time, as ratios to peers in the same run. diagnosis: a
     blind campaign on simulated machines with known causes, beside PySINDy and SysIdentPy where

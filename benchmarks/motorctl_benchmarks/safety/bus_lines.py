@@ -53,6 +53,8 @@ class Promise:
     """From its begin until the device's amplifiers are off."""
     held: bool = True
     """The axis goes on for the allowed ticks first."""
+    asked: bool = False
+    """A reset is asked for while it lasts, and has to be refused."""
 
 
 def _serial(mode: str) -> Line:
@@ -77,7 +79,7 @@ def _slcan() -> Line:
         wait = {"tty_baudrate": 4_000_000, "sync": {"id": 0x80, "wait_s": 1.4e-3}}
         return {**adapter, **wait, "watchdog_s": WATCHDOG_S}
 
-    serve = {"can": {"interface": "slcan", "channel": None}}
+    serve: Options = {"can": {"interface": "slcan", "channel": None}}
     return Line("can-slcan", "can_gantry", "can_node", 500.0, driver, lambda _: serve)
 
 
@@ -86,7 +88,7 @@ def _tcp() -> Line:
         host, _, port = endpoint.rpartition(":")
         return {"tcp": {"host": host, "port": int(port)}}
 
-    serve = {"modbus": {"tcp": {"host": "127.0.0.1", "port": 0}}}
+    serve: Options = {"modbus": {"tcp": {"host": "127.0.0.1", "port": 0}}}
     return Line("modbus-tcp", "modbus_gantry", "modbus_coupler", 500.0, driver, lambda _: serve)
 
 
@@ -95,7 +97,7 @@ def _rtu() -> Line:
         line = {"port": endpoint, "baud": 1_000_000, "parity": "none"}
         return {"tcp": None, "device_turnaround_s": None, "rtu": line}
 
-    serve = {"modbus": {"tcp": None, "rtu": {}}}
+    serve: Options = {"modbus": {"tcp": None, "rtu": {}}}
     return Line("modbus-rtu", "modbus_gantry", "modbus_coupler", 125.0, driver, lambda _: serve)
 
 
@@ -116,7 +118,10 @@ WIRE: Mapping[str, tuple[str, Options]] = {
         "every answer has the same number",
         {"kind": "wrong_sequence", "sequence": "stuck"},
     ),
-    "short_reset": ("the device starts anew within 50 ms", {"kind": "reset", "duration_s": RESET_S}),
+    "short_reset": (
+        "the device starts anew within 50 ms",
+        {"kind": "reset", "duration_s": RESET_S},
+    ),
     "long_reset": ("the device starts anew within 0.5 s", {"kind": "reset", "duration_s": 0.5}),
     "unplug": ("the line is unplugged", {"kind": "unplug", "duration_s": 1.0}),
 }
@@ -127,7 +132,10 @@ def promise(line: str, fault: str) -> Promise | None:
     """Return what a fault must lead to on a line; None where content decides, which is not tried.
 
     A checksum of the line's own (CAN, TCP) lets no wrong bit pass, so such an order is a device
-    that sends wrong content; and wrong lengths may cost TCP its step, or not.
+    that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that is
+    late, or whose number stands still, passes for a new one now and then, once in about a hundred
+    ticks; a reset may be obeyed then, and is not asked for. Nor is it where it would open the driver
+    anew.
     """
     if fault == "bit_errors" and (line.startswith("can") or line == _TCP):
         return None
@@ -136,14 +144,17 @@ def promise(line: str, fault: str) -> Promise | None:
     if fault in ("silence", "unplug"):
         # The device hears nothing either: its watchdog takes the volts.
         gone = fault == "unplug" and line != "can-udp"
-        return Promise("communication" if gone else "no_new_sample", WATCHDOG_S, not gone)
+        guard = "communication" if gone else "no_new_sample"
+        return Promise(guard, WATCHDOG_S, not gone, asked=fault == "silence")
     if fault.endswith("reset"):
         if line == _TCP:  # the connection is reset with it
             return Promise("communication", RESET_S if fault == "short_reset" else 0.0, held=False)
         if fault == "short_reset":
             return Promise("encoder_lost", RESET_S, held=False)
         return Promise("no_new_sample", 0.0)
-    return Promise("no_new_sample", HOLD_S + (LATE_S if fault == "late_answers" else 0.0))
+    passes = line.startswith("can") and fault in ("late_answers", "stuck_sequence")
+    late_s = LATE_S if fault == "late_answers" else 0.0
+    return Promise("no_new_sample", HOLD_S + late_s, asked=not passes)
 
 
 def device_file(line: Line, port: int, faults: list[Options]) -> str:

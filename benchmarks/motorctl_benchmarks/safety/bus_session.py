@@ -29,6 +29,7 @@ from motorctl_benchmarks.safety.bus_lines import (
     device_file,
     free_port,
     host_file,
+    promise,
 )
 from motorctl_devices.prompt_ptys import can_be_prompt
 
@@ -154,7 +155,8 @@ def run_session(session: Session, progress: Progress) -> Kept:
             logs, socket = folder / "logs", folder / "motorctl.sock"
             run = ("run", str(config), "--log-dir", str(logs), "--socket", str(socket))
             with Process(*run, errors=folder / "run.txt", environment=environment) as daemon:
-                spells = _through(daemon, socket, session.faults, timed, progress)
+                asked = [_asked(line, fault) for fault in session.faults]
+                spells = _through(daemon, socket, session.faults, timed, asked, progress)
                 daemon.end()
             report = json.loads(device.end())
         for spell, told in zip(spells, report["faults"], strict=True):
@@ -166,6 +168,11 @@ def run_session(session: Session, progress: Progress) -> Kept:
 
 def _has_port(line: Line) -> bool:
     return line.name not in ("modbus-tcp", "can-udp")
+
+
+def _asked(line: Line, fault: str) -> bool:
+    wanted = promise(line.name, fault)
+    return wanted is not None and wanted.asked
 
 
 def _ready(device: Process) -> str:
@@ -192,6 +199,7 @@ def _through(
     socket: Path,
     faults: Sequence[str],
     timed: Sequence[Options],
+    asked: Sequence[bool],
     progress: Progress,
 ) -> tuple[Spell, ...]:
     spells = []
@@ -205,7 +213,7 @@ def _through(
             spells.append(spell)
             over = began + order["at_s"] + max(order["duration_s"], LASTS_S)
             _sleep_until(over - ASKED_S)
-            if order["duration_s"] == LASTS_S and order["kind"] not in ("reset", "unplug"):
+            if asked[k]:
                 spell.refused = _refused(client, "reset", "x")
             _sleep_until(over + 0.05)
             spell.status_time_s = float(client.ask("status")["loop"]["time_s"])
@@ -218,8 +226,9 @@ def _through(
 def _again(client: Client, spell: Spell) -> None:
     """Reset and start both axes, as soon as the device is back."""
     deadline = time.monotonic() + SOON_S
+    states = client.ask("status")["axes"]
     for axis in AXES:
-        while True:
+        while states[axis]["state"] == "fault":
             spell.reset = _refused(client, "reset", axis)
             if not spell.reset or time.monotonic() > deadline:
                 break

@@ -55,7 +55,8 @@ def parse_case(text: str) -> CaseKey:
     parts = text.split(":")
     if len(parts) == PARTS and parts[5].isdecimal():
         reaction = "" if parts[4] == "default" else parts[4]
-        key = CaseKey(*parts[:4], reaction, int(parts[5]))
+        machine, controller, state, fault = parts[:4]
+        key = CaseKey(machine, controller, state, fault, reaction, int(parts[5]))
         if key in set(keys_of(key.machine, key.controller, key.seed)):
             return key
     raise UsageError(
@@ -77,7 +78,9 @@ def keys_of(machine: str, controller: str, seed: int) -> Iterator[CaseKey]:
         if machine not in kind.machines:
             continue
         for state in kind.states:
-            if state == "ring" and machine == ONE_AXIS or state == "homing" and machine != ONE_AXIS:
+            if (state == "ring" and machine == ONE_AXIS) or (
+                state == "homing" and machine != ONE_AXIS
+            ):
                 continue
             for reaction in kind.reactions:
                 yield CaseKey(machine, controller, state, fault, reaction, seed)

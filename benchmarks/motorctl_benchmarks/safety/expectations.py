@@ -277,7 +277,7 @@ EXPECTED: Mapping[str, Callable[[Setting], Expected]] = {
     "law_nan": at_once("not_a_number"),
     "no_home_switch": no_home_switch,
 }
-"""Every fault of the campaign. `test_the_expectations_import_nothing_of_the_loop` keeps it apart."""
+"""Every fault of the campaign; an import rule keeps them apart from the loop."""
 
 FIRST_CAUSE = {"reaction": "overrun", "fault": "estop"}
 """States that a fault finds after another one: that one's cause stays."""

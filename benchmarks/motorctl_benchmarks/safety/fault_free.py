@@ -164,10 +164,8 @@ def _round(stand: Stand, rng: np.random.Generator) -> int:
     return moves
 
 
-def random_moves(
-    stand: Stand, name: str, rng: np.random.Generator
-) -> tuple[Trajectory, int]:
-    """Return moves between random places, as fast as the axis' limits and plant allow, and rests."""
+def random_moves(stand: Stand, name: str, rng: np.random.Generator) -> tuple[Trajectory, int]:
+    """Return moves between random places, as fast as limits and plant allow, with rests."""
     limits = stand.machine.axes[name].limits
     low, high = limits.travel_m
     margin = 0.002

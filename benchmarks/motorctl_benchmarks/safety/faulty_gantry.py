@@ -61,9 +61,7 @@ class FaultyGantry(SimDriver):
     def repair(self) -> None:
         """Let everything be in order from the next read on; a place that was lost stays lost."""
         if self._fault is not None and self._fault.offset_counts and not self._fault.once:
-            self._fault = DeviceFault(
-                self._fault.channel, offset_counts=self._fault.offset_counts
-            )
+            self._fault = DeviceFault(self._fault.channel, offset_counts=self._fault.offset_counts)
         else:
             self._fault = None
 

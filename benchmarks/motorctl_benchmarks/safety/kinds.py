@@ -15,7 +15,18 @@ from motorctl_benchmarks.safety.setting import Setting
 Numbers = dict[str, float]
 Draw = Callable[[np.random.Generator, Setting], Numbers]
 
-EVERY = ("off", "hold", "accelerate", "cruise", "dwell", "ring", "homing", "stop", "reaction", "fault")
+EVERY = (
+    "off",
+    "hold",
+    "accelerate",
+    "cruise",
+    "dwell",
+    "ring",
+    "homing",
+    "stop",
+    "reaction",
+    "fault",
+)
 MOVING = ("accelerate", "cruise", "ring", "homing")
 ENABLED = ("hold", "accelerate", "cruise", "dwell", "ring", "homing")
 TWO = ("gantry", "serial", "modbus")
@@ -52,9 +63,7 @@ class FaultKind:
 
 
 def _reports(bits: Status, *, freezes: bool = False, off: bool = False, once: bool = False) -> Any:
-    return lambda _case: DeviceFault(
-        0, bits=int(bits), freezes=freezes, output_off=off, once=once
-    )
+    return lambda _case: DeviceFault(0, bits=int(bits), freezes=freezes, output_off=off, once=once)
 
 
 def _jump(rng: np.random.Generator, case: Setting) -> Numbers:
@@ -187,7 +196,9 @@ FAULTS: Mapping[str, FaultKind] = {
         ENABLED,
         device=_reports(Status.STALE, freezes=True),
     ),
-    "short_silence": FaultKind("as many samples are missing as may be", ("hold", "cruise", "dwell")),
+    "short_silence": FaultKind(
+        "as many samples are missing as may be", ("hold", "cruise", "dwell")
+    ),
     "encoder_jump": FaultKind(
         "the count jumps, for good",
         (*ENABLED, "stop", "reaction"),
@@ -210,7 +221,9 @@ FAULTS: Mapping[str, FaultKind] = {
         ("hold", "dwell"),
         TWO,
         draw=_noise,
-        device=lambda case: DeviceFault(0, noise_counts=case.drawn["noise_m"] / case.limits.count_m),
+        device=lambda case: DeviceFault(
+            0, noise_counts=case.drawn["noise_m"] / case.limits.count_m
+        ),
         axis_keys=lambda drawn: {
             "guards": {
                 "encoder_noise": {"rms_m": drawn["rms_m"], "filter_time_s": drawn["filter_s"]}
@@ -314,7 +327,7 @@ FAULTS: Mapping[str, FaultKind] = {
                 "thermal": {
                     "continuous_voltage_v": drawn["continuous_v"],
                     "time_constant_s": drawn["constant_s"],
-                }
+                },
             },
         },
         pushes=True,
@@ -351,9 +364,7 @@ FAULTS: Mapping[str, FaultKind] = {
     ),
     "supervisor_slow": FaultKind("the supervisor is silent for 0.45 s", ("hold", "cruise")),
     "estop_command": FaultKind("`motorctl estop`", EVERY),
-    "learned_nan": FaultKind(
-        "a learned parameter is no number", ("start",), restarts=False
-    ),
+    "learned_nan": FaultKind("a learned parameter is no number", ("start",), restarts=False),
     "law_nan": FaultKind("the law computes no number", ("cruise",), ("gantry",), restarts=False),
     "no_home_switch": FaultKind(
         "the home switch is never seen",

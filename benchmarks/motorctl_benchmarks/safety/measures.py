@@ -116,7 +116,10 @@ def _ramp_begins(limits: Limits, rows: NDArray[np.void], ticks: int) -> int:
     jerk_m_s3, period_s = limits.stop_jerk_m_s3, limits.period_s
     speed, acceleration = rows["reference_velocity_m_s"], rows["reference_acceleration_m_s2"]
     for k in range(len(rows) - ticks - 1):
-        if abs(speed[ticks + k]) <= jerk_m_s3 * period_s**2 or rows["state"][ticks + k] == AxisState.FAULT:
+        if (
+            abs(speed[ticks + k]) <= jerk_m_s3 * period_s**2
+            or rows["state"][ticks + k] == AxisState.FAULT
+        ):
             return k
         change = acceleration[ticks + k + 1] - acceleration[ticks + k]
         if change * np.sign(speed[ticks + k]) <= -0.5 * jerk_m_s3 * period_s:
@@ -124,9 +127,7 @@ def _ramp_begins(limits: Limits, rows: NDArray[np.void], ticks: int) -> int:
     return len(rows) - ticks
 
 
-def _ramp(
-    made: Ready, rows: NDArray[np.void], ticks: int, begun: int, zero: int
-) -> list[str]:
+def _ramp(made: Ready, rows: NDArray[np.void], ticks: int, begun: int, zero: int) -> list[str]:
     failures = []
     if begun > SOON_TICKS:
         failures.append(f"the ramp began {begun} ticks after the detection")
@@ -163,7 +164,9 @@ def _others(watch: Watch, rows: NDArray[np.void], reaction: str) -> list[str]:
         elif made.key.state in FIRST_CAUSE:
             wanted = {FIRST_CAUSE[made.key.state]}
         elif reaction and made.key.fault in ALL_AXES:
-            wanted = {FaultCause(int(rows[-1, made.stand.names.index(made.axis)]["fault"])).name.lower()}
+            wanted = {
+                FaultCause(int(rows[-1, made.stand.names.index(made.axis)]["fault"])).name.lower()
+            }
         if causes != wanted:
             told = ", ".join(sorted(causes)) or "nothing"
             failures.append(f"axis {name}: {told}, should be {', '.join(wanted) or 'nothing'}")

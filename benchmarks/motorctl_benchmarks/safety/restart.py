@@ -17,7 +17,7 @@ AGAIN_S = 0.1
 GONE_S = 0.05
 """From the repair to the reset."""
 COOLS_S = 0.2
-"""A motor that tripped on its heat at 100 % is at 90 % after 0.21 time constants of half a second."""
+"""A motor that tripped on its heat is at 90 % of it after 0.21 time constants, of half a second."""
 STILL_S = 4.0
 LARGEST_FORCE_V = 1.0
 """What may push an axis at rest, cogging and friction together; twice that with the overshoot."""

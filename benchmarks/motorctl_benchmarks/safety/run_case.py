@@ -20,7 +20,8 @@ from motorctl_benchmarks.safety.expectations import (
 )
 from motorctl_benchmarks.safety.faulty_gantry import DeviceFault
 from motorctl_benchmarks.safety.measures import Measured, measure
-from motorctl_benchmarks.safety.prepare import Ready, draw, ready
+from motorctl_benchmarks.safety.plan import draw
+from motorctl_benchmarks.safety.prepare import Ready, ready
 from motorctl_benchmarks.safety.restart import Restart, refused_by, start_again
 from motorctl_benchmarks.safety.watch import Watch
 
@@ -114,7 +115,9 @@ def _bring_about(watch: Watch, expected: Expected) -> None:
     made, key = watch.made, watch.made.key
     stand, period_s = made.stand, made.setting.limits.period_s
     if key.kind.device is not None:
-        stand.device.break_down(replace(key.kind.device(made.setting), channel=made.channel), made.seed)
+        stand.device.break_down(
+            replace(key.kind.device(made.setting), channel=made.channel), made.seed
+        )
     if key.fault == "short_silence":
         stale = DeviceFault(made.channel, bits=int(Status.STALE), freezes=True)
         stand.device.break_down(stale)
@@ -136,7 +139,11 @@ def _bring_about(watch: Watch, expected: Expected) -> None:
         _tick(watch, passed)
         # In fault already, or the second of two: it is the state that counts.
         detected = watch.faulty and key.state not in FIRST_CAUSE
-        if detected or passed >= waited or (key.state in FIRST_CAUSE and passed >= QUIET_S / period_s):
+        if (
+            detected
+            or passed >= waited
+            or (key.state in FIRST_CAUSE and passed >= QUIET_S / period_s)
+        ):
             return
 
 

@@ -117,7 +117,9 @@ class Stand:
         self._writer = None
         return self.steps - kept
 
-    def ask(self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0, program: int = 0) -> Reply:
+    def ask(
+        self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0, program: int = 0
+    ) -> Reply:
         """Give a command, and return the answer of the tick that took it."""
         index = self.names.index(axis)
         number = self.memory.post(verb, index, slot=slot, tick=tick, program=program)
