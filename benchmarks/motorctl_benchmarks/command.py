@@ -1,4 +1,4 @@
-"""`motorctl bench`: figures of speed, diagnosis and buses beside peers, and the guards' campaign."""
+"""`motorctl bench`: speed, diagnosis and buses beside peers, and the campaign of the guards."""
 
 from __future__ import annotations
 

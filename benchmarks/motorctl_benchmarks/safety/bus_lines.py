@@ -132,10 +132,9 @@ def promise(line: str, fault: str) -> Promise | None:
     """Return what a fault must lead to on a line; None where content decides, which is not tried.
 
     A checksum of the line's own (CAN, TCP) lets no wrong bit pass, so such an order is a device
-    that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that is
-    late, or whose number stands still, passes for a new one now and then, once in about a hundred
-    ticks; a reset may be obeyed then, and is not asked for. Nor is it where it would open the driver
-    anew.
+    that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that
+    is late, or whose number stands still, passes for a new one about once in a hundred ticks; a
+    reset may be obeyed then, and is not asked for. Nor is it where it would open the driver anew.
     """
     if fault == "bit_errors" and (line.startswith("can") or line == _TCP):
         return None
