@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.safety import expectations, fault_free, findings, kinds
 from motorctl_benchmarks.safety.bus_case import bus_keys, judged, parse_bus
-from motorctl_benchmarks.safety.bus_lines import LINES, promise
+from motorctl_benchmarks.safety.bus_lines import LINES, WIRE, promise
 from motorctl_benchmarks.safety.bus_session import Kept, Session, Spell
 from motorctl_benchmarks.safety.cases import keys, parse_case
 from motorctl_benchmarks.safety.expectations import EXPECTED, Expected
@@ -87,6 +88,16 @@ def test_what_must_not_trip_is_told_where_it_does(monkeypatch):
 
 def test_every_fault_has_an_expectation_and_every_expectation_a_fault():
     assert set(FAULTS) == set(EXPECTED)
+
+
+def test_the_page_has_a_line_for_every_fault_and_every_line_is_as_promised():
+    page = (Path(__file__).parents[2] / "docs/campaign.md").read_text()
+    table = page.partition("<!-- tables:")[2].partition("<!-- end of tables -->")[0]
+    lines = {line.split("|")[1].strip(): line for line in table.splitlines() if "|" in line}
+    titles = [kind.title for kind in FAULTS.values()] + [title for title, _ in WIRE.values()]
+    for title in titles:
+        right, _, count = lines[title].split("|")[-2].strip().partition(" of ")
+        assert right == count
 
 
 def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():

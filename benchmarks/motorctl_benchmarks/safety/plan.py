@@ -33,7 +33,7 @@ SPEEDS_M_S = {
     "stage": (0.2, 0.4),
 }
 SEARCH_M_S = -0.05
-DWELL_S = 0.4
+DWELL_S = 1.5
 NEAR_END_M = 0.2e-3
 STAGE_START_M = -0.07
 """Near its index mark, so that homing is short where it is not what is tried."""
@@ -168,7 +168,7 @@ def _fault_tick(
     after_s = {
         "accelerate": (0.3 + share) * ramp_s,
         "cruise": ramp_s + share * (move.duration_s - 2.0 * ramp_s),
-        "dwell": move.duration_s + (0.2 + share) * DWELL_S,
+        "dwell": move.duration_s + (0.1 + 0.5 * share) * DWELL_S,
     }[key.state]
     return begin + round(limits.ticks(after_s))
 

@@ -139,7 +139,7 @@ def _fault_tick_on(
         first_s = float(
             there[np.argmax(np.abs(move.sample(there)[0] - MOVE_M[key.machine][1]) < 1e-9)]
         )
-        return round(limits.ticks(first_s + (0.2 + share) * DWELL_S))
+        return round(limits.ticks(first_s + (0.1 + 0.5 * share) * DWELL_S))
     if key.state == "accelerate":
         return round(limits.ticks((0.3 + share) * ramp_s))
     return round(limits.ticks(ramp_s + share * (first_s - 2.0 * ramp_s)))
