@@ -45,6 +45,8 @@ BETWEEN_S = 1.5
 """From a fault's end to the next: reset, started, and under way again."""
 ASKED_S = 0.3
 """Before the fault's end a reset is asked for, where it has to be refused."""
+LAST_LINES = 3
+"""Of what a daemon said, where a session cannot be run through."""
 SOON_S = 1.5
 """A command is taken within that, once the device is back."""
 
@@ -156,7 +158,11 @@ def run_session(session: Session, progress: Progress) -> Kept:
             run = ("run", str(config), "--log-dir", str(logs), "--socket", str(socket))
             with Process(*run, errors=folder / "run.txt", environment=environment) as daemon:
                 asked = [_asked(line, fault) for fault in session.faults]
-                spells = _through(daemon, socket, session.faults, timed, asked, progress)
+                try:
+                    spells = _through(daemon, socket, session.faults, timed, asked, progress)
+                except MotorctlError as error:
+                    last = " / ".join(daemon.said.splitlines()[-LAST_LINES:])
+                    raise RunError(f"{error}; the daemon's last words: {last}") from error
                 daemon.end()
             report = json.loads(device.end())
         for spell, told in zip(spells, report["faults"], strict=True):
