@@ -201,7 +201,7 @@ RATE_HZ, BEGAN, AT_S = 500.0, 100, 0.8
 
 
 def kept_log(*, held=75, cause=FaultCause.NO_NEW_SAMPLE, volts_after=0.0, lost=0):
-    """Give a log in which both axes are held over, trip, and stay in fault."""
+    """Return a log in which both axes are held over, trip, and stay in fault."""
     silent = BEGAN + round(AT_S * RATE_HZ)
     trip, rows = silent + held, silent + 500
     state = np.full(rows, int(AxisState.RUNNING))

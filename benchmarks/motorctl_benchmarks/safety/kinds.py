@@ -138,7 +138,7 @@ def _heat(rng: np.random.Generator, case: Setting) -> Numbers:
 
 
 def _search(_rng: np.random.Generator, _case: Setting) -> Numbers:
-    """Give the way from where the stage starts, 0.03 m, to its limit switch at -0.1 m."""
+    """Return the way from where the stage starts, 0.03 m, to its limit switch at -0.1 m."""
     return {"search_m_s": 0.05, "to_limit_m": 0.13}
 
 
@@ -152,7 +152,7 @@ def _short_pause(rng: np.random.Generator, _case: Setting) -> Numbers:
 
 
 def _patient(_drawn: Numbers) -> dict[str, Any]:
-    """Give limits of an axis that may be far from its reference, and stand still."""
+    """Return limits of an axis that may be far from its reference, and stand still."""
     return {
         "limits": {"following_error": {"minimum_m": 0.05}},
         "guards": {"encoder_stuck": None},
