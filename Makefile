@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # Tests start hundreds of interpreters: without bytecode each would compile every source again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow lint setup clean
+.PHONY: demo test test-slow campaign lint setup clean
 
 setup: $(STAMP)
 
@@ -28,6 +28,11 @@ test: $(STAMP) lint
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
 	$(BIN)/python -m pytest -m 'slow and wall_clock'
+
+# Faults x states x machines x controllers; `make campaign SIZE=full` is the one in docs/campaign.md.
+SIZE ?= small
+campaign: $(STAMP)
+	$(BIN)/motorctl bench campaign --size $(SIZE)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

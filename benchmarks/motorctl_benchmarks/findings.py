@@ -10,6 +10,28 @@ from motorctl.latency.figure import Figure
 
 
 @dataclass(frozen=True)
+class TextTable:
+    """A table in words, as Markdown has them: what is printed can stand in a page as it is."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def lines(self) -> list[str]:
+        """Return its lines, the title before them."""
+        widths = [max(map(len, column)) for column in zip(self.columns, *self.rows, strict=True)]
+        rule = tuple("-" * width for width in widths)
+        return [
+            f"**{self.title}**",
+            "",
+            *(
+                f"| {' | '.join(c.ljust(w) for c, w in zip(row, widths, strict=True))} |"
+                for row in (self.columns, rule, *self.rows)
+            ),
+        ]
+
+
+@dataclass(frozen=True)
 class Findings:
     """Figures, and what to know of them."""
 
@@ -19,3 +41,6 @@ class Findings:
     """Cases that came out wrong: case, truth and answer."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """What else is told, as plain data by name."""
+    tables: tuple[TextTable, ...] = ()
+    failed: bool = False
+    """The exit status shall tell that something is not as it has to be."""

@@ -10,7 +10,7 @@ from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, missed
 from motorctl.latency.host import host_facts
 from motorctl.latency.progress import Progress, part_of
-from motorctl_benchmarks.findings import Findings
+from motorctl_benchmarks.findings import Findings, TextTable
 from motorctl_benchmarks.law_figures import law_figures
 from motorctl_benchmarks.tick_figures import tick_figures
 from motorctl_benchmarks.virtual_figures import virtual_figures
@@ -19,8 +19,9 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
+    from motorctl_benchmarks.safety.findings import SafetyOptions
 
-    Options = CampaignOptions | MachinesOptions | RecordingsOptions
+    Options = CampaignOptions | MachinesOptions | RecordingsOptions | SafetyOptions
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
@@ -63,6 +64,14 @@ def _recordings(progress: Progress, options: Options | None) -> Findings:
     return recordings_findings(progress, asked)
 
 
+def _safety(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.safety.findings import SafetyOptions, safety_findings
+
+    asked = options or SafetyOptions()
+    assert isinstance(asked, SafetyOptions)
+    return safety_findings(progress, asked)
+
+
 def _buses(progress: Progress, _options: Options | None) -> Findings:
     from motorctl_benchmarks.buses.figures import bus_findings
 
@@ -75,8 +84,9 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "buses": _buses,
     "machines": _machines,
     "recordings": _recordings,
+    "campaign": _safety,
 }
-WITH_CASES = ("diagnosis", "machines", "recordings")
+WITH_CASES = ("diagnosis", "machines", "recordings", "campaign")
 """Subjects that take options."""
 
 
@@ -92,6 +102,9 @@ class Result:
     """Cases that came out wrong: case, truth and answer."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """What else the subject tells, as plain data by name."""
+    tables: tuple[TextTable, ...] = ()
+    failed: bool = False
+    """The exit status shall tell that something is not as it has to be."""
 
     @property
     def missed(self) -> list[str]:
@@ -121,7 +134,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, machines or recordings.
+        Of the subject diagnosis, machines, recordings or campaign.
 
     Raises
     ------
@@ -136,4 +149,13 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         )
     host = host_facts()
     found = SUBJECTS[subject](progress, options)
-    return Result(subject, host, found.figures, found.notes, found.mistakes, found.data)
+    return Result(
+        subject,
+        host,
+        found.figures,
+        found.notes,
+        found.mistakes,
+        found.data,
+        found.tables,
+        found.failed,
+    )
