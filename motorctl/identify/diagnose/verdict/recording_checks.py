@@ -22,6 +22,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
+from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.fit.judgement import (
     ForceOfPlaceError,
     NothingExplainedError,
@@ -224,8 +225,11 @@ def check_explains(
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
         return hypothesis
     share, backwards = _moved_by(plain)
+    if backwards:  # said of a selection, it must hold of the whole recording
+        _, backwards = _moved_by(_above_noise(data, make_signals(data)))
     if share < OWN_DRIVES:
         _check_own_command(data, others or {})
+        _check_direction_of(data)
     if share > MOVED_ENOUGH and not backwards:
         return hypothesis
     if backwards:
@@ -267,6 +271,25 @@ def _check_own_command(data: Measured, others: Mapping[str, Measured]) -> None:
             )
 
 
+def _check_direction_of(data: Measured) -> None:
+    """Raise DataError where the command is a magnitude, whose direction is another column."""
+    used = data.command[data.usable]
+    if float(used.min()) < 0.0 < float(used.max()) or not _changes(data):
+        return
+    stretches = make_signals(data).stretches
+    time_s = np.concatenate([s.time_s for s in stretches])
+    velocity = np.concatenate([s.v for s in stretches])
+    way = np.sign(np.interp(data.time_s, time_s, velocity))
+    directed = replace(data, command=data.command * way)
+    share, backwards = _moved_by(_above_noise(directed, make_signals(directed)))
+    if share > DRIVES and not backwards:
+        raise DataError(
+            f"{data.place}: the command never changes its sign, though the axis moves both ways; "
+            f"with the sign of its velocity the motion explains {100.0 * share:.0f} % of it: it is "
+            "a magnitude, and its direction stands in another column; give it that sign"
+        )
+
+
 def _above_noise(data: Measured, signals: Signals) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
@@ -302,23 +325,22 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
 
     Inertia, friction and any force of the place, such as gravity, may each outweigh the others.
     Reversed is a command whose friction would give energy and whose inertia, where it is seen,
-    would be negative, if these two explain a good part of it.
+    would be negative, if these two explain a good part of it that no force of the place explains.
+    Of a motion one way inertia alone tells it: friction is a constant force there, as a weight is.
     """
     basic = basic_effects()
-    model = EffectList([cls() for cls in basic.values()])
+    model, dropped = carried(signals, EffectList([cls() for cls in basic.values()]))
     blocks = make_blocks(signals.rows, signals.row_period_s)
     motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
     command = motion.problem.joined(signals.rows)[-1]
     whole = max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
-    best, share, of_motion = motion.problem, -np.inf, -np.inf
+    best, share, of_place = motion.problem, -np.inf, 0.0
     for columns, soft in _forces_of_place(signals):
         beside = with_columns(motion.problem, columns, soft=soft)
         explained = 1.0 - float(held_out_sse(beside).sum()) / whole
+        alone = make_problem(blocks, beside.joined(signals.rows)[len(motion.names) : -1], command)
+        of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
         if explained > share:
-            place = make_problem(
-                blocks, beside.joined(signals.rows)[len(motion.names) : -1], command
-            )
-            of_motion = explained - max(1.0 - float(held_out_sse(place).sum()) / whole, 0.0)
             best, share = beside, explained
     b = solve(best).b
     velocity = signals.picked(lambda s: s.v)
@@ -329,10 +351,15 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     ]  # fmt: skip
     power = float(velocity @ (b[friction] @ rows[friction]))
     inertia = abs(float(b[0])) * float(np.std(rows[0])) / float(np.std(command))
-    back = power < 0.0 and (b[0] < 0.0 or inertia < INERTIA_SEEN)
-    used = signals.data.command[signals.data.usable]
-    changes = float(np.std(used)) > CHANGES * float(np.sqrt(np.mean(used**2)))
-    return share, bool(changes and of_motion > REVERSED and back)
+    seen = inertia >= INERTIA_SEEN
+    back = b[0] < 0.0 and seen if dropped else power < 0.0 and (b[0] < 0.0 or not seen)
+    return share, bool(_changes(signals.data) and share - of_place > REVERSED and back)
+
+
+def _changes(data: Measured) -> bool:
+    """Return whether the command does more than hold."""
+    used = data.command[data.usable]
+    return float(np.std(used)) > CHANGES * float(np.sqrt(np.mean(used**2)))
 
 
 def _waves_explain(signals: Signals) -> float:
