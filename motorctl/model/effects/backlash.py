@@ -123,7 +123,7 @@ class Backlash(Effect):
         """
         contact_hz = min(CONTACT_HZ, BANDS * spans.band_hz)
         low = max(COUNTS * spans.resolution_m, SHORTEST * spans.travel_m, 1e-12)
-        if not spans.acceleration_m_s2 > 0.0 or not spans.reversal_m_s2 > 0.0:
+        if not spans.acceleration_m_s2 > 0.0 or spans.one_way:
             return ()
         return [
             cls(

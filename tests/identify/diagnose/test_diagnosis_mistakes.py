@@ -257,3 +257,13 @@ def test_a_command_without_its_sign_is_told():
     heard(geared)
     with pytest.raises(DataError, match=r"it is a magnitude"):
         heard(replace(geared, command=np.abs(geared.command)))
+
+
+def test_ripple_of_a_steady_speed_is_no_change_of_speed():
+    x, a = one_slow_move()
+    ripple = 2e-4 * np.sin(2.0 * np.pi * 25.0 * np.arange(len(x)) / 1000.0)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(len(x))
+    moved = driven(x + ripple, 0.1 * a + 0.5 + noise, 1000.0)
+    told = diagnose_axis(moved, C1)
+    assert (told.verdict, told.effects) == ("insufficient_data", ())
+    assert "only 2 times" in told.sentence

@@ -173,8 +173,10 @@ def _changes_of_speed(velocities: list[Array]) -> int:
     """Count the changes between rest and motion; a reversal is two."""
     every = np.concatenate(velocities)
     low, high = np.percentile(every, (5.0, 95.0))
-    if low * high > 0.0:  # one way all the time: changes between slower and faster
-        velocities = [(v - low) * np.sign(high) for v in velocities]
+    slower, faster = sorted((abs(float(low)), abs(float(high))))
+    if low * high > 0.0 and faster - slower > SLOW * faster:
+        # one way all the time: changes between slower and faster, which ripple is not
+        velocities = [np.maximum(np.abs(v) - slower, 0.0) for v in velocities]
     speeds = np.abs(np.concatenate(velocities))
     usual = float(np.median(speeds[speeds > 0.05 * speeds.max()]))
     changes = 0
