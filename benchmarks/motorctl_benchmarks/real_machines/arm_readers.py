@@ -28,7 +28,8 @@ def _timed(rows: Columns) -> Columns:
     position, velocity = rows["position"], rows.pop("velocity")
     moving = np.abs(velocity[1:-1]) > MOVES * np.abs(velocity).max()
     ways = (position[2:] - position[:-2])[moving] / velocity[1:-1][moving]
-    return {"time_s": np.arange(len(position)) * float(np.median(ways)) / 2.0, **rows}
+    time_s = np.arange(len(position), dtype=np.float64) * (float(np.median(ways)) / 2.0)
+    return {"time_s": time_s, **rows}
 
 
 def _of_all(path: Path, joints: int, number: int) -> Columns:

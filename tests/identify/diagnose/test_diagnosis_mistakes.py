@@ -259,9 +259,10 @@ def test_a_command_without_its_sign_is_told():
         heard(replace(geared, command=np.abs(geared.command)))
 
 
-def test_ripple_of_a_steady_speed_is_no_change_of_speed():
+@pytest.mark.parametrize("ripple_hz", [25.0, 150.0])
+def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
     x, a = one_slow_move()
-    ripple = 2e-4 * np.sin(2.0 * np.pi * 25.0 * np.arange(len(x)) / 1000.0)
+    ripple = 2e-4 * np.sin(2.0 * np.pi * ripple_hz * np.arange(len(x)) / 1000.0)
     noise = 0.05 * np.random.default_rng(0).standard_normal(len(x))
     moved = driven(x + ripple, 0.1 * a + 0.5 + noise, 1000.0)
     told = diagnose_axis(moved, C1)
