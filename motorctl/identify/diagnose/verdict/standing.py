@@ -43,7 +43,7 @@ class Standing:
 
 
 def standing(found: Found, split: Split, too_plain: bool = False) -> Standing:
-    """Take effects out until those that are left are neither refuted nor doubted.
+    """Take effects out until those that are left are neither refuted nor all doubted.
 
     Each is judged in a model of those that are told: what an effect takes beside another is not
     what it takes without it, and the form of friction that was found meanwhile moves, too.
@@ -76,6 +76,8 @@ def standing(found: Found, split: Split, too_plain: bool = False) -> Standing:
         supports = {effect.name: support_of(found, effect) for effect in found.final.added}
         # the family of what is left says more than a name that is hardly ever right
         weak = {n: s.grounds for n, s in supports.items() if confidence(s.grounds) < TOLD}
+        if len(weak) < len(supports):
+            weak = {}  # beside a sure one, a name keeps what it had before others went
         rest = _reduced(found, weak)
         rest, reasons = without_refuted(rest, split.held_out) if dropped else (rest, ())
         if not weak and not reasons:
