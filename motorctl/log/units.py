@@ -51,7 +51,10 @@ _OTHER_SPELLINGS = {
 def usual_spelling(unit: str) -> str:
     """Return the spelling under which a unit is known here: ``Nm`` and ``N·m`` are ``N*m``."""
     plain = unit.strip().replace("·", "*").replace("Nm", "N*m")
-    return _OTHER_SPELLINGS.get(plain, plain)
+    if plain in _OTHER_SPELLINGS:
+        return _OTHER_SPELLINGS[plain]
+    way, per, time = plain.partition("/")
+    return _OTHER_SPELLINGS.get(way, way) + per + time
 
 
 def unit_for(unit: str, position: PositionUnit, command: CommandUnit) -> str:

@@ -140,6 +140,8 @@ class Spans:
     """Whether the position is an angle [rad]."""
     reversal_m_s2: float = 0.0
     """Acceleration with which the slower reversals are left; 0 where none is known."""
+    one_way: bool = False
+    """Whether the axis never turns round."""
 
     @property
     def travel_m(self) -> float:

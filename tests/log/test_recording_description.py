@@ -134,8 +134,9 @@ def test_commands_are_scaled_to_their_base_unit(described, unit, factor, base):
     assert recording.axes["x"].command_unit == base
 
 
-def test_a_velocity_stands_for_a_position_that_was_not_recorded(described):
-    text = GOOD.replace("position: {column: q, unit: mm}", "velocity: {column: u, unit: rpm}")
+@pytest.mark.parametrize("unit", ["rpm", "turns/min", "revs/min"])
+def test_a_velocity_stands_for_a_position_that_was_not_recorded(described, unit):
+    text = GOOD.replace("position: {column: q, unit: mm}", f"velocity: {{column: u, unit: {unit}}}")
     recording, data = described(text.replace("unit: um", "unit: deg"))
     axis = recording.axes["x"]
     rate = 2 * math.pi / 60 * data["u"]

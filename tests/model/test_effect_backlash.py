@@ -1,5 +1,7 @@
 """Backlash: a load that glides through a gap, and is fixed as long as one flank is in touch."""
 
+from dataclasses import replace
+
 import numpy as np
 from effect_forms import form
 from hypothesis import given, settings
@@ -111,6 +113,11 @@ def test_it_stays_finite_at_any_sample_rate(seed, gap_m, glide, hz, period_s):
 
 def test_the_load_cannot_weigh_less_than_nothing():
     assert form("backlash", gap_m=GAP_M, glide_m_s2=1.0).parameters[0].lower == 0.0
+
+
+def test_a_gap_is_not_sought_where_the_axis_never_turns_round():
+    assert effect_class("backlash").trials(ORDINARY)
+    assert not effect_class("backlash").trials(replace(ORDINARY, one_way=True))
 
 
 def test_a_gap_of_less_than_a_few_counts_is_not_sought():

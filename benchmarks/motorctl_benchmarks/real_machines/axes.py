@@ -10,6 +10,23 @@ from pathlib import Path
 
 import numpy as np
 
+from motorctl_benchmarks.real_machines.arm_readers import (
+    ar5,
+    joint_friction,
+    kinova,
+    surgical,
+    surgical_yaw,
+    ur5,
+    ur10,
+    xmate,
+)
+from motorctl_benchmarks.real_machines.lab_readers import (
+    DRIVETRAIN_RUNS,
+    FLYWHEEL_RUNS,
+    discs,
+    tendon_drive,
+    twisted_strings,
+)
 from motorctl_benchmarks.real_machines.readers import (
     Columns,
     Read,
@@ -99,6 +116,10 @@ COGGING_SLOWLY = {
 OF_LINKS = ("gravity", "position_force", "cross_axis", "flexible_mode")
 """The second link is driven by a belt."""
 BENDING = ("flexible_mode", "cross_axis")
+ON_TENDONS = (*HANGING, "flexible_mode")
+"""Both first joints of the instrument have an antiresonance at 2 to 2.4 Hz."""
+FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
+FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
 AXES: tuple[RealAxis, ...] = (
     RealAxis("brushless motor", brushless, "A", ("cogging", "periodic_disturbance")),
     RealAxis("UR10e joint 1", joint(1), "A"),
@@ -162,6 +183,29 @@ AXES: tuple[RealAxis, ...] = (
         RealAxis(f"flexible links, stage {k}", flexible_link(k), "A", BENDING, "deg")
         for k in (1, 2)
     ),
+    *(RealAxis(f"surgeon's arm, joint {k}", surgical("mtm", k), "N*m", CARRIED) for k in (1, 2, 3)),
+    RealAxis("surgeon's arm, joint 4", surgical("mtm", 4), "N*m", ("position_force",)),
+    RealAxis("surgeon's arm, yaw alone", surgical_yaw, "N*m", ("position_force",)),
+    *(RealAxis(f"instrument, joint {k}", surgical("psm", k), "N*m", ON_TENDONS) for k in (1, 2)),
+    RealAxis("instrument, insertion", surgical("psm", 3), "N", position_unit="m"),
+    *(RealAxis(f"UR5 joint {k}", ur5(k), "A") for k in (1, 5)),
+    *(RealAxis(f"UR5 joint {k}", ur5(k), "A", CARRIED) for k in (2, 3, 4)),
+    RealAxis("UR5 joint 6", ur5(6), "A", ("presliding",)),
+    *(RealAxis(f"Gen3 joint {k}, one move", kinova(k), "A") for k in (1, 3, 5, 7)),
+    *(RealAxis(f"Gen3 joint {k}, one move", kinova(k), "A", HANGING) for k in (2, 4, 6)),
+    *(RealAxis(f"AR5 joint {k}", ar5(k), "N*m", CARRIED) for k in (1, 5, 6, 7)),
+    *(RealAxis(f"UR10 joint {k}", ur10(k), "N*m", CARRIED) for k in (1, 2, 6)),
+    *(RealAxis(f"xMate joint {k}, acceleration", xmate(k), "N*m") for k in (1, 3)),
+    RealAxis("FR5 joint 3, friction", FAIRINO_3, "N*m", (*TURNS_IN_GEAR, "presliding")),
+    RealAxis("Panda joint 2, friction", FRANKA_2, "N*m", ("position_force",)),
+    RealAxis("discs on a torsion rod", discs, "V", BENDING),
+    *(
+        RealAxis(f"twisted string, motor {k}", twisted_strings(k), "A", ("position_force",))
+        for k in (1, 2)
+    ),
+    *(RealAxis(f"tendon drive {k}", tendon_drive(k), "%", (), "turn") for k in (1, 3)),
+    RealAxis("robot's wheels", DRIVETRAIN_RUNS, "V", position_unit="m"),
+    RealAxis("robot's flywheel", FLYWHEEL_RUNS, "V"),
 )
 
 

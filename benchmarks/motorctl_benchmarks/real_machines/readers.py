@@ -41,6 +41,22 @@ CALIBRATED_ARMS = "thanhndv212/figaroh-examples"
 LINKS = "lvjonok/mujoco-sysid"
 FLEXIBLE_LINKS = "basta/quanser-2-dof-serial-flexible-link"
 HOBBY_SERVO = "spfrommer/servo-experiment"
+SURGICAL = "WPI-AIM/dvrk_dynamics_identification"
+LIGHT_ARMS = "SedkiLmm/dynamic-identification"
+AR5 = "FrankJIE09/Dynamics_identification_Frank"
+UR10 = "kiwiwan/ur10_dyn_ident"
+JOINT_FRICTION = (
+    "longshike/NNFM-A-Novel-Neural-Network-Modeling-Approach-for-Robot-Flexible-Joints-Friction"
+)
+XMATE = "NKU-ZiXuan/xMate7p_dyn_ident"
+DISCS = "ArsenLpn/372lab1"
+EGG_LIFT = "EliasWR/CyberneticsEggdrop"
+TWISTED_STRINGS = "hop9999/antagonist_setup"
+TENDON_DRIVES = "RViMLab/TRO2021-Dynamic-Modelling"
+RACK = "KonradMnich/friction-identification"
+DRIVETRAIN = "MiamiBeachBots/base-bot"
+FLYWHEEL = "calcmogul/SysIdOpt"
+POSITION_SERVO = "mauicv/servo-sysid"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -64,6 +80,20 @@ REPOSITORIES = (
     LINKS,
     FLEXIBLE_LINKS,
     HOBBY_SERVO,
+    SURGICAL,
+    LIGHT_ARMS,
+    AR5,
+    UR10,
+    JOINT_FRICTION,
+    XMATE,
+    DISCS,
+    EGG_LIFT,
+    TWISTED_STRINGS,
+    TENDON_DRIVES,
+    RACK,
+    DRIVETRAIN,
+    FLYWHEEL,
+    POSITION_SERVO,
 )
 """On GitHub."""
 COMMITS = {

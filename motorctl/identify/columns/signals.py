@@ -439,6 +439,7 @@ def spans_of(signals: Signals) -> Spans:
     turns = [
         slow_reversal(s.x, signals.position_noise_rms, signals.period_s) for s in signals.stretches
     ]
+    ways = {bool(s.x[-1] > s.x[0]) for s in signals.stretches}
     return Spans(
         position_m=(float(x.min()), float(x.max())),
         speed_m_s=float(np.percentile(np.abs(v), 99.5)),
@@ -451,4 +452,5 @@ def spans_of(signals: Signals) -> Spans:
         other_axes=tuple(others),
         rotary=signals.data.position_unit == "rad",
         reversal_m_s2=min(filter(None, turns), default=0.0),
+        one_way=len(ways) == 1 and not any(turns),
     )

@@ -65,6 +65,7 @@ def check_columns(data: Measured) -> None:
     """Raise DataError where a column cannot be what it is said to be, with what to do."""
     _check_encoder(data)
     _check_reference(data)
+    _check_command(data)
 
 
 def _check_encoder(data: Measured) -> None:
@@ -124,6 +125,24 @@ def _check_reference(data: Measured) -> None:
             f"{_unit_of(factor)}: the unit or the pitch of one of the two is wrong; give it its "
             f"unit, or a scale of {1.0 / factor:.4g} to the position or {factor:.4g} to the "
             "reference, in the description"
+        )
+
+
+def _check_command(data: Measured) -> None:
+    """Find a command that is where the axis is, or is sent to, and not what drives it there."""
+    position, command = data.position[data.usable], data.command[data.usable]
+    if np.ptp(position) == 0.0 or np.ptp(command) == 0.0:
+        return
+    likeness = float(np.corrcoef(position, command)[0, 1])
+    factor = likeness * float(np.std(command) / np.std(position))
+    beside = abs(float(np.mean(command)) - factor * float(np.mean(position)))
+    same = any(abs(factor / known - 1.0) < JUST_SO for known in (1.0, *FACTORS))
+    if likeness > ALIKE and same and beside < JUST_SO * float(np.ptp(command)):
+        raise DataError(
+            f"{data.place}: the command is the position (correlation {likeness:.3f}, factor "
+            f"{factor:.4g}): it is where the axis is or is sent to, not what "
+            "drives it there; give the current, force, torque or voltage as its command, and this "
+            "column as its reference"
         )
 
 

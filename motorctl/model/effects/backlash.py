@@ -116,10 +116,14 @@ class Backlash(Effect):
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return gaps from a few counts to a thirtieth of the travel, each for several glides."""
+        """Return gaps from a few counts to a thirtieth of the travel, each for several glides.
+
+        None where the axis never turns round: one flank pushes all the time, and what rings there
+        is no gap.
+        """
         contact_hz = min(CONTACT_HZ, BANDS * spans.band_hz)
         low = max(COUNTS * spans.resolution_m, SHORTEST * spans.travel_m, 1e-12)
-        if not spans.acceleration_m_s2 > 0.0:
+        if not spans.acceleration_m_s2 > 0.0 or spans.one_way:
             return ()
         return [
             cls(

@@ -208,3 +208,63 @@ def test_a_torque_that_is_held_is_never_called_reversed():
     smooth = np.convolve(pushed, np.ones(500) / 500, "same")
     held = replace(moved, command=1.0 + noise + smooth, reference=None, position_unit="rad")
     assert "reversed" not in refusal(held)
+
+
+def driven(x, command, rate_hz, resolution=1e-5):
+    """Return an axis of a joint [rad] with its torque."""
+    return Measured(
+        source="a joint", axis="x", sample_rate_hz=rate_hz, time_s=np.arange(len(x)) / rate_hz,
+        usable=np.ones(len(x), bool), position=resolution * np.round(x / resolution),
+        command=command, resolution=resolution, position_unit="rad", command_unit="N*m",
+    )  # fmt: skip
+
+
+def one_slow_move(rate_hz=1000.0):
+    """Return a move one way at a steady speed, and its acceleration."""
+    time_s = np.arange(round(3.0 * rate_hz)) / rate_hz
+    v = 0.37 * np.clip(np.minimum(time_s / 0.2, (3.0 - time_s) / 0.2), 0.0, 1.0)
+    return np.cumsum(v) / rate_hz - 0.52, np.gradient(v, 1.0 / rate_hz)
+
+
+@pytest.mark.parametrize("weight_n_m", [-3.5, -0.4, 0.4])
+@pytest.mark.parametrize("friction_n_m", [0.1, 0.25])
+def test_a_weight_on_one_move_one_way_is_no_reversed_sign(weight_n_m, friction_n_m):
+    x, a = one_slow_move()
+    noise = 0.15 * np.random.default_rng(0).standard_normal(len(x))
+    command = 0.015 * a + friction_n_m + weight_n_m * np.sin(x) + noise
+    assert "reversed" not in refusal(driven(x, command, 1000.0))
+
+
+def test_a_command_that_is_the_position_is_told(run):
+    noise = (
+        0.01
+        * float(np.ptp(run.position))
+        * np.random.default_rng(3).standard_normal(len(run.position))
+    )
+    for factor in (1.0, 180.0 / np.pi, 1e3):
+        sent = replace(run, command=factor * (run.position + noise))
+        with pytest.raises(DataError, match=r"the command is the position .* as its reference"):
+            check_columns(sent)
+
+
+def test_a_weight_in_proportion_to_the_place_is_not_taken_for_the_position(run):
+    check_columns(replace(run, command=3.3 * run.position))
+    check_columns(replace(run, command=run.position + 0.1 * float(np.ptp(run.position))))
+
+
+def test_a_command_without_its_sign_is_told():
+    geared = OtherPlant(inertia=0.01, viscous=0.6, coulomb=0.5).run(seed=3, duration_s=8.0)
+    heard(geared)
+    with pytest.raises(DataError, match=r"it is a magnitude"):
+        heard(replace(geared, command=np.abs(geared.command)))
+
+
+@pytest.mark.parametrize("ripple_hz", [25.0, 150.0])
+def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
+    x, a = one_slow_move()
+    ripple = 2e-4 * np.sin(2.0 * np.pi * ripple_hz * np.arange(len(x)) / 1000.0)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(len(x))
+    moved = driven(x + ripple, 0.1 * a + 0.5 + noise, 1000.0)
+    told = diagnose_axis(moved, C1)
+    assert (told.verdict, told.effects) == ("insufficient_data", ())
+    assert "only 2 times" in told.sentence

@@ -20,6 +20,7 @@ from motorctl.errors import DataError
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import AxisDiagnosis
 from motorctl.log import read_recording
+from motorctl_benchmarks.real_machines.arm_readers import kinova
 from motorctl_benchmarks.real_machines.axes import (
     AXES,
     BAND_BRAKE,
@@ -34,6 +35,7 @@ from motorctl_benchmarks.real_machines.axes import (
     RealAxis,
     described,
 )
+from motorctl_benchmarks.real_machines.lab_readers import egg_lift, position_servo, rack
 from motorctl_benchmarks.real_machines.readers import (
     REPOSITORIES,
     Read,
@@ -94,6 +96,30 @@ def test_a_current_of_the_other_sign_is_told_as_that(tmp_path: Path) -> None:
     as_recorded = RealAxis("screw actuator B", LIN_B, "A", position_unit="mm")
     with pytest.raises(DataError, match="reversed"):
         diagnosed(as_recorded, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("machine", "told"),
+    [
+        (RealAxis("egg lift", egg_lift, "%", position_unit="deg"), "it is a magnitude"),
+        (RealAxis("rack", rack, "%", position_unit="turn"), "at least 1 s are needed"),
+        (RealAxis("position servo", position_servo, "%"), "explains none of the acceleration"),
+    ],
+    ids=lambda of: of.name if isinstance(of, RealAxis) else "",
+)
+def test_what_cannot_be_diagnosed_is_refused_with_the_reason(
+    machine: RealAxis, told: str, tmp_path: Path
+) -> None:
+    assert told in refusal(machine, tmp_path)
+
+
+@pytest.mark.parametrize("number", [2, 6])
+def test_a_joint_that_makes_one_move_against_its_weight_is_not_reversed(
+    number: int, tmp_path: Path
+) -> None:
+    axis = diagnosed(RealAxis("Gen3", kinova(number), "A"), tmp_path)
+    assert axis.verdict == "insufficient_data"
+    assert "only 2 times" in axis.sentence
 
 
 @pytest.mark.parametrize("read", [panda(4), wam(4)], ids=["Panda joint 4", "WAM joint 4"])

@@ -35,20 +35,17 @@ from motorctl.identify.diagnose.search.physics import is_physical
 from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
-from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import (
     TOLD,
     DoubtedMember,
     Support,
     confidence,
     most_doubted,
-    support_of,
     without_doubtful,
 )
 from motorctl.identify.diagnose.verdict.errors import (
     REPORT_HZ,
     Split,
-    alternatives,
     explained,
     held_out_rms,
     in_plain_band,
@@ -57,19 +54,15 @@ from motorctl.identify.diagnose.verdict.errors import (
     per_command,
     split_rows,
 )
-from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, outside_family
+from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
+from motorctl.identify.diagnose.verdict.standing import standing
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
-from motorctl.identify.diagnose.verdict.verdict import (
-    LOW_HZ,
-    Judged,
-    judge,
-    leftover,
-)
+from motorctl.identify.diagnose.verdict.verdict import LOW_HZ, Judged
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
 
@@ -78,16 +71,6 @@ Array = NDArray[np.float64]
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least. Larger calls
 helpful names unknown, smaller keeps useless ones. Chosen by hand."""
-NOISY = 0.008
-"""Noise of the measurement over the command, both rms, from which a clean twin is asked: with less
-noise the twin's own smoothing is what it leaves. Larger calls the feedback of an encoder's counts
-structure, smaller takes weak structure for it. Chosen by hand: coarse encoders have 0.03 to 0.09,
-fine ones 0.003."""
-LIKE_TWIN = 0.5
-"""Part of the rest that the clean twin must leave as well for the rest to be the measurement's.
-Larger calls the feedback of an encoder's counts structure, smaller calls structure noise. Chosen by
-hand: machines that lack nothing have 0.6 to 2, real ones with a weight that was missed 0.09 and
-0.17."""
 UNNAMED = 0.3
 """Confidence below which the most important name is no answer. Larger refuses more names, smaller
 gives poor ones. Chosen by hand."""
@@ -116,25 +99,10 @@ def assemble(
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
     found, useless = _without_useless(found, split)
-    judged = _beside_twin(found, judge(found))
-    if too_plain:
-        judged = replace(judged, verdict="complete", kept=(), rival=None)
-    unkept = {
-        effect.name: evidence_of(found, effect, alternatives(found, effect.name))
-        for effect in found.final.added
-        if effect.name not in judged.kept
-    }
-    for name in unkept:
-        found = replace(found, final=found.final.without(name))
-    # a form of friction that shows only beside missing effects goes with them
-    final = found.final if found.final.added else found.base
-    found = replace(found, final=final.refreshed())
-    supports = {effect.name: support_of(found, effect) for effect in found.final.added}
-    if supports and all(confidence(support.grounds) < TOLD for support in supports.values()):
-        # the family of what is left says more than a name that is hardly ever right
-        doubted |= {name: support.grounds for name, support in supports.items()}
-        found, supports = declared_alone(found), {}
-        judged = _beside_twin(found, judge(found))
+    stood = standing(found, split, too_plain is not None)
+    found, judged, supports = stood.found, stood.judged, stood.supports
+    refuted += stood.refuted
+    doubted = {**doubted, **stood.doubted}
     extra, impossible = compensation(found, judged), None
     if extra is not None and not is_physical(found.final, extra):
         # where a place is passed at one acceleration, any function of it explains that
@@ -152,7 +120,7 @@ def assemble(
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
     missing = _missing(data, found, effects, hidden)
-    doubted_most = most_doubted(fitted, doubted | unkept)
+    doubted_most = most_doubted(fitted, {**doubted, **stood.unkept})
     drowned = why_undetermined(found, judged, own_error, doubted_most)
     if drowned:
         missing = (_missing_motion(ordinary(catalogue), drowned, data, found),)
@@ -226,25 +194,6 @@ def _without_useless(found: Found, split: Split) -> tuple[Found, tuple[str, ...]
     names = " and ".join(effect.name for effect in final.added)
     why = f"{names}: the error on held-out rows is no smaller with it than without"
     return declared_alone(found), (why,)
-
-
-def _beside_twin(found: Found, judged: Judged) -> Judged:
-    """Take structure without a name back where the machine's clean twin leaves the like."""
-    if judged.verdict != "unknown_structure" or judged.kept:
-        return judged
-    alone = declared_alone(found) if found.final.added else found
-    noisy = over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
-    twin = clean_twin(alone) if noisy else None
-    if twin is None:
-        return judged
-    if over_command(twin, twin.final.held_out) < LIKE_TWIN * over_command(
-        alone, alone.final.held_out
-    ):
-        return judged
-    again = judge(alone, leftover(twin))
-    if again.verdict == "complete" or no_further_than_twin(alone, twin):
-        return replace(judged, verdict="complete", rival=None, as_twin=True)
-    return judged
 
 
 def _effects(

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
@@ -22,6 +23,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
+from motorctl.identify.diagnose.search.undetermined import carried
 from motorctl.identify.fit.judgement import (
     ForceOfPlaceError,
     NothingExplainedError,
@@ -58,6 +60,9 @@ SLOW, QUICK = 0.25, 0.5
 """Parts of the usual speed below and above which an axis is at rest and in motion, for counting its
 changes of speed. Closer together they count noise, further apart they miss gentle moves. Chosen by
 hand."""
+LASTS_S = 0.05
+"""Time that a speed of a motion one way lasts at least [s]. Larger misses quick changes, smaller
+counts ripple. Chosen by hand: the ripple of a geared joint is a fifth of that."""
 EXPLAINS_ENOUGH = 0.5
 """Share of the squared acceleration that is left, above the noise, up to which the command drives
 the position. Larger lets wrong columns pass, smaller asks `fit` about good ones. Chosen by hand."""
@@ -158,7 +163,9 @@ def too_plain(signals: Signals) -> str | None:
             f"{100.0 * spread / level:.2g} %: something else moves the axis; at least "
             f"{100.0 * HELD:g} % are needed: record moves that its own motor drives"
         )
-    changes = _changes_of_speed([s.v[:: signals.decimation] for s in signals.stretches])
+    changes = _changes_of_speed(
+        [s.v[:: signals.decimation] for s in signals.stretches], signals.row_period_s
+    )
     if changes >= FEWEST_CHANGES:
         return None
     return (
@@ -168,14 +175,23 @@ def too_plain(signals: Signals) -> str | None:
     )
 
 
-def _changes_of_speed(velocities: list[Array]) -> int:
-    """Count the changes between rest and motion; a reversal is two."""
-    every = np.concatenate(velocities)
-    low, high = np.percentile(every, (5.0, 95.0))
-    if low * high > 0.0:  # one way all the time: changes between slower and faster
-        velocities = [(v - low) * np.sign(high) for v in velocities]
-    speeds = np.abs(np.concatenate(velocities))
-    usual = float(np.median(speeds[speeds > 0.05 * speeds.max()]))
+def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
+    """Count the changes between rest and motion; a reversal is two.
+
+    Of a motion one way, which need not rest, also those between slower and faster: speeds that
+    last, as those of ripple do not.
+    """
+    low, high = np.percentile(np.concatenate(velocities), (5.0, 95.0))
+    if low * high > 0.0:
+        size = max(1, round(LASTS_S / period_s))
+        speeds = [np.abs(uniform_filter1d(v, size, mode="nearest")) for v in velocities]
+        slower, faster = np.percentile(np.concatenate(speeds), (5.0, 95.0))
+        if faster - slower > SLOW * faster:
+            velocities = [np.maximum(speed - slower, 0.0) for speed in speeds]
+        else:
+            velocities = speeds
+    every = np.abs(np.concatenate(velocities))
+    usual = float(np.median(every[every > 0.05 * every.max()]))
     changes = 0
     for v in velocities:
         place = np.where(v > QUICK * usual, 1, np.where(v < -QUICK * usual, -1, 0))
@@ -224,8 +240,11 @@ def check_explains(
     if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
         return hypothesis
     share, backwards = _moved_by(plain)
+    if backwards:  # said of a selection, it must hold of the whole recording
+        _, backwards = _moved_by(_above_noise(data, make_signals(data)))
     if share < OWN_DRIVES:
         _check_own_command(data, others or {})
+        _check_direction_of(data)
     if share > MOVED_ENOUGH and not backwards:
         return hypothesis
     if backwards:
@@ -267,6 +286,25 @@ def _check_own_command(data: Measured, others: Mapping[str, Measured]) -> None:
             )
 
 
+def _check_direction_of(data: Measured) -> None:
+    """Raise DataError where the command is a magnitude, whose direction is another column."""
+    used = data.command[data.usable]
+    if float(used.min()) < 0.0 < float(used.max()) or not _changes(data):
+        return
+    stretches = make_signals(data).stretches
+    time_s = np.concatenate([s.time_s for s in stretches])
+    velocity = np.concatenate([s.v for s in stretches])
+    way = np.sign(np.interp(data.time_s, time_s, velocity))
+    directed = replace(data, command=data.command * way)
+    share, backwards = _moved_by(_above_noise(directed, make_signals(directed)))
+    if share > DRIVES and not backwards:
+        raise DataError(
+            f"{data.place}: the command never changes its sign, though the axis moves both ways; "
+            f"with the sign of its velocity the motion explains {100.0 * share:.0f} % of it: it is "
+            "a magnitude, and its direction stands in another column; give it that sign"
+        )
+
+
 def _above_noise(data: Measured, signals: Signals) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
@@ -302,23 +340,22 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
 
     Inertia, friction and any force of the place, such as gravity, may each outweigh the others.
     Reversed is a command whose friction would give energy and whose inertia, where it is seen,
-    would be negative, if these two explain a good part of it.
+    would be negative, if these two explain a good part of it that no force of the place explains.
+    Of a motion one way inertia alone tells it: friction is a constant force there, as a weight is.
     """
     basic = basic_effects()
-    model = EffectList([cls() for cls in basic.values()])
+    model, dropped = carried(signals, EffectList([cls() for cls in basic.values()]))
     blocks = make_blocks(signals.rows, signals.row_period_s)
     motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
     command = motion.problem.joined(signals.rows)[-1]
     whole = max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
-    best, share, of_motion = motion.problem, -np.inf, -np.inf
+    best, share, of_place = motion.problem, -np.inf, 0.0
     for columns, soft in _forces_of_place(signals):
         beside = with_columns(motion.problem, columns, soft=soft)
         explained = 1.0 - float(held_out_sse(beside).sum()) / whole
+        alone = make_problem(blocks, beside.joined(signals.rows)[len(motion.names) : -1], command)
+        of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
         if explained > share:
-            place = make_problem(
-                blocks, beside.joined(signals.rows)[len(motion.names) : -1], command
-            )
-            of_motion = explained - max(1.0 - float(held_out_sse(place).sum()) / whole, 0.0)
             best, share = beside, explained
     b = solve(best).b
     velocity = signals.picked(lambda s: s.v)
@@ -329,10 +366,15 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     ]  # fmt: skip
     power = float(velocity @ (b[friction] @ rows[friction]))
     inertia = abs(float(b[0])) * float(np.std(rows[0])) / float(np.std(command))
-    back = power < 0.0 and (b[0] < 0.0 or inertia < INERTIA_SEEN)
-    used = signals.data.command[signals.data.usable]
-    changes = float(np.std(used)) > CHANGES * float(np.sqrt(np.mean(used**2)))
-    return share, bool(changes and of_motion > REVERSED and back)
+    seen = inertia >= INERTIA_SEEN
+    back = b[0] < 0.0 and seen if dropped else power < 0.0 and (b[0] < 0.0 or not seen)
+    return share, bool(_changes(signals.data) and share - of_place > REVERSED and back)
+
+
+def _changes(data: Measured) -> bool:
+    """Return whether the command does more than hold."""
+    used = data.command[data.usable]
+    return float(np.std(used)) > CHANGES * float(np.sqrt(np.mean(used**2)))
 
 
 def _waves_explain(signals: Signals) -> float:
