@@ -23,7 +23,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
-from motorctl.identify.diagnose.search.undetermined import carried
+from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.fit.judgement import (
     ForceOfPlaceError,
     NothingExplainedError,
@@ -344,7 +344,7 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     Of a motion one way inertia alone tells it: friction is a constant force there, as a weight is.
     """
     basic = basic_effects()
-    model, dropped = carried(signals, EffectList([cls() for cls in basic.values()]))
+    model, dropped = without_undetermined(signals, EffectList([cls() for cls in basic.values()]))
     blocks = make_blocks(signals.rows, signals.row_period_s)
     motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
     command = motion.problem.joined(signals.rows)[-1]
