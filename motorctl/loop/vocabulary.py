@@ -58,3 +58,4 @@ class Degraded(IntFlag):
     NO_CPU_LATENCY = 1 << 3
     KERNEL_NOT_RT = 1 << 4
     CPU_NOT_ISOLATED = 1 << 5
+    CPU_SHARED = 1 << 6

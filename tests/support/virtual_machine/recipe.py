@@ -20,12 +20,19 @@ HERE = Path(__file__).parent
 PYPROJECT = HERE.parents[2] / "pyproject.toml"
 SUITE = "bookworm"
 PYTHON = "3.11"  # of that suite
-PACKAGES = ("python3", "can-utils", "iproute2", "kmod", "busybox-static", "procps")
+PACKAGES = (
+    *("python3", "python3-venv", "can-utils", "iproute2", "kmod", "busybox-static", "procps"),
+    *("systemd", "systemd-sysv", "udev", "dbus"),
+)
 KERNEL = "linux-image-rt-amd64"
-MODULES = ("net/can", "drivers/net/can", "net/sched")
+MODULES = ("net/can", "drivers/net/can", "net/sched", "fs/autofs")
 PLATFORMS = ("manylinux2014_x86_64", "manylinux_2_17_x86_64", "manylinux_2_28_x86_64")
 EXTRAS = ("can",)
 NOT_NEEDED = ("matplotlib",)  # draws only
+PROGRAMS = {"init.sh": "sbin/machine-init", "job.sh": "sbin/machine-job"}
+JOB_UNIT = "machine-job.service"
+WITH_SYSTEMD = "machine_boot=systemd"
+"""A word for the kernel: without it the job is all that runs."""
 IMAGE_SIZE = "4G"  # sparse
 TOOLS = {
     "qemu-system-x86_64": "qemu-system-x86",
@@ -52,7 +59,7 @@ def requirements() -> list[str]:
 def key() -> str:
     """Name this recipe by its content."""
     digest = hashlib.sha256(repr(requirements()).encode())
-    for name in ("recipe.py", "initrd.py", "init.sh"):
+    for name in ("recipe.py", "initrd.py", *PROGRAMS, JOB_UNIT):
         digest.update((HERE / name).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -98,9 +105,11 @@ def build(folder: Path) -> None:
     shutil.move(vmlinuz, folder / "vmlinuz")
     shutil.rmtree(kernel)
     _add_wheels(tree)
-    init = tree / "sbin/machine-init"
-    shutil.copy(HERE / "init.sh", init)
-    init.chmod(0o755)
+    for name, place in PROGRAMS.items():
+        shutil.copy(HERE / name, tree / place)
+        (tree / place).chmod(0o755)
+    shutil.copy(HERE / JOB_UNIT, tree / "etc/systemd/system")
+    in_tree(tree, "systemctl", "enable", JOB_UNIT)
     (tree / "job").mkdir()
     image = folder / "image"
     _run("truncate", "-s", IMAGE_SIZE, image)
