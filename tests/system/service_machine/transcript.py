@@ -1,0 +1,47 @@
+"""What was done, one line a step, with times; it goes on where the machine was started anew."""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+RESULT = Path("/job/result")
+STEPS = RESULT / "steps.jsonl"
+BEGAN = Path("/job/began")
+Step = Callable[[], str]
+
+
+def run_all(steps: list[Step]) -> bool:
+    """Run the steps that have not been run; return whether all are done.
+
+    A step is a function that returns what it saw, and raises where that is not as it should be:
+    then none of the others is run.
+    """
+    if not BEGAN.exists():
+        BEGAN.write_text(str(time.time()))
+    began = float(BEGAN.read_text())
+    done = len(STEPS.read_text().splitlines()) if STEPS.exists() else 0
+    for step in steps[done:]:
+        start = time.time()
+        try:
+            saw, right = step(), True
+        except Exception as error:
+            traceback.print_exc()
+            saw, right = f"{type(error).__name__}: {error}", False
+        line = {
+            "step": step.__name__,
+            "what": (step.__doc__ or "").rstrip("."),
+            "at_s": round(start - began, 1),
+            "took_s": round(time.time() - start, 1),
+            "right": right,
+            "saw": saw,
+        }
+        with STEPS.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        print(line, flush=True)
+        if not right:
+            return False
+    return True
