@@ -31,6 +31,7 @@ EXTRAS = ("can",)
 NOT_NEEDED = ("matplotlib",)  # draws only
 PROGRAMS = {"init.sh": "sbin/machine-init", "job.sh": "sbin/machine-job"}
 JOB_UNIT = "machine-job.service"
+ENVIRONMENT = "/opt/motorctl"
 WITH_SYSTEMD = "machine_boot=systemd"
 """A word for the kernel: without it the job is all that runs."""
 IMAGE_SIZE = "4G"  # sparse
@@ -149,7 +150,11 @@ def _add_wheels(tree: Path) -> None:
         if "connection" in str(error).lower():
             raise UnavailableError(f"no network to PyPI: {str(error)[-300:]}") from error
         raise
-    in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages")
+    # an environment that has them, for a job that installs motorctl's own wheel
+    in_tree(tree, "python3", "-m", "venv", ENVIRONMENT)
+    (site,) = (tree / ENVIRONMENT.lstrip("/")).glob("lib/python*/site-packages")
+    (site / "libraries.pth").write_text("/opt/packages\n")
+    in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages", ENVIRONMENT)
 
 
 def _run(*command: str | Path, environment: dict[str, str] | None = None) -> str:

@@ -18,7 +18,7 @@ from transcript import RESULT
 
 MOTORCTL = "/opt/motorctl/bin/motorctl"
 BUSES = {"left": "vcan0", "right": "vcan1"}
-PATIENCE_S = 240.0
+PATIENCE_S = 400.0
 """An emulated processor is slow."""
 DEVICE_WATCHDOG_S = loop_config.device_file()["watchdog_s"]
 COMPILED = "/var/cache/motorctl"
@@ -140,7 +140,7 @@ class Service:
             raise RuntimeError(f"started anew {self.restarts - restarts} times")
         return took
 
-    def begin_to_move(self, velocity_m_s: float = 0.02) -> None:
+    def begin_to_move(self, velocity_m_s: float = 0.01) -> None:
         """Enable x and let it go on a way of many seconds, to the far end from here."""
         wait_for("standing still", self._start)
         far = 0.35 if self.axis()["position_m"] < 0.2 else 0.05
