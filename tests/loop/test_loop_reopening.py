@@ -16,8 +16,8 @@ from motorctl.hal import Inputs, Outputs, Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb, reopening
 from motorctl.loop.guards.device import FORGET_PLACE
-from motorctl.loop.handover import Word
 from motorctl.loop.reopening import Reopening
+from motorctl.loop.vocabulary import Word
 
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST
 HOME_M = 0.1

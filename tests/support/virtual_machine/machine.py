@@ -63,6 +63,9 @@ class Machine:
         words = f"console=ttyS0 quiet panic=-1 job_limit_s={limit_s}"
         if systemd:
             words += f" {recipe.WITH_SYSTEMD} systemd.getty_auto=no systemd.show_status=no"
+            # what the kernel's modules here are too few for
+            for unit in ("systemd-binfmt.service", "proc-sys-fs-binfmt_misc.automount"):
+                words += f" systemd.mask={unit}"
         emulator = ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max"]
         size = ["-m", "2048", "-smp", "2"]
         plain = ["-nodefaults", "-no-user-config", "-display", "none"]

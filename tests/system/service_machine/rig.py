@@ -32,6 +32,7 @@ ExecStartPre=/bin/sh -c "modprobe vcan; [ -e /sys/class/net/%i ] || ip link add 
 ExecStartPre=/bin/sh -c "until ip -o link show %i | grep -q '[<,]UP[,>]'; do sleep 0.2; done"
 ExecStart={MOTORCTL} gantry-device /job/device-%i.yaml --json
 StandardOutput=append:{RESULT}/device-%i.jsonl
+StandardError=journal
 [Install]
 WantedBy=multi-user.target
 """

@@ -117,13 +117,13 @@ def fenced_in() -> str:
 
 def driven() -> str:
     """A member of the group starts, moves and stops an axis; a stranger is refused."""
-    shell("useradd -m operator && usermod -aG motorctl operator")
-    as_operator = "setpriv --reuid=operator --regid=operator --init-groups"
-    shell(f"{as_operator} {MOTORCTL} start x --hold")
-    shell(f"{as_operator} {MOTORCTL} move x 0.1 --velocity 0.05")
+    shell("useradd -m anna && usermod -aG motorctl anna")
+    anna = "setpriv --reuid=anna --regid=anna --init-groups"
+    shell(f"{anna} {MOTORCTL} start x --hold")
+    shell(f"{anna} {MOTORCTL} move x 0.1 --velocity 0.05")
     wait_for("0.1 m", lambda: abs(LEFT.axis()["position_m"] - 0.1) < 1e-3, 60)
     at = LEFT.axis()["position_m"]
-    shell(f"{as_operator} {MOTORCTL} stop x")
+    shell(f"{anna} {MOTORCTL} stop x")
     wait_for("off", lambda: LEFT.axis()["state"] == "off", 60)
     stranger = "setpriv --reuid=nobody --regid=nogroup --clear-groups"
     refused = shell(f"{stranger} {MOTORCTL} status || true")

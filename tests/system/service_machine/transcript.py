@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import time
 import traceback
 from collections.abc import Callable
@@ -30,7 +31,7 @@ def run_all(steps: list[Step]) -> bool:
             saw, right = step(), True
         except Exception as error:
             traceback.print_exc()
-            saw, right = f"{type(error).__name__}: {error}", False
+            saw, right = f"{type(error).__name__}: {error}\n{_journal()}", False
         line = {
             "step": step.__name__,
             "what": (step.__doc__ or "").rstrip("."),
@@ -44,3 +45,9 @@ def run_all(steps: list[Step]) -> bool:
         word = "ok" if right else "FAILED"
         Path("/dev/console").write_text(f"{line['at_s']} s {step.__name__}: {word}: {saw}\n")
     return all(json.loads(line)["right"] for line in STEPS.read_text().splitlines())
+
+
+def _journal() -> str:
+    """Return what the services said last."""
+    words = ["journalctl", "-b", "-o", "cat", "-n", "25", "-u", "motorctl@*", "-u", "device@*"]
+    return subprocess.run(words, capture_output=True, text=True, check=False).stdout
