@@ -26,6 +26,8 @@ ENVIRONMENT = "NUMBA_CPU_NAME=generic OMP_NUM_THREADS=1"
 DEVICE_UNIT = f"""[Unit]
 Description=the gantry behind %i
 [Service]
+# at ordinary priority, as an emulated processor that it filled would do nothing else
+CapabilityBoundingSet=~CAP_SYS_NICE
 Environment={ENVIRONMENT} CACHE_DIRECTORY=/var/cache/device
 ExecStartPre=/bin/sh -c "modprobe vcan; [ -e /sys/class/net/%i ] || ip link add dev %i type vcan"
 # that it is up is the business of the rules that motorctl installs
@@ -71,6 +73,7 @@ def write_files() -> None:
         Path(f"/job/{name}.yaml").write_text(json.dumps(machine, indent=1))
         device = loop_config.device_file()
         device["serve"]["can"]["channel"] = bus
+        device["rate_hz"] = loop_config.RATE_HZ
         Path(f"/job/device-{bus}.yaml").write_text(json.dumps(device))
     Path("/etc/systemd/system/device@.service").write_text(DEVICE_UNIT)
     # code that was compiled outside, for every processor
