@@ -63,11 +63,14 @@ class Machine:
         words = f"console=ttyS0 quiet panic=-1 job_limit_s={limit_s}"
         if systemd:
             words += f" {recipe.WITH_SYSTEMD} systemd.getty_auto=no systemd.show_status=no"
+            # a look at any other clock stops the emulator
+            words += " tsc=reliable clocksource=tsc mitigations=off"
             # what the kernel's modules here are too few for
             for unit in ("systemd-binfmt.service", "proc-sys-fs-binfmt_misc.automount"):
                 words += f" systemd.mask={unit}"
         emulator = ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max"]
-        size = ["-m", "2048", "-smp", "2"]
+        # a loop that locks its memory takes 700 MB, and so does a device
+        size = ["-m", "4096" if systemd else "2048", "-smp", "2"]
         plain = ["-nodefaults", "-no-user-config", "-display", "none"]
         if not systemd:
             plain.append("-no-reboot")

@@ -70,6 +70,7 @@ def write_files() -> None:
     for name, bus in BUSES.items():
         driver = loop_config.can_driver() | {"channel": bus}
         machine = loop_config.config(driver) | {"name": name}
+        machine["loop"] |= {"spin_s": 0.0}  # no emulated processor wakes up that exactly
         Path(f"/job/{name}.yaml").write_text(json.dumps(machine, indent=1))
         device = loop_config.device_file()
         device["serve"]["can"]["channel"] = bus
