@@ -122,6 +122,9 @@ def driven() -> str:
     """A member of the group starts, moves and stops an axis; a stranger is refused."""
     shell("useradd -m anna && usermod -aG motorctl anna")
     anna = "setpriv --reuid=anna --regid=anna --init-groups"
+    wait_for("the device", LEFT.start)
+    LEFT.ask("stop", axis="x")
+    wait_for("off", lambda: LEFT.axis()["state"] == "off", 60)
     shell(f"{anna} {MOTORCTL} start x --hold")
     shell(f"{anna} {MOTORCTL} move x 0.1 --velocity 0.05")
     wait_for("0.1 m", lambda: abs(LEFT.axis()["position_m"] - 0.1) < 1e-3, 60)
@@ -269,7 +272,7 @@ def restarted() -> str:
     LEFT.insist_on_off()
     assert partial.exists()
     assert not partial.with_name(f"{partial.name}.partial").exists()
-    LEFT.ask("start", axis="x", hold=True)
+    wait_for("the device", LEFT.start)
     try:
         LEFT.ask("move", axis="x", position_m=0.2, velocity_m_s=0.95)
     except RuntimeError as refused:
