@@ -124,6 +124,7 @@ def test_a_name_that_would_be_a_command_of_root_is_refused(root: Path) -> None:
 NAMES = st.lists(st.sampled_from(["left", "right", "a-b", "a.b"]), min_size=1, unique=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(names=NAMES, again=st.integers(0, 3), removed=st.randoms(use_true_random=False))
 def test_installing_twice_changes_nothing_and_removing_all_restores_the_tree(
