@@ -259,6 +259,8 @@ def reloaded() -> str:
     time.sleep(6.0)  # more than the watchdog's time
     assert LEFT.supervisor == pid
     assert LEFT.axis()["state"] in MOVED
+    LEFT.ask("stop", axis="x")
+    wait_for("off", lambda: LEFT.axis()["state"] == "off", 60)
     return "same processes, x still moves"
 
 
