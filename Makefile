@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # Tests start hundreds of interpreters: without bytecode each would compile every source again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow campaign lint setup clean
+.PHONY: demo test test-slow vm campaign lint setup clean
 
 setup: $(STAMP)
 
@@ -27,7 +27,11 @@ test: $(STAMP) lint
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
-	$(BIN)/python -m pytest -m 'slow and wall_clock'
+	$(BIN)/python -m pytest -m 'slow and wall_clock and not long'
+
+# The service in a virtual machine: a quarter of an hour, more on a busy computer.
+vm: $(STAMP)
+	PYTHONPATH=tests/support $(BIN)/python -m service_machine --out out/service_machine
 
 # Faults x states x machines x controllers; `make campaign SIZE=full` is the one in docs/campaign.md.
 SIZE ?= small

@@ -16,6 +16,7 @@ from motorctl.hal import (
     Driver,
     DriverOptions,
     Inputs,
+    NetworkInterface,
     Outputs,
     RateBudget,
     RunError,
@@ -29,7 +30,7 @@ from motorctl_can.checks import missing_from_layout
 from motorctl_can.codec_records import channels_of, frames_of, signals_of
 from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
-from motorctl_can.options import CanOptions
+from motorctl_can.options import CanOptions, link_settings
 
 with kernels_cached():
     from motorctl_can import kernels
@@ -86,6 +87,12 @@ class CanDriver(Driver):
     def advice(self) -> Sequence[str]:
         """Tell which signals a layout for a safe machine would have besides."""
         return tuple(missing_from_layout(self._layout))
+
+    def network_interfaces(self) -> Sequence[NetworkInterface]:
+        """Tell the SocketCAN interface, and the bit rates that it has to have."""
+        if self._can.interface != "socketcan":
+            return ()
+        return (NetworkInterface(self._can.channel, link_settings(self._can)),)
 
     def prepare(self) -> None:
         """Make tables and messages, and compile the codec or take it from the cache."""

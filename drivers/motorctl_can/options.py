@@ -24,6 +24,7 @@ from motorctl_can.checks import Wrong, wrong_in_layout, wrong_sync, wrong_watchd
 from motorctl_can.dbc import DbcSignals, layout_of_dbc
 from motorctl_can.layout import Frame, Key, Layout, Means, Place, Signal
 
+RESTART_MS = 100
 SLCAN_BITRATES = (10000, 20000, 50000, 83300, 100000, 125000, 250000, 500000, 750000, 1000000)
 SLCAN_DATA_BITRATES = (2000000, 5000000)
 ALL = "all"
@@ -187,6 +188,19 @@ def _is_multicast(text: str) -> bool:
         return ip_address(text).is_multicast
     except ValueError:
         return False
+
+
+def link_settings(options: CanOptions) -> str:
+    """Return what `ip link set ... up` takes besides, for the bit rates of the options.
+
+    A controller that went bus-off restarts by itself.
+    """
+    if options.channel.startswith("vcan"):
+        return "mtu 72" if options.fd else ""
+    words = f"type can bitrate {options.bitrate} restart-ms {RESTART_MS}"
+    if options.fd:
+        words += f" dbitrate {options.data_bitrate or options.bitrate} fd on"
+    return words
 
 
 def _refuse(wrong: Iterable[Wrong]) -> None:

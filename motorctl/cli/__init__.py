@@ -18,6 +18,7 @@ GROUPS = (
     "drivers",
     "effects",
     "daemon",
+    "service",
     "simulate",
     "log",
     "fault",

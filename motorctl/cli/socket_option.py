@@ -13,7 +13,8 @@ SocketOption = Annotated[
         "--socket",
         metavar="PATH",
         help="Control socket. Usual: $RUNTIME_DIRECTORY/motorctl.sock under systemd, "
-        "/run/motorctl/motorctl.sock for root, else $XDG_RUNTIME_DIR/motorctl.sock.",
+        "/run/motorctl/motorctl.sock for root, else $XDG_RUNTIME_DIR/motorctl.sock; a command also "
+        "finds the only service, /run/motorctl/NAME/motorctl.sock.",
         show_default=False,
     ),
 ]

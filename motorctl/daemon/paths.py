@@ -6,8 +6,12 @@ import os
 import tempfile
 from pathlib import Path
 
+from motorctl.errors import UsageError
+
 SOCKET_NAME = "motorctl.sock"
-SYSTEM_SOCKET = Path("/run/motorctl") / SOCKET_NAME
+SYSTEM_FOLDER = Path("/run/motorctl")
+"""Holds root's own socket, and a folder for each gantry that runs as a service."""
+SYSTEM_SOCKET = SYSTEM_FOLDER / SOCKET_NAME
 
 
 def daemon_socket() -> Path:
@@ -22,9 +26,19 @@ def daemon_socket() -> Path:
 
 
 def client_socket() -> Path:
-    """Return the socket that a command asks: the user's own daemon if there is one, else root's."""
+    """Return the socket that a command asks: the user's own daemon, else root's, else a service's.
+
+    Raises UsageError where several services run and no other daemon does.
+    """
     own = daemon_socket()
-    return own if own.exists() or not SYSTEM_SOCKET.exists() else SYSTEM_SOCKET
+    for path in (own, SYSTEM_SOCKET):
+        if path.exists():
+            return path
+    services = sorted(SYSTEM_FOLDER.glob(f"*/{SOCKET_NAME}"))
+    if len(services) > 1:
+        named = ", ".join(map(str, services))
+        raise UsageError(f"several gantries run here: choose one with --socket: {named}")
+    return services[0] if services else own
 
 
 def state_file(machine: str) -> Path:

@@ -12,7 +12,7 @@ from motorctl.daemon.protocol import Code, RefusedError
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 from motorctl.loop.faults import device_message, needs_opening
-from motorctl.loop.handover import Word
+from motorctl.loop.vocabulary import Word
 
 ANSWER_S = 20.0
 """How long one command waits for a driver to open; a client waits for 30 s."""

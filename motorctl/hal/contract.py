@@ -137,6 +137,15 @@ class RateBudget:
     """How that number comes about, in words and numbers, for `check` and for error messages."""
 
 
+@dataclass(frozen=True)
+class NetworkInterface:
+    """A network interface that has to be up before a driver can open."""
+
+    name: str
+    settings: str = ""
+    """What `ip link set NAME up` takes besides, as in ``type can bitrate 1000000``."""
+
+
 def serial_line(port: str) -> str:
     """Return the `Driver.medium` of a serial port, whatever link it is named by.
 
@@ -220,6 +229,13 @@ class Driver(ABC):
         """Return what the options leave open that a safe machine would want, a sentence each.
 
         `check` shows it as notes; it is no reason to refuse a configuration.
+        """
+        return ()
+
+    def network_interfaces(self) -> Sequence[NetworkInterface]:
+        """Return the network interfaces that only it uses, without any I/O.
+
+        ``motorctl service install`` has udev set them up whenever they appear.
         """
         return ()
 

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from motorctl.kernels import load_generated, source_digest
-from motorctl.loop.handover import STATUS_ROWS
+from motorctl.loop.vocabulary import STATUS_ROWS
 from motorctl.model import EffectList
 
 HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""

@@ -6,33 +6,12 @@ has looked at the word; see `motorctl.loop.fences`.
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import Any
 
 from numba import njit
 
 from motorctl.loop.fences import fence_acquire, load_acquire, store_release
-
-STATUS_ROWS = 8
-"""Ticks for which the loop keeps the axes' status, so that nobody reads one that is written."""
-
-
-class Word(IntEnum):
-    """Words of the loop's status that announce data."""
-
-    PHASE = 0
-    """Announces process id, notes, message and what real time is lacking."""
-    RING_HEAD = 1
-    """Announces a row of the ring, and a row of the axes' status."""
-    MAIL_HEAD = 2
-    """Announces a command, and the program that it names."""
-    MAIL_TAIL = 3
-    """Announces replies."""
-    REOPEN_ASKED = 4
-    """Announces of which axis the driver is to be opened anew."""
-    REOPEN_DONE = 5
-    """Announces what came of that."""
-
+from motorctl.loop.vocabulary import Word
 
 PHASE = int(Word.PHASE)
 RING_HEAD = int(Word.RING_HEAD)

@@ -10,6 +10,8 @@ import os
 from pathlib import Path
 
 from motorctl.config.keys import LoopSettings
+from motorctl.errors import RunError
+from motorctl.hal import Claim
 from motorctl.loop.vocabulary import Degraded
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
@@ -23,7 +25,11 @@ REASONS = {
     Degraded.NO_CPU_LATENCY: "/dev/cpu_dma_latency cannot be opened: deep idle states add latency",
     Degraded.KERNEL_NOT_RT: "the kernel is not PREEMPT_RT: wake-ups can be late",
     Degraded.CPU_NOT_ISOLATED: "no isolated CPU (kernel parameter isolcpus)",
+    Degraded.CPU_SHARED: "the loop of another motorctl has the same CPU: each delays the other",
 }
+
+_taken: list[Claim] = []
+"""Of this process' CPU; kept, as the kernel gives it back when the process ends."""
 
 NEEDED = Degraded.NO_FIFO | Degraded.NO_PINNING | Degraded.NO_LOCKED_MEMORY
 """What `without_realtime: refuse` insists on; the rest is the kernel's set-up and only told."""
@@ -81,7 +87,7 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     _prefault(libc)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE) != 0:
         degraded |= Degraded.NO_LOCKED_MEMORY
-    degraded |= _pin(chosen_cpu(settings))
+    degraded |= _pin(settings)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
     except OSError:
@@ -96,13 +102,13 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
 
 
 def enter_beside(thread_id: int, settings: LoopSettings) -> None:
-    """Let another thread of this process run on the loop's CPU, where the loop does not.
+    """Let another thread of this process run on the caller's CPU, where the loop does not.
 
     It shares Python's one lock with the ticks. Below the loop's priority it never takes it from a
     tick; above everybody else's nobody keeps it from giving it back.
     """
     with contextlib.suppress(OSError):
-        os.sched_setaffinity(thread_id, {chosen_cpu(settings)})
+        os.sched_setaffinity(thread_id, os.sched_getaffinity(0))
     below = settings.priority - 1
     real_time = os.sched_getscheduler(0) == os.SCHED_FIFO and below > 0
     policy = os.SCHED_FIFO if real_time else os.SCHED_OTHER
@@ -132,18 +138,37 @@ def hold_shallow_idle() -> int:
 
 
 def chosen_cpu(settings: LoopSettings) -> int:
-    """Return the CPU to pin to: the configured one, else the highest isolated, else the highest."""
+    """Return the CPU to pin to: the configured one, else the highest isolated, else the highest.
+
+    A loop beside others gets the next lower one that none of them has.
+    """
+    return _cpus_in_order(settings)[0]
+
+
+def _cpus_in_order(settings: LoopSettings) -> list[int]:
     if settings.cpu is not None:
-        return settings.cpu
-    return max(isolated_cpus() or os.sched_getaffinity(0))
+        return [settings.cpu]
+    return sorted(isolated_cpus() or os.sched_getaffinity(0), reverse=True)
 
 
-def _pin(cpu: int) -> Degraded:
+def _pin(settings: LoopSettings) -> Degraded:
+    cpu = _take_one(cpus := _cpus_in_order(settings))
+    shared = Degraded(0) if cpu is not None else Degraded.CPU_SHARED
+    cpu = cpus[0] if cpu is None else cpu
     try:
         os.sched_setaffinity(0, {cpu})
     except OSError:
         return Degraded.NO_PINNING
-    return Degraded(0) if cpu in isolated_cpus() else Degraded.CPU_NOT_ISOLATED
+    return shared | (Degraded(0) if cpu in isolated_cpus() else Degraded.CPU_NOT_ISOLATED)
+
+
+def _take_one(cpus: list[int]) -> int | None:
+    """Take the first CPU that no other loop of this computer has; return it, or None."""
+    for cpu in cpus:
+        with contextlib.suppress(RunError):
+            _taken.append(Claim(f"CPU {cpu}", ["loop"]))
+            return cpu
+    return None
 
 
 def _kernel_is_rt() -> bool:

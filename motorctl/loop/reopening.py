@@ -13,10 +13,10 @@ from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.hal import Inputs, Outputs, Status
 from motorctl.loop.guards.device import FORGET_PLACE
-from motorctl.loop.handover import Word
 from motorctl.loop.realtime import enter_beside
 from motorctl.loop.shared import REOPEN_TOLD_BYTES, LoopMemory
 from motorctl.loop.tick import Tick
+from motorctl.loop.vocabulary import Word
 
 LOOK_S = 2e-3
 """Between two looks at what the ticks have done."""

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from motorctl.config.keys import LoopSettings
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
-from motorctl.loop.vocabulary import Phase, Reply, Verb
+from motorctl.loop.vocabulary import STATUS_ROWS, Phase, Reply, Verb, Word
 from motorctl.motion import SEGMENT
 
 with kernels_cached():
-    from motorctl.loop.handover import STATUS_ROWS, Word, announce, look_at
+    from motorctl.loop.handover import announce, look_at
 
 HEADER_BYTES = 4096
 NOTES_BYTES = 4096

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import IntEnum, IntFlag
 
+STATUS_ROWS = 8
+"""Ticks for which the loop keeps the axes' status, so that nobody reads one that is written."""
+
 
 class Verb(IntEnum):
     """What the supervisor can ask of the loop."""
@@ -58,3 +61,21 @@ class Degraded(IntFlag):
     NO_CPU_LATENCY = 1 << 3
     KERNEL_NOT_RT = 1 << 4
     CPU_NOT_ISOLATED = 1 << 5
+    CPU_SHARED = 1 << 6
+
+
+class Word(IntEnum):
+    """Words of the loop's status that announce data."""
+
+    PHASE = 0
+    """Announces process id, notes, message and what real time is lacking."""
+    RING_HEAD = 1
+    """Announces a row of the ring, and a row of the axes' status."""
+    MAIL_HEAD = 2
+    """Announces a command, and the program that it names."""
+    MAIL_TAIL = 3
+    """Announces replies."""
+    REOPEN_ASKED = 4
+    """Announces of which axis the driver is to be opened anew."""
+    REOPEN_DONE = 5
+    """Announces what came of that."""

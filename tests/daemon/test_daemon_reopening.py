@@ -20,7 +20,7 @@ from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.faults import needs_opening
-from motorctl.loop.handover import Word
+from motorctl.loop.vocabulary import Word
 from motorctl_sim import SimDriver
 
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST

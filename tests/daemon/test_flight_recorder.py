@@ -20,7 +20,7 @@ from motorctl.flight import list_records, load_record
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory
-from motorctl.loop.handover import STATUS_ROWS
+from motorctl.loop.vocabulary import STATUS_ROWS
 
 RATE_HZ = 400
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from motorctl.daemon import paths
 from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
 from motorctl.daemon.client import Client
 from motorctl.daemon.paths import client_socket, daemon_socket, state_file
@@ -238,6 +239,29 @@ def test_systemds_directories_come_first(tmp_path: Path, monkeypatch: pytest.Mon
     assert daemon_socket() == tmp_path / "run" / "motorctl.sock"
     assert client_socket() == daemon_socket()
     assert state_file("gantry") == tmp_path / "state" / "gantry.json"
+
+
+def test_the_only_service_is_found_and_of_several_one_has_to_be_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    monkeypatch.setattr(paths, "SYSTEM_FOLDER", tmp_path / "run")
+    monkeypatch.setattr(paths, "SYSTEM_SOCKET", tmp_path / "run" / "motorctl.sock")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "user"))
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    own = tmp_path / "user" / "motorctl.sock"
+    assert client_socket() == own
+    for name in ("left", "right"):
+        (tmp_path / "run" / name).mkdir(parents=True)
+    left, right = (tmp_path / "run" / name / "motorctl.sock" for name in ("left", "right"))
+    left.touch()
+    assert client_socket() == left
+    right.touch()
+    with pytest.raises(UsageError, match=r"choose one with --socket: .*left/.*, .*right/"):
+        client_socket()
+    own.parent.mkdir()
+    own.touch()
+    assert client_socket() == own
 
 
 def test_a_users_own_places_are_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,11 +31,12 @@ from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE
 from motorctl.loop.commands import take_commands
 from motorctl.loop.fences import require_known_processor
 from motorctl.loop.guards.supervision import WATCH
-from motorctl.loop.handover import STATUS_ROWS, announce, look_at
+from motorctl.loop.handover import announce, look_at
 from motorctl.loop.publish import publish
 from motorctl.loop.runner import VirtualRun
 from motorctl.loop.shared import LOOP_STATUS
 from motorctl.loop.tick import Tick
+from motorctl.loop.vocabulary import STATUS_ROWS
 from motorctl.loop.warm_up import Unconnected
 
 SMALL = {"axes": 1, "parameters": 6, "ring_rows": 64, "segments": 1}

@@ -1,11 +1,15 @@
 """What the machine does not give of real time is told, and refused where that is asked for."""
 
+import contextlib
+import os
 import subprocess
 import sys
 
 import pytest
 
-from motorctl.loop import Degraded, reasons
+from motorctl.errors import RunError
+from motorctl.hal import Claim
+from motorctl.loop import Degraded, isolated_cpus, reasons
 from motorctl.loop.realtime import NEEDED
 
 ENTER = """
@@ -57,6 +61,48 @@ def test_what_is_reported_is_what_the_process_has():
 def test_a_cpu_that_there_is_not_cannot_be_pinned_to():
     degraded, *_ = enter("as it is", "4095")
     assert degraded & Degraded.NO_PINNING
+
+
+TAKE_TURNS = """
+import os, sys
+from motorctl.config.keys import LoopSettings
+from motorctl.loop.realtime import enter_realtime
+
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-2:])
+degraded = enter_realtime(LoopSettings(priority=10))
+os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+print(int(degraded), *os.sched_getaffinity(0), flush=True)
+sys.stdin.read()
+"""
+
+
+def test_loops_beside_each_other_take_cpus_of_their_own_and_tell_where_there_are_too_few():
+    loops, told = [], []
+    for _ in range(max(2, len(isolated_cpus())) + 1):
+        loop = subprocess.Popen(
+            [sys.executable, "-c", TAKE_TURNS],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        loops.append(loop)
+        degraded, cpu = map(int, loop.stdout.readline().split())
+        told.append((cpu, bool(degraded & Degraded.CPU_SHARED)))
+    for loop in loops:
+        loop.communicate("")
+    alone = [cpu for cpu, shared in told if not shared]
+    assert len(set(alone)) == len(alone)
+    assert told[-1][1]
+
+
+def test_a_cpu_that_is_configured_is_taken_though_another_loop_has_it():
+    cpu = min(os.sched_getaffinity(0))
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(RunError):  # another loop of this computer has it already
+            held.callback(Claim(f"CPU {cpu}", ["loop"]).release)
+        degraded, _, cpus, *_ = enter("as it is", str(cpu))
+    assert cpus == 1
+    assert degraded & Degraded.CPU_SHARED
 
 
 @pytest.mark.parametrize("bit", list(Degraded))

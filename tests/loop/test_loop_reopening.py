@@ -16,8 +16,8 @@ from motorctl.hal import Inputs, Outputs, Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb, reopening
 from motorctl.loop.guards.device import FORGET_PLACE
-from motorctl.loop.handover import Word
 from motorctl.loop.reopening import ReopeningThread
+from motorctl.loop.vocabulary import Word
 
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST
 HOME_M = 0.1
@@ -217,6 +217,7 @@ def test_no_status_bit_of_a_driver_means_that_the_place_is_forgotten():
 def test_a_reopening_thread_runs_below_the_loop_on_its_cpu(monkeypatch: pytest.MonkeyPatch):
     set_to = {}
     monkeypatch.setattr(os, "sched_getscheduler", lambda _: os.SCHED_FIFO)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})  # where the loop was pinned to
     monkeypatch.setattr(os, "sched_setaffinity", lambda _, cpus: set_to.update(cpus=cpus))
 
     def schedule(_: int, policy: int, how: os.sched_param) -> None:
@@ -228,5 +229,5 @@ def test_a_reopening_thread_runs_below_the_loop_on_its_cpu(monkeypatch: pytest.M
     settings = bench.tick.machine.loop
     assert set_to["policy"] == os.SCHED_FIFO
     assert set_to["priority"] == settings.priority - 1
-    assert len(set_to["cpus"]) == 1
+    assert set_to["cpus"] == {3}
     os.close(bench.bell_fd)

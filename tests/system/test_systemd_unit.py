@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import configparser
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,7 +12,8 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "systemd"
-UNIT = FOLDER / "motorctl.service"
+UNIT = FOLDER / "motorctl@.service"
+WORST_SECURITY = 3.0
 
 
 @pytest.fixture
@@ -22,25 +24,44 @@ def service() -> configparser.SectionProxy:
     return parser["Service"]
 
 
-def test_systemd_accepts_the_unit(tmp_path: Path, service: configparser.SectionProxy) -> None:
-    analyze = shutil.which("systemd-analyze")
-    if analyze is None:
-        pytest.skip("systemd-analyze is not installed")
-    # Where the package is installed is not this test's business: an existing command stands in.
+@pytest.fixture
+def unit(tmp_path: Path, service: configparser.SectionProxy) -> Path:
+    """Give the unit of one gantry, with a command that exists here."""
     installed = service["ExecStart"].split()[0]
     stand_in = shutil.which("true")
     assert stand_in
-    copy = tmp_path / UNIT.name
+    copy = tmp_path / UNIT.name.replace("@", "@left")
     copy.write_text(UNIT.read_text().replace(installed, stand_in))
-    done = subprocess.run(
-        [analyze, "verify", "--man=no", str(copy)],
+    return copy
+
+
+def analyze(*arguments: str) -> subprocess.CompletedProcess[str]:
+    program = shutil.which("systemd-analyze")
+    if program is None:
+        pytest.skip("systemd-analyze is not installed (Debian: systemd)")
+    return subprocess.run(
+        [program, *arguments],
         capture_output=True,
         text=True,
         check=False,
         env={**os.environ, "SYSTEMD_LOG_LEVEL": "info"},
     )
-    about_this = [line for line in done.stderr.splitlines() if UNIT.stem in line]
+
+
+def test_systemd_accepts_the_unit(unit: Path) -> None:
+    done = analyze("verify", "--man=no", str(unit))
+    about_this = [line for line in done.stderr.splitlines() if unit.stem in line]
     assert (done.returncode, about_this) == (0, [])
+
+
+def test_the_unit_is_exposed_less_than_the_limit(unit: Path) -> None:
+    done = analyze("security", "--offline=true", "--no-pager", str(unit))
+    if "offline" in done.stderr:
+        pytest.skip("this systemd-analyze is too old for --offline")
+    found = re.search(r"exposure level for \S+: ([\d.]+)", done.stdout)
+    assert found, done.stderr
+    print(f"systemd-analyze security: {found[1]}, limit {WORST_SECURITY:g}")
+    assert float(found[1]) < WORST_SECURITY
 
 
 def test_the_unit_takes_what_real_time_needs(service: configparser.SectionProxy) -> None:
@@ -48,15 +69,39 @@ def test_the_unit_takes_what_real_time_needs(service: configparser.SectionProxy)
     assert int(service["LimitRTPRIO"]) >= 80
     assert service["LimitMEMLOCK"] == "infinity"
     assert float(service["WatchdogSec"]) > 0
-    for directory in ("RuntimeDirectory", "StateDirectory", "CacheDirectory", "LogsDirectory"):
-        assert service[directory] == "motorctl"
+
+
+def test_each_gantry_has_folders_of_its_own(service: configparser.SectionProxy) -> None:
+    for directory in ("RuntimeDirectory", "StateDirectory", "LogsDirectory"):
+        assert service[directory] == "motorctl/%i"
+    assert "/etc/motorctl/%i.yaml" in service["ExecStart"]
+    assert service["CacheDirectory"] == "motorctl"  # found by digests: shared
 
 
 def test_hardening_does_not_break_the_loop(service: configparser.SectionProxy) -> None:
-    breaking = ("RestrictRealtime", "MemoryDenyWriteExecute", "PrivateDevices", "ProtectClock")
-    assert not [key for key in (*breaking, "PrivateNetwork", "DevicePolicy") if key in service]
+    breaking = ("RestrictRealtime", "MemoryDenyWriteExecute", "PrivateDevices", "PrivateNetwork")
+    assert not [key for key in (*breaking, "PrivateUsers", "ProcSubset") if key in service]
     families = service["RestrictAddressFamilies"].split()
     assert {"AF_UNIX", "AF_CAN", "AF_INET", "AF_INET6"} <= set(families)
+
+
+def test_serial_lines_and_idle_states_are_left_open() -> None:
+    allowed = re.findall(r"^DeviceAllow=(\S+) rw$", UNIT.read_text(), re.MULTILINE)
+    majors = {"ttyS": 4, "ttyACM": 166, "ttyUSB": 188, "ttyAMA": 204}  # devices.txt of the kernel
+    assert {f"char-{major}" for major in majors.values()} <= set(allowed)
+    assert "/dev/cpu_dma_latency" in allowed
+
+
+def test_every_exception_says_why() -> None:
+    """What is weaker than it could be has a comment right above, or is listed as not set."""
+    lines = UNIT.read_text().splitlines()
+    for key in ("SystemCallFilter=@chown", "UMask=", "SupplementaryGroups=", "DevicePolicy="):
+        (at,) = (k for k, line in enumerate(lines) if line.startswith(key))
+        above = "\n".join(lines[max(0, at - 3) : at])
+        assert "# Exception" in above, key
+    for missing in ("RestrictRealtime", "MemoryDenyWriteExecute", "PrivateUsers", "ProcSubset"):
+        (line,) = (line for line in lines if line.startswith(f"#   {missing}="))
+        assert len(line.split()) > 3, line
 
 
 def test_the_loop_outlives_a_dead_supervisor(service: configparser.SectionProxy) -> None:
@@ -70,7 +115,8 @@ def test_bad_configuration_is_not_tried_again(service: configparser.SectionProxy
 
 
 def test_the_files_beside_the_unit_name_its_user(service: configparser.SectionProxy) -> None:
-    user = service["User"]
     sysusers = (FOLDER / "motorctl.sysusers").read_text()
-    assert f"u {user} " in sysusers
-    assert f'GROUP="{service["Group"]}"' in (FOLDER / "60-motorctl.rules").read_text()
+    assert f"u {service['User']} " in sysusers
+    for group in (service["Group"], service["SupplementaryGroups"]):
+        assert f"g {group} " in sysusers
+        assert f'GROUP="{group}"' in (FOLDER / "60-motorctl.rules").read_text()

@@ -25,7 +25,10 @@ SCRIPT = f"""#!/bin/busybox sh
 for name in {" ".join(MODULES)}; do /bin/busybox insmod /$name.ko; done
 /bin/busybox mount -t ext4 /dev/vda /root
 /bin/busybox umount /dev
-exec /bin/busybox switch_root /root /sbin/machine-init
+# the kernel hands on its words that it does not know
+init=/sbin/machine-init
+if [ "$machine_boot" = systemd ]; then init=/lib/systemd/systemd; fi
+exec /bin/busybox switch_root /root $init
 """
 FOLDER, PROGRAM = 0o40755, 0o100755
 

@@ -39,11 +39,20 @@ class Machine:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def run(self, job: Path, scratch: Path, limit_s: int, before: str | None = None) -> Result:
+    def run(
+        self,
+        job: Path,
+        scratch: Path,
+        limit_s: int,
+        before: str | None = None,
+        systemd: bool = False,
+    ) -> Result:
         """Run `run.sh` of a job's folder, as root in `/job`, in a machine that is new each time.
 
         `before` is a shell command that runs in the machine's tree without the machine, at this
-        host's full speed, for what is slow to compute; it finds the job in `/job` as well.
+        host's full speed, for what is slow to compute; it finds the job in `/job` as well. With
+        `systemd` the job is a service beside others, and may start the machine anew: `run.sh` is
+        then run again.
         """
         packed, result_disk = scratch / "job.tar", scratch / "result.disk"
         with _locked(self._folder):
@@ -52,9 +61,19 @@ class Machine:
             file.truncate(256_000_000)
         console = scratch / "console"
         words = f"console=ttyS0 quiet panic=-1 job_limit_s={limit_s}"
+        if systemd:
+            words += f" {recipe.WITH_SYSTEMD} systemd.getty_auto=no systemd.show_status=no"
+            # a look at any other clock stops the emulator
+            words += " tsc=reliable clocksource=tsc mitigations=off"
+            # what the kernel's modules here are too few for
+            for unit in ("systemd-binfmt.service", "proc-sys-fs-binfmt_misc.automount"):
+                words += f" systemd.mask={unit}"
         emulator = ["qemu-system-x86_64", "-accel", "tcg,thread=multi", "-cpu", "max"]
-        size = ["-m", "2048", "-smp", "2"]
-        plain = ["-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"]
+        # a loop that locks its memory takes 700 MB, and so does a device
+        size = ["-m", "4096" if systemd else "2048", "-smp", "2"]
+        plain = ["-nodefaults", "-no-user-config", "-display", "none"]
+        if not systemd:
+            plain.append("-no-reboot")
         kernel = ["-kernel", self._folder / "vmlinuz", "-initrd", self._folder / "initrd"]
         disks = [
             f"file={self._folder / 'image'},snapshot=on",

@@ -20,12 +20,20 @@ HERE = Path(__file__).parent
 PYPROJECT = HERE.parents[2] / "pyproject.toml"
 SUITE = "bookworm"
 PYTHON = "3.11"  # of that suite
-PACKAGES = ("python3", "can-utils", "iproute2", "kmod", "busybox-static", "procps")
+PACKAGES = (
+    *("python3", "python3-venv", "can-utils", "iproute2", "kmod", "busybox-static", "procps"),
+    *("systemd", "systemd-sysv", "udev", "dbus"),
+)
 KERNEL = "linux-image-rt-amd64"
-MODULES = ("net/can", "drivers/net/can", "net/sched")
+MODULES = ("net/can", "drivers/net/can", "net/sched", "fs/autofs")
 PLATFORMS = ("manylinux2014_x86_64", "manylinux_2_17_x86_64", "manylinux_2_28_x86_64")
 EXTRAS = ("can",)
 NOT_NEEDED = ("matplotlib",)  # draws only
+PROGRAMS = {"init.sh": "sbin/machine-init", "job.sh": "sbin/machine-job"}
+JOB_UNIT = "machine-job.service"
+ENVIRONMENT = "/opt/motorctl"
+WITH_SYSTEMD = "machine_boot=systemd"
+"""A word for the kernel: without it the job is all that runs."""
 IMAGE_SIZE = "4G"  # sparse
 TOOLS = {
     "qemu-system-x86_64": "qemu-system-x86",
@@ -52,7 +60,7 @@ def requirements() -> list[str]:
 def key() -> str:
     """Name this recipe by its content."""
     digest = hashlib.sha256(repr(requirements()).encode())
-    for name in ("recipe.py", "initrd.py", "init.sh"):
+    for name in ("recipe.py", "initrd.py", *PROGRAMS, JOB_UNIT):
         digest.update((HERE / name).read_bytes())
     return digest.hexdigest()[:16]
 
@@ -98,9 +106,11 @@ def build(folder: Path) -> None:
     shutil.move(vmlinuz, folder / "vmlinuz")
     shutil.rmtree(kernel)
     _add_wheels(tree)
-    init = tree / "sbin/machine-init"
-    shutil.copy(HERE / "init.sh", init)
-    init.chmod(0o755)
+    for name, place in PROGRAMS.items():
+        shutil.copy(HERE / name, tree / place)
+        (tree / place).chmod(0o755)
+    shutil.copy(HERE / JOB_UNIT, tree / "etc/systemd/system")
+    in_tree(tree, "systemctl", "enable", JOB_UNIT)
     (tree / "job").mkdir()
     image = folder / "image"
     _run("truncate", "-s", IMAGE_SIZE, image)
@@ -140,7 +150,11 @@ def _add_wheels(tree: Path) -> None:
         if "connection" in str(error).lower():
             raise UnavailableError(f"no network to PyPI: {str(error)[-300:]}") from error
         raise
-    in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages")
+    # an environment that has them, for a job that installs motorctl's own wheel
+    in_tree(tree, "python3", "-m", "venv", ENVIRONMENT)
+    (site,) = (tree / ENVIRONMENT.lstrip("/")).glob("lib/python*/site-packages")
+    (site / "libraries.pth").write_text("/opt/packages\n")
+    in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages", ENVIRONMENT)
 
 
 def _run(*command: str | Path, environment: dict[str, str] | None = None) -> str:

@@ -1,0 +1,71 @@
+"""Take a gantry out of a system again; what people and the daemon wrote stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from motorctl.service import files
+from motorctl.service.outcome import Outcome, unit_of
+from motorctl.service.system import System
+
+KEPT = {
+    files.CONFIGURATIONS: "configurations",
+    Path("/var/log/motorctl"): "logs",
+    Path("/var/lib/motorctl"): "what was learned",
+    Path("/var/cache/motorctl"): "compiled loops",
+}
+"""What is never removed, where it is there."""
+
+
+def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
+    """Stop a gantry, and remove its rules; with the last one also unit, user's file and rules.
+
+    Configuration, logs, what was learned, the user and the group stay.
+
+    Parameters
+    ----------
+    name
+        Of the gantry.
+    root
+        The folder of the system.
+    dry_run
+        Whether it only tells what it would do.
+
+    Returns
+    -------
+    Outcome
+        What was done. Done again, it finds nothing to remove.
+
+    Raises
+    ------
+    UsageError
+        Where this program may not.
+    RunError
+        Where a file cannot be removed, or systemd or udev refuse.
+    """
+    system = System(root.resolve(), dry_run)
+    system.insist("removing")
+    outcome = Outcome(name, system.root, dry_run)
+    there = files.installed(system.root)
+    if name not in there:
+        outcome.tell("unchanged", unit_of(name), "it is not installed")
+        return outcome
+    before = files.user_and_group(system.root)
+    system.run(outcome, "systemctl", "disable", "--now", unit_of(name))
+    system.remove(files.rules_of(name), outcome)
+    if others := [other for other in there if other != name]:
+        outcome.tell("kept", files.UNIT, f"for {', '.join(others)}")
+    else:
+        for path in (files.UNIT, files.SYSUSERS, files.RULES):
+            if files.is_ours(system.at(path)):
+                system.remove(path, outcome)
+            elif system.at(path).exists():
+                outcome.tell("kept", path, "not written by motorctl")
+    system.run(outcome, "systemctl", "daemon-reload")
+    system.run(outcome, "udevadm", "control", "--reload")
+    for path, what in KEPT.items():
+        if system.at(path).is_dir():
+            outcome.tell("kept", path, what)
+    if system.running and before is not None and not others:
+        outcome.tell("kept", f"user {before[0]}, group {before[1]}", "files belong to them")
+    return outcome
