@@ -29,7 +29,7 @@ FOLDERS = ("etc/systemd/system", "etc/udev/rules.d", "etc/sysusers.d", "etc/moto
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """Give the folder of a system that knows nothing of motorctl."""
+    """Return the folder of a system that knows nothing of motorctl."""
     for name in FOLDERS:
         (tmp_path / "root" / name).mkdir(parents=True)
     (tmp_path / "root/etc/motorctl/left.yaml").write_text(shipped_config("small_stage").read_text())
@@ -54,7 +54,7 @@ def run(*arguments: object) -> str:
 
 
 def refused(*arguments: object) -> str:
-    """Give the one message of a refusal, which has exit status 2."""
+    """Return the one message of a refusal, which has exit status 2."""
     with pytest.raises(MotorctlError) as caught:
         run(*arguments)
     assert caught.value.exit_status == 2

@@ -26,7 +26,7 @@ def service() -> configparser.SectionProxy:
 
 @pytest.fixture
 def unit(tmp_path: Path, service: configparser.SectionProxy) -> Path:
-    """Give the unit of one gantry, with a command that exists here."""
+    """Return the unit of one gantry, with a command that exists here."""
     installed = service["ExecStart"].split()[0]
     stand_in = shutil.which("true")
     assert stand_in
