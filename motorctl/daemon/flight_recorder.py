@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes, log_metadata
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.error_text import in_words
-from motorctl.daemon.report import faults_of
 from motorctl.flight import FOLDER, free_record_path, remove_oldest
 from motorctl.flight.records import MEGABYTE, METADATA
 from motorctl.log import LogWriter

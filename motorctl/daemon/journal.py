@@ -6,8 +6,8 @@ import logging
 import sys
 
 from motorctl.config.machine import Machine
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.recorder import Recorder
-from motorctl.daemon.report import faults_of
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 

@@ -6,93 +6,22 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.axis_faults import faults_of
+from motorctl.daemon.flight_recorder import FlightRecorder
+from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.json_values import finite
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, reasons
-from motorctl.loop.faults import UNTIL_OPENED, device_message, fault_message, partner_words
+from motorctl.loop.faults import device_message
 from motorctl.loop.states import State
-
-if TYPE_CHECKING:
-    from motorctl.daemon.flight_recorder import FlightRecorder
-    from motorctl.daemon.log_keeper import LogKeeper
-
-
-def faults_of(
-    machine: Machine, statuses: NDArray[np.void], *, with_remedy: bool = True
-) -> dict[str, dict[str, str] | None]:
-    """Return cause and message of every axis' fault; None for an axis without one.
-
-    Parameters
-    ----------
-    machine
-        Whose axes.
-    statuses
-        Their status records, all of one tick, of `motorctl.loop.shared.axis_status`, shape (axes,).
-    with_remedy
-        Whether the messages say what to do about it.
-    """
-    names = list(machine.axes)
-    periods_s = [machine.period_of(name) for name in names]
-    return {
-        name: fault_of(
-            name,
-            statuses[i],
-            periods_s[i],
-            partner_words(i, statuses, names, periods_s),
-            with_remedy=with_remedy,
-        )
-        for i, name in enumerate(names)
-    }
-
-
-def fault_of(
-    axis: str,
-    status: np.void,
-    period_s: float,
-    partner: str = "",
-    *,
-    with_remedy: bool = True,
-) -> dict[str, str] | None:
-    """Return cause and message of an axis' fault; None without one.
-
-    Parameters
-    ----------
-    axis
-        Name of the axis, for the command that clears the fault.
-    status
-        The axis' status record, of `motorctl.loop.shared.axis_status`.
-    period_s
-        Period of the axis [s].
-    partner
-        Why another axis tripped that this one was stopped for, from `partner_words`.
-    with_remedy
-        Whether the message says what to do about it.
-    """
-    if AxisState(int(status["state"])) is not AxisState.FAULT:
-        return None
-    cause = FaultCause(int(status["fault"]))
-    value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
-    word = int(status["fault_status"])
-    message = fault_message(
-        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
-    )
-    if not with_remedy:
-        return {"cause": cause.name.lower(), "message": message}
-    remedy = f"`motorctl reset {axis}` clears the fault"
-    if word & UNTIL_OPENED:
-        remedy = (
-            f"once the device is back, `motorctl reset {axis}` opens it anew and clears the fault"
-        )
-    return {"cause": cause.name.lower(), "message": f"{message}; {remedy}"}
 
 
 class Report:

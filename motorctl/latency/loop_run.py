@@ -12,11 +12,12 @@ from typing import Any
 
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes, log_metadata
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.protocol import AxisCommand, RefusedError
 from motorctl.daemon.recorder import Recorder
-from motorctl.daemon.report import Report, faults_of
+from motorctl.daemon.report import Report
 from motorctl.errors import RunError
 from motorctl.latency.host import stolen_s
 from motorctl.log import LogWriter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from motorctl.daemon.report import fault_of
+from motorctl.daemon.axis_faults import fault_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.shared import axis_status

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_bench import Hand, Rig, gantry, with_axes
 
-from motorctl.daemon.report import faults_of
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb

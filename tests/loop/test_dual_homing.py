@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_bench import TS, Rig, with_axes
 
-from motorctl.daemon.report import faults_of
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.errors import RunError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb

@@ -6,7 +6,7 @@ from loop_bench import TS, Hand, Rig, Still, gantry, homed_by, with_axes, with_d
 
 from motorctl.config import load
 from motorctl.config.guard_keys import EncoderNoise, Saturation, Thermal
-from motorctl.daemon.report import faults_of
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb
 from motorctl.motion import point_to_point

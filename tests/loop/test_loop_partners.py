@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from loop_bench import TS, Rig, gantry, with_sim
 
-from motorctl.daemon.report import faults_of
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.errors import RunError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb

@@ -1,0 +1,79 @@
+"""What tripped each axis, in words: for the status, the journal and the flight records."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.machine import Machine
+from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.faults import UNTIL_OPENED, fault_message, partner_words
+
+
+def faults_of(
+    machine: Machine, statuses: NDArray[np.void], *, with_remedy: bool = True
+) -> dict[str, dict[str, str] | None]:
+    """Return cause and message of every axis' fault; None for an axis without one.
+
+    Parameters
+    ----------
+    machine
+        Whose axes.
+    statuses
+        Their status records, all of one tick, of `motorctl.loop.shared.axis_status`, shape (axes,).
+    with_remedy
+        Whether the messages say what to do about it.
+    """
+    names = list(machine.axes)
+    periods_s = [machine.period_of(name) for name in names]
+    return {
+        name: fault_of(
+            name,
+            statuses[i],
+            periods_s[i],
+            partner_words(i, statuses, names, periods_s),
+            with_remedy=with_remedy,
+        )
+        for i, name in enumerate(names)
+    }
+
+
+def fault_of(
+    axis: str,
+    status: np.void,
+    period_s: float,
+    partner: str = "",
+    *,
+    with_remedy: bool = True,
+) -> dict[str, str] | None:
+    """Return cause and message of an axis' fault; None without one.
+
+    Parameters
+    ----------
+    axis
+        Name of the axis, for the command that clears the fault.
+    status
+        The axis' status record, of `motorctl.loop.shared.axis_status`.
+    period_s
+        Period of the axis [s].
+    partner
+        Why another axis tripped that this one was stopped for, from `partner_words`.
+    with_remedy
+        Whether the message says what to do about it.
+    """
+    if AxisState(int(status["state"])) is not AxisState.FAULT:
+        return None
+    cause = FaultCause(int(status["fault"]))
+    value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
+    word = int(status["fault_status"])
+    message = fault_message(
+        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
+    )
+    if not with_remedy:
+        return {"cause": cause.name.lower(), "message": message}
+    remedy = f"`motorctl reset {axis}` clears the fault"
+    if word & UNTIL_OPENED:
+        remedy = (
+            f"once the device is back, `motorctl reset {axis}` opens it anew and clears the fault"
+        )
+    return {"cause": cause.name.lower(), "message": f"{message}; {remedy}"}
