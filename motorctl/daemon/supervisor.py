@@ -37,6 +37,9 @@ BEAT_PERIOD_S = 0.02
 WATCH_PERIOD_S = 0.05
 NOTIFY_PERIOD_S = 0.5
 MORE_TIME_S = 10.0
+NICENESS = -10
+"""Before ordinary programs: a busy computer would starve it of its signs of life, which the loop
+misses after half a second, and then stops every axis."""
 
 _log = logging.getLogger("motorctl")
 
@@ -63,6 +66,8 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
     RunError
         Where the loop refuses or dies, or the log cannot be completed.
     """
+    with suppress(OSError):  # only root and a service may; it runs all the same
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     asyncio.run(_run(machine, options))
 
 

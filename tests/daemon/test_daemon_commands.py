@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
+from motorctl.daemon.supervisor import NICENESS
 
 pytestmark = pytest.mark.wall_clock
 
@@ -58,6 +60,12 @@ def test_axes_start_and_stop_while_the_other_one_runs(idle: Daemon) -> None:
     idle.ask("stop", axis="x")
     wait_until(lambda: idle.state("x") == "off")
     assert idle.state("y") == "idle"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may go before others")
+def test_a_busy_computer_does_not_starve_the_supervisor(daemon: Daemon) -> None:
+    pid = daemon.ask("status")["daemon"]["pid"]
+    assert os.getpriority(os.PRIO_PROCESS, pid) == NICENESS < 0
 
 
 def test_start_holds_the_axis_where_it_stands(idle: Daemon) -> None:
