@@ -60,7 +60,7 @@ class Retention:
 
 
 def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> Path:
-    """Return the name of a log that begins, which no file has.
+    """Return the name of a log that begins: no file has it, and it comes after all there are.
 
     Parameters
     ----------
@@ -71,12 +71,24 @@ def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> P
     when
         The beginning; None: now.
     """
-    stem = f"{machine}-{when or datetime.now(UTC):{_STAMP}}"
-    path, count = folder / f"{stem}{LOG_SUFFIX}", 1
-    while path.exists() or path.with_name(path.name + SUFFIX).exists():
-        count += 1
-        path = folder / f"{stem}-{count}{LOG_SUFFIX}"
-    return path
+    stamp = f"{when or datetime.now(UTC):{_STAMP}}"
+    name = _name_of(machine)
+    names = os.listdir(folder) if folder.is_dir() else []
+    matches = filter(None, map(name.fullmatch, names))
+    # A number that became free again would put the log before those that it follows.
+    last = max((_number(match) for match in matches if match[2] == stamp), default=0)
+    number = f"-{last + 1}" if last else ""
+    return folder / f"{machine}-{stamp}{number}{LOG_SUFFIX}"
+
+
+def _name_of(machine: str) -> re.Pattern[str]:
+    """Return what a log of a machine is called: the log, its time, its number, a further ending."""
+    return re.compile(rf"({re.escape(machine)}-(\d{{8}}T\d{{6}}Z)(?:-(\d+))?\.parquet)(\.\w+)?")
+
+
+def _number(match: re.Match[str]) -> int:
+    """Return which of the logs that began within a second it is."""
+    return int(match[3] or 1)
 
 
 def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
@@ -89,7 +101,7 @@ def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
     machine
         Name of the machine: what is called otherwise is not its log.
     """
-    name = re.compile(rf"({re.escape(machine)}-(\d{{8}}T\d{{6}}Z)(?:-(\d+))?\.parquet)(\.\w+)?")
+    name = _name_of(machine)
     found: dict[str, tuple[tuple[str, int], StoredLog]] = {}
     with suppress(FileNotFoundError), os.scandir(folder) as entries:
         for entry in entries:
@@ -102,7 +114,7 @@ def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
                 stat = entry.stat()
             except OSError:  # gone meanwhile: a draft that became a log
                 continue
-            log, place = match[1], (match[2], int(match[3] or 1))
+            log, place = match[1], (match[2], _number(match))
             before = found[log][1] if log in found else StoredLog(folder / log, 0, 0.0, False)
             found[log] = (
                 place,

@@ -120,6 +120,21 @@ def test_logs_that_began_in_one_second_are_in_order(tmp_path: Path) -> None:
     assert names[-1].endswith("Z-12.parquet")
 
 
+def test_a_name_that_became_free_is_not_given_to_a_later_log(tmp_path: Path) -> None:
+    when = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+    first, second = (written(tmp_path, when) for _ in range(2))
+    first.unlink()
+    third = written(tmp_path, when)
+    assert [log.path for log in stored_logs(tmp_path, "bench")] == [second, third]
+
+
+def written(folder: Path, when: datetime) -> Path:
+    """Write a log that begins at a time."""
+    path = free_log_path(folder, "bench", when)
+    path.write_bytes(b"rows")
+    return path
+
+
 def test_what_is_being_recorded_is_never_removed(tmp_path: Path) -> None:
     writer = LogWriter(tmp_path / day(1), {}, AXES)
     writer.append(*make_rows(30))
