@@ -73,7 +73,7 @@ def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> P
     """
     stamp = f"{when or datetime.now(UTC):{_STAMP}}"
     name = _name_of(machine)
-    names = os.listdir(folder) if folder.is_dir() else []
+    names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
     matches = filter(None, map(name.fullmatch, names))
     # A number that became free again would put the log before those that it follows.
     last = max((_number(match) for match in matches if match[2] == stamp), default=0)
