@@ -64,8 +64,9 @@ smaller misses them where the axis follows softly. Chosen by hand."""
 def check_columns(data: Measured) -> None:
     """Raise DataError where a column cannot be what it is said to be, with what to do."""
     _check_encoder(data)
-    _check_reference(data)
-    _check_command(data)
+    with np.errstate(all="ignore"):  # nothing is claimed of what is no number
+        _check_reference(data)
+        _check_command(data)
 
 
 def _check_encoder(data: Measured) -> None:
@@ -112,14 +113,13 @@ def _check_reference(data: Measured) -> None:
     position, reference = data.position[data.usable], data.reference[data.usable]
     if not np.all(np.isfinite(reference)) or np.ptp(reference) == 0.0 or np.ptp(position) == 0.0:
         return
-    likeness = float(np.corrcoef(position, reference)[0, 1])
+    likeness, factor = _likeness(reference, position)
     if likeness < OPPOSITE:
         raise DataError(
             f"{data.place}: the reference runs against the position (correlation {likeness:.2f}): "
             "the sign of one of the two is reversed; give it scale: -1 in the description"
         )
-    factor = likeness * float(np.std(position) / np.std(reference))
-    if likeness > ALIKE and not 1.0 / ANOTHER_SCALE < factor < ANOTHER_SCALE:
+    if likeness > ALIKE and factor > 0.0 and not 1.0 / ANOTHER_SCALE < factor < ANOTHER_SCALE:
         raise DataError(
             f"{data.place}: the position is {factor:.4g} times the reference"
             f"{_unit_of(factor)}: the unit or the pitch of one of the two is wrong; give it its "
@@ -133,8 +133,7 @@ def _check_command(data: Measured) -> None:
     position, command = data.position[data.usable], data.command[data.usable]
     if np.ptp(position) == 0.0 or np.ptp(command) == 0.0:
         return
-    likeness = float(np.corrcoef(position, command)[0, 1])
-    factor = likeness * float(np.std(command) / np.std(position))
+    likeness, factor = _likeness(position, command)
     beside = abs(float(np.mean(command)) - factor * float(np.mean(position)))
     same = any(abs(factor / known - 1.0) < JUST_SO for known in (1.0, *FACTORS))
     if likeness > ALIKE and same and beside < JUST_SO * float(np.ptp(command)):
@@ -144,6 +143,17 @@ def _check_command(data: Measured) -> None:
             "drives it there; give the current, force, torque or voltage as its command, and this "
             "column as its reference"
         )
+
+
+def _likeness(column: Array, other: Array) -> tuple[float, float]:
+    """Return the correlation of two columns, and by which factor the other one follows the first.
+
+    Of columns within one, as the squares of what a broken file holds may overflow.
+    """
+    unit, other_unit = float(np.abs(column).max()), float(np.abs(other).max())
+    column, other = column / unit, other / other_unit
+    likeness = float(np.corrcoef(column, other)[0, 1])
+    return likeness, likeness * float(np.std(other)) / float(np.std(column)) * other_unit / unit
 
 
 def _unit_of(factor: float) -> str:

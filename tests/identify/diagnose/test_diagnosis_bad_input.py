@@ -210,6 +210,8 @@ def answered(recording):
 )
 @example("ramp", "ramp", 1378, 0.7, 1e-3, 0)  # few rows over a long time
 @example("ramp", "ramp", 1377, 33.3, 1e-3, 0)  # nothing left but rounding
+@example("noise", "noise", 100, 100.0, 1e200, 0)  # squares overflow
+@example("inf", "noise", 1000, 100.0, 1.0, 3)
 def test_any_columns_get_an_answer_or_a_reason(position, command, n, rate_hz, scale, seed):
     random = np.random.default_rng(seed)
     x = signal(position, n, scale, random)
