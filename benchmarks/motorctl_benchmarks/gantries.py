@@ -14,6 +14,7 @@ CONFIG = "published_gantry"
 def gantry_with(axes: int) -> Machine:
     """Return a machine whose axes are the published X and Y in turn, each with its program."""
     published: dict[str, Any] = copy.deepcopy(dict(load(CONFIG).resolved))
+    published["loop"]["without_realtime"] = "degrade"  # a tick as that of a machine of metal
     kinds = list(published["axes"].values())
     programs = published["programs"]
     many: dict[str, Any] = {**published, "name": f"gantry-of-{axes}", "axes": {}, "programs": {}}

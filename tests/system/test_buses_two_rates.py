@@ -29,6 +29,7 @@ def two_rates(endpoint: str):
     """Return a machine of x at 500 Hz on Modbus TCP beside y at 5 kHz, simulated directly."""
     (modbus,) = [t for t in transports() if t.name == "modbus tcp"]
     data = copy.deepcopy(dict(load("published_gantry").resolved))
+    data["loop"]["without_realtime"] = "degrade"
     late = {"hold_ticks": 100, "predict": True}
     box = {**modbus.driver(endpoint), "rate_hz": SLOW_HZ, "late": late}
     data["drivers"] = {"box": box, "direct": data["drivers"]["gantry"] | {"late": late}}

@@ -50,6 +50,7 @@ def machine_on(
     data: dict[str, Any] = copy.deepcopy(dict(load(CONFIG).resolved))
     data["name"] = f"gantry-{transport.name.replace(' ', '-')}"
     data["rate_hz"] = transport.rate_hz
+    data["loop"]["without_realtime"] = "degrade"  # a bus waits for no computer
     hold = {"hold_ticks": round(HOLD_S * transport.rate_hz) + 1, "predict": True}
     data["drivers"] = {"gantry": {**drivers, "late": hold}}
     data["programs"].pop("ring", None)
