@@ -6,11 +6,23 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from motorctl.config.machine import Machine
 from motorctl.config.recording_keys import RecordingKeys
-from motorctl.config.recording_rules import CLOSED_SHARE, RecordingRate, largest_log_mb
+from motorctl.config.recording_rules import (
+    CLOSED_SHARE,
+    RecordingRate,
+    largest_log_mb,
+    recording_rate,
+)
 
 HOURS_A_DAY = 24.0
 DAYS_A_YEAR = 365.0
+
+
+def recording_rate_of(machine: Machine) -> RecordingRate:
+    """Return how much a machine records."""
+    axes = ((len(axis.model), axis.dual_drive is not None) for axis in machine.axes.values())
+    return recording_rate(axes, machine.rate_hz)
 
 
 def recording_summary(recording: RecordingKeys, rate: RecordingRate) -> dict[str, Any]:

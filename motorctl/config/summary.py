@@ -24,8 +24,11 @@ from motorctl.config.groups import notes_on_groups
 from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
-from motorctl.config.recording_rules import RecordingRate, recording_rate
-from motorctl.config.recording_summary import notes_on_recording, recording_summary
+from motorctl.config.recording_summary import (
+    notes_on_recording,
+    recording_rate_of,
+    recording_summary,
+)
 from motorctl.errors import MotorctlError
 from motorctl.json_values import plain
 from motorctl.model import Effect, EffectList, known_effects
@@ -75,10 +78,10 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "stop_together": _groups(machine),
         "loop": machine.loop.model_dump(),
         "log_directory": str(machine.log_directory),
-        "recording": recording_summary(machine.recording, _recording_rate(machine)),
+        "recording": recording_summary(machine.recording, recording_rate_of(machine)),
         "notes": [
             *notes_on_groups(machine),
-            *notes_on_recording(machine.recording, _recording_rate(machine)),
+            *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(
                 note
@@ -93,11 +96,6 @@ def summarise(machine: Machine) -> dict[str, Any]:
     }
     document: dict[str, Any] = plain(summary)
     return document
-
-
-def _recording_rate(machine: Machine) -> RecordingRate:
-    axes = ((len(axis.model), axis.dual_drive is not None) for axis in machine.axes.values())
-    return recording_rate(axes, machine.rate_hz)
 
 
 def _groups(machine: Machine) -> list[list[str]] | None:

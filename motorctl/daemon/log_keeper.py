@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config.machine import Machine
-from motorctl.config.recording_rules import MEGABYTE, recording_rate
+from motorctl.config.recording_rules import MEGABYTE
+from motorctl.config.recording_summary import recording_rate_of
 from motorctl.daemon.conversion import Conversion
 from motorctl.daemon.disk_outlook import DiskOutlook, Occupied, Outlook
 from motorctl.daemon.error_text import in_words
@@ -62,10 +63,9 @@ class LogKeeper:
         )
         self._warn_below_h = disk.warn_below_h
         self._warn_again_h = math.inf
-        axes = [(len(axis.model), axis.dual_drive is not None) for axis in machine.axes.values()]
         self._disk = DiskOutlook(
             machine.recording,
-            recording_rate(axes, machine.rate_hz),
+            recording_rate_of(machine),
             reserve_bytes(machine.recording, directory) / MEGABYTE,
         )
         self._trouble: str | None = None
