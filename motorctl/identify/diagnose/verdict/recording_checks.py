@@ -345,10 +345,8 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     """
     basic = basic_effects()
     model, dropped = without_undetermined(signals, EffectList([cls() for cls in basic.values()]))
-    blocks = make_blocks(signals.rows, signals.row_period_s)
-    motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
-    command = motion.problem.joined(signals.rows)[-1]
-    whole = max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
+    motion, command, whole = _of_command(signals, model)
+    blocks = motion.regressors.blocks
     best, share, of_place = motion.problem, -np.inf, 0.0
     for columns, soft in _forces_of_place(signals):
         beside = with_columns(motion.problem, columns, soft=soft)
@@ -371,6 +369,17 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     return share, bool(_changes(signals.data) and share - of_place > REVERSED and back)
 
 
+def _of_command(signals: Signals, model: EffectList) -> tuple[Hypothesis, Array, float]:
+    """Return a model with the command on the left, the command at the rows, and its energy.
+
+    The energy is that beside its mean, which no motion has to explain.
+    """
+    blocks = make_blocks(signals.rows, signals.row_period_s)
+    motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
+    command = motion.problem.joined(signals.rows)[-1]
+    return motion, command, max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
+
+
 def _changes(data: Measured) -> bool:
     """Return whether the command does more than hold."""
     used = data.command[data.usable]
@@ -384,10 +393,7 @@ def _waves_explain(signals: Signals) -> float:
     places that it has not seen.
     """
     model = EffectList([cls() for cls in basic_effects().values()])
-    blocks = make_blocks(signals.rows, signals.row_period_s)
-    motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
-    command = motion.problem.joined(signals.rows)[-1]
-    whole = max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
+    motion, _, whole = _of_command(signals, model)
     waves = (
         all_lines(motion, cls, spans_of(signals))
         for cls in motion.regressors.catalogue.values()
