@@ -117,6 +117,9 @@ class Plant:
             "XDG_CACHE_HOME": str(self._folder),
             "PATH": "/usr/bin",
             "PYTHONPATH": str(folder or self._folder),
+            # Python takes bytecode for current when a source of the same length was changed in
+            # the same second: an edit here would run the code before it.
+            "PYTHONDONTWRITEBYTECODE": "1",
         }
         done = subprocess.run(
             [sys.executable, "-c", PULL], capture_output=True, text=True, check=True,
