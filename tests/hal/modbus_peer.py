@@ -174,14 +174,14 @@ class RtuPeer(Coupler):
             if not select.select([self._master], [], [], 0.02)[0]:
                 continue
             pending += os.read(self._master, 512)
-            size = self._size(pending)
-            if size is None or len(pending) < size:
-                continue
-            frame, pending = pending[:size], pending[size:]
-            assert crc16(frame) == 0, frame.hex()
-            answer, fault = self.answer(frame[1:-2]), self.fault()
-            if fault is not None:
-                os.write(self._master, self._reply(frame[:1] + answer, fault or None))
+            # Where this thread had no CPU several may have come: one left over would make every
+            # later answer that of the request before.
+            while (size := self._size(pending)) is not None and len(pending) >= size:
+                frame, pending = pending[:size], pending[size:]
+                assert crc16(frame) == 0, frame.hex()
+                answer, fault = self.answer(frame[1:-2]), self.fault()
+                if fault is not None:
+                    os.write(self._master, self._reply(frame[:1] + answer, fault or None))
 
     @staticmethod
     def _size(frame: bytes) -> int | None:
