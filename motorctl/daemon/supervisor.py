@@ -30,7 +30,8 @@ from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.daemon.rotating_log import RotatingLog
 from motorctl.daemon.server import ControlServer
-from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.errors import MotorctlError, RunError
+from motorctl.log.folder import must_be_writable
 from motorctl.loop import Phase, Verb, reasons
 
 BEAT_PERIOD_S = 0.02
@@ -73,7 +74,7 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
 
 async def _run(machine: Machine, options: DaemonOptions) -> None:
     directory = options.log_directory or machine.log_directory
-    _must_be_writable(directory)
+    must_be_writable(directory, "log directory")
     control = ControlSocket(options.socket or daemon_socket(), options.group, options.operators)
     try:
         await Supervisor(machine, control, directory).live()
@@ -93,8 +94,9 @@ class Supervisor:
         self._report = Report(machine, self._loop.memory, control.path)
         reopening = Reopening(machine, self._loop.memory, self._loop.ring)
         self._flight = FlightRecorder(machine, self._loop.memory, directory, self._loop_facts)
+        self._journal = Journal(machine, self._loop.memory)
         self._commander = Commander(
-            machine, self._loop.memory, self._report, reopening, self._flight.watch
+            machine, self._loop.memory, self._report, reopening, self._look_at_axes
         )
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
@@ -178,7 +180,6 @@ class Supervisor:
 
     async def _serve(self) -> None:
         """Watch over the loop until somebody asks to stop."""
-        journal = Journal(self._machine, self._loop.memory)
         told_at = 0.0
         while not self._asked.is_set() and self._recorder is not None:
             ticked = self._loop.insist()
@@ -188,9 +189,14 @@ class Supervisor:
                 self._notifier.alive()
                 self._notifier.status(self._report.summary())
             self._recorder.insist()
-            journal.tell_changes(self._recorder)
-            self._flight.watch()
+            self._look_at_axes()
             await asyncio.sleep(WATCH_PERIOD_S)
+
+    def _look_at_axes(self) -> None:
+        """Tell and keep what became of the axes; before each reset, too, or a fault were missed."""
+        if self._recorder is not None:
+            self._journal.tell_changes(self._recorder)
+        self._flight.watch()
 
     async def _stop(self) -> None:
         """Let every axis ramp down and the loop process end; raises RunError where it does not."""
@@ -292,12 +298,3 @@ async def _problems(doing: Awaitable[object]) -> list[str]:
         _log.exception("the supervisor failed")
         return [f"the supervisor failed: {in_words(error)}"]
     return []
-
-
-def _must_be_writable(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"log directory {directory}: {error.strerror}") from error
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise UsageError(f"log directory {directory}: no permission to write there")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -25,6 +24,7 @@ from motorctl.latency.loop_run import LoopRun, run_loop
 from motorctl.latency.progress import Progress, part_of
 from motorctl.latency.result import LATE_S, Latency
 from motorctl.latency.ticks import read_ticks
+from motorctl.log.folder import must_be_writable
 from motorctl.loop.realtime import chosen_cpu
 
 SHORTEST_S = 0.5
@@ -76,7 +76,7 @@ def measure_latency(machine: Machine, options: LatencyOptions, progress: Progres
         raise UsageError(f"duration {options.duration_s:g} s: must be at least {SHORTEST_S:g} s")
     for folder in (options.log.parent if options.log else None, options.out):
         if folder is not None:
-            _must_be_writable(folder)
+            must_be_writable(folder)
     if machine.loop.waits:  # measured is what a machine of metal would bear
         settings = machine.loop.model_copy(update={"without_realtime": "degrade"})
         machine = replace(machine, loop=settings)
@@ -155,12 +155,3 @@ def _in_turn(
             why, documents = str(error), []
     progress(1.0)
     return run, documents, why
-
-
-def _must_be_writable(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be made: {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise UsageError(f"{folder}: no permission to write there")

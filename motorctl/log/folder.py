@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
+from motorctl.errors import UsageError
 from motorctl.log.partial import SUFFIX
 
 LOG_SUFFIX = ".parquet"
@@ -57,6 +58,29 @@ class Retention:
     max_age_s: float | None = None
     max_total_bytes: float | None = None
     min_free_bytes: float | None = None
+
+
+def must_be_writable(folder: Path, role: str = "folder") -> None:
+    """Make the folder where it is missing.
+
+    Parameters
+    ----------
+    folder
+        Where files are to be written.
+    role
+        What a message calls it.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be made, or not be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{role} {folder}: cannot be made: {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"{role} {folder}: no permission to write there")
 
 
 def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> Path:

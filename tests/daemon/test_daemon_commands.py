@@ -198,13 +198,17 @@ def test_the_seconds_before_a_fault_are_shown_by_the_running_daemon(idle: Daemon
     assert f"motorctl fault show {document['id']}" in idle.cli("status").stdout
 
 
-def test_a_fault_that_is_reset_at_once_is_in_its_record_all_the_same(idle: Daemon) -> None:
-    for _ in range(3):  # the recorder looks twenty times a second, and might see it by luck
+def test_a_fault_that_is_reset_at_once_is_in_record_and_journal_all_the_same(
+    idle: Daemon,
+) -> None:
+    told = idle.said.count("axis x: fault: ")
+    for k in range(3):  # both look twenty times a second, and might see it by luck
         idle.ask("estop")
         idle.ask("reset", axis="x")
         message = idle.ask("status")["axes"]["y"]["fault"]["message"]
         idle.ask("reset", axis="y")
         assert list(record_of(idle, message)["faults"]) == ["x", "y"]
+        assert idle.said.count("axis x: fault: ") == told + k + 1
         for axis in ("x", "y"):
             idle.ask_when_it_stands("start", axis)
 

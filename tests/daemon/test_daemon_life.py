@@ -218,7 +218,7 @@ def test_what_cannot_work_is_told_before_anything_starts(tmp_path: Path) -> None
     daemon.process.wait()
     daemon.logs = tmp_path / "file" / "logs"
     assert daemon.launch().wait(120) == 2
-    assert f"log directory {daemon.logs}: Not a directory" in daemon.said
+    assert f"log directory {daemon.logs}: cannot be made: Not a directory" in daemon.said
     done = daemon.cli("status")
     assert done.returncode == 1
     assert "no daemon answers on" in done.stderr
