@@ -1,4 +1,4 @@
-"""Notes each pause of one CPU: `python pause_watch.py CPU FILE` runs until it is ended.
+"""Notes each pause of one CPU: `python pause_watch.py CPU FILE` runs until it is ended, or its starter is.
 
 Nothing that a test starts may keep this process waiting: it has a higher real-time priority than
 the loop and the devices. What it finds is what the computer itself took away, by its firmware or
@@ -28,14 +28,14 @@ MCL_CURRENT, MCL_FUTURE = 1, 2
 
 def main() -> None:
     """Watch one CPU."""
-    cpu, path = int(sys.argv[1]), sys.argv[2]
+    cpu, path, starter = int(sys.argv[1]), sys.argv[2], os.getppid()
     os.sched_setaffinity(0, {cpu})
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     with Path(path).open("r+b") as file:
         notes = mmap.mmap(file.fileno(), NOTE.size * NOTES)
     ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
     noted, last_s = 0, time.monotonic()
-    while True:
+    while os.getppid() == starter:
         time.sleep(NAP_S)
         now_s = time.monotonic()
         if now_s - last_s - NAP_S > SHORTEST_S:
