@@ -1,4 +1,4 @@
-"""Notes each pause of one CPU: `python pause_watch.py CPU FILE` runs until it is ended, or its starter is.
+"""Notes each pause of one CPU until it or its starter is ended: `python pause_watch.py CPU FILE`.
 
 Nothing that a test starts may keep this process waiting: it has a higher real-time priority than
 the loop and the devices. What it finds is what the computer itself took away, by its firmware or
