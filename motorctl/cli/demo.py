@@ -30,7 +30,7 @@ def _demo(
     from motorctl.cli.stages import showing_stages
     from motorctl.demo.story import tell
 
-    with showing_stages() as progress:
+    with showing_stages(lines=True) as progress:
         story = tell(out, progress)
     _print(story)
 
@@ -45,12 +45,14 @@ def _print(story: Story) -> None:
         published_beside_ours,
         verdict,
     )
+    from motorctl.identify.compare.measures import EXPLAINED
 
     print("1. The published experiment: C1 and C2")
     comparison = story.experiment.comparison
     for axis in comparison.axes:
         rows = published_beside_ours(comparison, axis)
         print_measures(axis, [rows[:3], rows[3:]])
+    print(EXPLAINED)
     print(verdict(comparison))
     print("\n2. Diagnosed: what the declared model lacks")
     for axis in comparison.axes:

@@ -13,7 +13,7 @@ from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
 from motorctl.close_loop.tables import error_row, tracking_table
 from motorctl.errors import UsageError
 from motorctl.html_pages import Figure, figure, write_page
-from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.compare.measures import EXPLAINED, table_headings
 from motorctl.identify.compare.pictures import plot_tracking_error
 from motorctl.identify.compare.runs import Comparison, compare
 from motorctl.identify.diagnose.report.page import TrackedAxis, TrackingComparison, write_report
@@ -41,6 +41,7 @@ def write_reports(loop: ClosedLoop) -> Path:
         refined=loop.refined.name,
         ended=loop.ended,
         headings=table_headings(),
+        measures=EXPLAINED,
         axes=[
             _axis(name, effects_added(loop, name), judged) for name, judged in loop.overall.items()
         ],

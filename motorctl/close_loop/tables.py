@@ -36,7 +36,7 @@ def velocity_words(step: VelocityStep) -> str:
         kept = "kept" if name in step.kept else "not kept: an error became larger"
         errors = f"eF {1e6 * before.eF_m:.3g} → {1e6 * after.eF_m:.3g} µm"
         parts.append(f"{errors} on {name}, {MOTION_WORDS[motion]} ({kept})")
-    return f"then the velocity matched, by itself: {'; '.join(parts)}"
+    return f"last, `gains: {{velocity: matched}}` by itself: {'; '.join(parts)}"
 
 
 def error_row(judgement: AxisJudgement) -> str:

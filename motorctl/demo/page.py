@@ -21,7 +21,7 @@ from motorctl.demo.tables import (
 )
 from motorctl.errors import UsageError
 from motorctl.html_pages import Figure, figure, write_page
-from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.compare.measures import EXPLAINED, table_headings
 from motorctl.identify.compare.published import PAPER, TURNAROUND_S
 from motorctl.identify.compare.runs import Comparison
 from motorctl.loop.simulation import Simulation
@@ -79,6 +79,7 @@ def write_demo(
             paper=PAPER,
             seed=", ".join(str(seed) for seed in seeds.values()),
             headings=table_headings(),
+            measures=EXPLAINED,
             verdict=verdict(comparison),
             gains=gains(loop),
             tables=_published_tables(comparison),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from motorctl.close_loop.judge import MOTION_WORDS
 from motorctl.close_loop.rounds import ClosedLoop
 from motorctl.demo.plant import undeclared_effects
@@ -11,6 +13,7 @@ from motorctl.identify.compare.runs import Comparison, ratios
 from motorctl.identify.diagnose.report.parameter_text import found_values, percent
 from motorctl.identify.diagnose.report.tables import effect_rows
 from motorctl.identify.diagnose.result import FoundEffect
+from motorctl.model import effect_class
 
 NONE = "–"
 
@@ -63,7 +66,7 @@ def found_beside_plant(loop: ClosedLoop, axis: str) -> list[tuple[str, str, str,
     kept = kept_effects(loop, axis)
     rows = []
     for name in dict.fromkeys((*kept, *there)):
-        told, explained = "not found", NONE
+        told, explained = _not_found(name, kept), NONE
         if name in kept:
             found = kept[name]
             data = next(
@@ -79,6 +82,15 @@ def found_beside_plant(loop: ClosedLoop, axis: str) -> list[tuple[str, str, str,
             explained = percent(found.explained_fraction)
         rows.append((name, there.get(name, "not there"), told, explained))
     return rows
+
+
+def _not_found(name: str, kept: Mapping[str, FoundEffect]) -> str:
+    """Return in words that an effect was not found, and what may stand for it."""
+    groups = effect_class(name).groups
+    alike = [other for other, found in kept.items() if groups & found.effect.groups]
+    if not alike:
+        return "not found"
+    return f"not found by itself: {' or '.join(alike)}, of the same kind, may stand for both"
 
 
 def before_and_after(loop: ClosedLoop) -> list[tuple[str, str, dict[str, str]]]:

@@ -21,12 +21,16 @@ NAMES = {
 
 
 def test_the_effects_of_the_contract_are_known():
+    assert set(known_effects()) >= NAMES
+
+
+def test_every_effect_has_its_formula_written_once_more_by_another_hand():
     # the map is a spline for what has no name: it is no cause that could be named
-    assert set(known_effects()) - {"residual_map"} == NAMES
-    assert {effect.name for effect in EVERY} == NAMES
+    without = set(known_effects()) - {"residual_map"} - {effect.name for effect in EVERY}
+    assert not without, f"add a form and its formula in numpy to effect_forms.py: {without}"
 
 
-@pytest.mark.parametrize("name", sorted(NAMES))
+@pytest.mark.parametrize("name", sorted(known_effects()))
 def test_an_effect_describes_itself_in_whole_phrases(name):
     effect = effect_class(name)
     for part in ("title", "formula", "compensated", "identified", "visible_in"):
@@ -37,7 +41,7 @@ def test_an_effect_describes_itself_in_whole_phrases(name):
     assert effect.title[0].isupper()
 
 
-@pytest.mark.parametrize("name", sorted(NAMES))
+@pytest.mark.parametrize("name", sorted(known_effects()))
 def test_every_option_of_an_effect_is_described(name):
     for option, field in effect_class(name).Options.model_fields.items():
         assert field.description, option

@@ -18,6 +18,10 @@ from motorctl.log.sample import AxisState
 Array = NDArray[np.float64]
 
 SYMBOLS = ("eM", "eF", "L2[e]", "uM")
+EXPLAINED = (
+    "e = position - reference; eM: largest over the run; eF: largest over the last two periods, or "
+    "the last third of a motion without a period; L2[e]: root mean square; uM: largest command."
+)
 PERIODS_AT_END = 2
 """Periods of the reference at the end of a run from which the final error is taken. More counts
 what the adaptation still had to learn, fewer lets one disturbance decide. Convention of the

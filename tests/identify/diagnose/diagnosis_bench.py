@@ -53,6 +53,7 @@ KNOWN = {
     "flexible_mode": ({"frequency_hz": 80.0, "damping_ratio": 0.03}, (0.06,)),
     "encoder_error": ({"period_m": 2e-3, "sin_m": 3e-6, "cos_m": 1e-6}, ()),
     "periodic_disturbance": ({"frequency_hz": 46.0}, (0.06, 0.04)),
+    "hard_stop": ({"begin_m": 0.06, "side": "lower"}, (30.0,)),
     "load_friction": ({"slope_s_m": 300.0}, (0.1,)),
     "voltage_clipping": ({"limit_v": 2.0, "no_load_m_s": 2.0}, (0.5,)),
 }

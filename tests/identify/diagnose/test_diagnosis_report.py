@@ -1,6 +1,7 @@
 """The report of a diagnosis, its terminal output and `motorctl diagnose`."""
 
 import base64
+import io
 import json
 import sys
 from dataclasses import replace
@@ -35,6 +36,18 @@ DIFF = """\
  offset: {}
 +cogging: {pitch_m: <0.03>}
 """
+
+
+def test_options_that_are_words_or_lists_are_told_on_terminal_and_page(tmp_path):
+    diagnosis = bench.recording(x=bench.axis_diagnosis("hard_stop", "cogging"))
+    console = Console(width=100, record=True, file=io.StringIO())
+    print_diagnosis(console, diagnosis, {})
+    told = console.export_text()
+    write_report(tmp_path, diagnosis)
+    page = Page((tmp_path / "index.html").read_text()).text
+    for words in ("side = lower", "orders = 1, 2"):
+        assert words in told
+        assert words.replace(" =", "") in page
 
 
 class Page(HTMLParser):

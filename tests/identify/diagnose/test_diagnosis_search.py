@@ -2,9 +2,11 @@
 
 import pytest
 import yaml
-from diagnosis_cases import diagnosed, moving, names
+from diagnosis_cases import diagnosed, moving, names, recorded
 
+from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.report.parameter_text import whole_model_values
+from motorctl.identify.fit.declared_models import declared_models
 from motorctl.motion import load_program_file
 from motorctl_benchmarks.diagnosis.cases import clean_case, draw_case
 from motorctl_benchmarks.diagnosis.draw import Draw
@@ -55,6 +57,20 @@ def test_an_effect_is_named_with_its_parameters(cogging):
     assert effect.confidence > 0.9
     assert effect.explained_fraction > 0.95
     assert effect.evidence
+
+
+def test_on_another_recording_only_the_errors_are_those_of_that_one(cogging, tmp_path):
+    case, alone = cogging
+    recording = recorded(case, tmp_path)
+    (tmp_path / "other").mkdir()
+    other = recorded(case, tmp_path / "other", duration_s=4.0)
+    models = declared_models(recording, None, case.axis)
+    found = diagnose_recording(recording, models, evaluate_on=other).axes[case.axis]
+    assert found.error.held_out_before_rms != alone.error.held_out_before_rms
+    effect, same = found.effects[0], alone.effects[0]
+    assert effect.explained_fraction == same.explained_fraction
+    assert effect.evidence == same.evidence
+    assert any("up to 100 Hz" in note for note in found.notes)
 
 
 def test_an_effect_takes_the_held_out_error_down_to_the_noise(cogging):

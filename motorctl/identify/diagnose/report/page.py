@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.html_pages import Figure, figure, write_page
-from motorctl.identify.compare.measures import table_headings
+from motorctl.identify.compare.measures import EXPLAINED, table_headings
 from motorctl.identify.diagnose.report.next_steps import Step, next_steps
 from motorctl.identify.diagnose.report.parameter_text import (
     compensation_values,
     found_values,
-    option_document,
     percent,
 )
 from motorctl.identify.diagnose.report.pictures.all import Picture, plot_diagnosis
@@ -63,6 +62,7 @@ def write_report(
         "motorctl.identify.diagnose.report",
         "page.html",
         source=diagnosis.source,
+        measures=EXPLAINED,
         span=f"{diagnosis.duration_s:.4g} s at {diagnosis.sample_rate_hz:g} Hz",
         notes=diagnosis.notes,
         axes=[
@@ -119,12 +119,6 @@ def _axis(
 
 def _effect(axis: AxisDiagnosis, found: FoundEffect, picture: Figure | None) -> dict[str, Any]:
     rows = effect_rows(axis.data, found.effect, found_values(axis.data, found))
-    others = {
-        name: option
-        for name, option in option_document(found.effect).items()
-        if isinstance(option, list) and option
-    }
-    rows += [(name, ", ".join(str(part) for part in option), "") for name, option in others.items()]
     width = 3 if any(force for _, _, force in rows) else 2
     return {
         "name": found.name,

@@ -14,6 +14,8 @@ from motorctl.identify.diagnose.report.parameter_text import (
     as_force,
     declared_alone_values,
     force_values,
+    option_document,
+    percent,
     prefixed,
     pretty,
     whole_model_values,
@@ -77,7 +79,7 @@ def error_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
             (f"simulated position{window}", *(told if more else told[:1]), NO_VALUE),
         )
     if more and math.isfinite(error.explained_fraction):
-        share = f"{100.0 * error.explained_fraction:.1f} %"
+        share = percent(error.explained_fraction)
         rows.append(("part of the explainable error explained", NO_VALUE, share, NO_VALUE))
     return tuple(headings), rows
 
@@ -109,6 +111,7 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
     """Return name, value and, where that is known, force of what was found of an effect.
 
     Amplitude and phase stand for sine and cosine, and one line for all coefficients of a spline.
+    Options that are no numbers, such as the side of a stop or the orders of a wave, come last.
     """
     shown = {
         name: value
@@ -123,6 +126,10 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
             name = name.removesuffix("_rad")  # noqa: PLW2901
             told = Value(math.degrees(value.value), math.degrees(value.std_error), "°").told()
         rows.append((name, told, "" if force is None else force.told()))
+    for name, option in option_document(effect).items():
+        parts = option if isinstance(option, list) else ["yes" if option is True else option]
+        if parts and (option is True or isinstance(option, str | list)):
+            rows.append((name, ", ".join(map(str, parts)), ""))
     return _splines_in_one(rows, shown)
 
 

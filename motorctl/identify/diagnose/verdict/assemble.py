@@ -115,7 +115,7 @@ def assemble(
     tested: list[str] = []
     if test is not None:  # it is told, and decides nothing
         error, tested = error_on(test, found, own_error)
-    effects = _effects(found, values, split, error, supports)
+    effects = _effects(found, values, split, own_error, supports)
     sign = sign_of(declared.effects)
     catalogue = found.final.regressors.catalogue
     hidden = untestable(found, sign)
@@ -203,6 +203,7 @@ def _effects(
     error: ModelError,
     supports: Mapping[str, Support],
 ) -> tuple[FoundEffect, ...]:
+    """Tell each effect's part, on rows of the recording that was fitted, as `error` is."""
     shares = own_shares(found, [e.name for e in found.final.added])
     effects = []
     for added in found.final.added:

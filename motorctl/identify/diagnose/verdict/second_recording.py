@@ -42,7 +42,10 @@ def error_on(test: Measured, found: Found, error: ModelError) -> tuple[ModelErro
     unit_left = per_command(found)
     before, command = _rms(found.base, signals, unit_left)
     after, _ = _rms(found.final, signals, unit_left)
-    notes = [f"errors are measured on {test.source}, which no parameter was fitted to"]
+    notes = [
+        f"the errors before and after are those on {test.source}, up to {signals.band_hz:g} Hz; no "
+        "parameter was fitted to it; each effect's evidence is from the fitted recording"
+    ]
     shift = _shift(found.final, signals)
     if shift:
         shifted, _ = _rms(found.final, _shifted(signals, shift), unit_left)
