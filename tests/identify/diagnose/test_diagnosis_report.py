@@ -43,11 +43,10 @@ def test_options_that_are_words_or_lists_are_told_on_terminal_and_page(tmp_path)
     console = Console(width=100, record=True, file=io.StringIO())
     print_diagnosis(console, diagnosis, {})
     told = console.export_text()
-    write_report(tmp_path, diagnosis)
-    page = Page((tmp_path / "index.html").read_text()).text
-    for words in ("side = lower", "orders = 1, 2"):
-        assert words in told
-        assert words.replace(" =", "") in page
+    page = Page(write_report(tmp_path, diagnosis)[0].read_text()).text
+    for name, words in (("side", "lower"), ("orders", "1, 2")):
+        assert f"{name} = {words}" in told
+        assert f"{name} {words}" in page
 
 
 class Page(HTMLParser):
