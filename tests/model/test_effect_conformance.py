@@ -52,7 +52,7 @@ BROKEN = {
         "push_pull", "return abs(u)", "return abs(u) if abs(u) < 300.0 else 1e200 * u * 1e200",
     ),
     "test_kernels_raise_nothing_whatever_they_get": (
-        "push_pull", "return abs(u)", "return abs(u) + 1.0 * int(1 // (u == u))",
+        "brake_zone", "return v * min(", "return v * (1 // int(x != c[0])) * min(",
     ),
     "test_the_slope_is_the_derivative_of_the_column": (
         "iron_knee", "return -2.0 * over", "return 2.0 * over",

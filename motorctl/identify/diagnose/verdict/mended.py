@@ -9,6 +9,7 @@ from motorctl.identify.diagnose.search.declared_shape import turning_over
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
 from motorctl.model import EffectList
+from motorctl.model.effect import option_unit
 from motorctl.model.sign_function import sign_of
 
 ALONE = 0.95
@@ -56,7 +57,7 @@ def mended_terms(
         old, new = effect.options.model_dump(), used[effect.name].options.model_dump()
         different = [key for key in new if new[key] != old[key]]
         told = " and ".join(
-            f"{key} {_told(new[key])} instead of {_told(old[key])}" for key in different
+            f"{key} {_told(key, new[key])} instead of {_told(key, old[key])}" for key in different
         )
         terms.append(
             MendedTerm(
@@ -69,5 +70,5 @@ def mended_terms(
     return tuple(terms)
 
 
-def _told(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+def _told(key: str, value: object) -> str:
+    return f"{value:.4g} {option_unit(key)}" if isinstance(value, float) else str(value)
