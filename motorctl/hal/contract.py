@@ -203,6 +203,8 @@ class Driver(ABC):
     reopens: ClassVar[bool] = True
     """Whether it can be opened anew in the same process; where not, a device that was lost comes
     back with the daemon's next start."""
+    clears_faults: ClassVar[bool] = False
+    """Whether a fault of the device stays until `clear_fault` asks the device to forget it."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 
@@ -263,6 +265,19 @@ class Driver(ABC):
         """Zero and disable every channel; callable at any time, also before `open`.
 
         It never raises.
+        """
+
+    def clear_fault(self, channel: int) -> None:  # noqa: B027 (most devices need no such order)
+        """Let the next writes ask a device to forget its fault, for `motorctl reset`.
+
+        Called while the axis is disabled, from another thread than the ticks', which go on: it may
+        leave a mark for `write`, and no more. Whether it helped is told by AMPLIFIER_FAULT of the
+        reads that follow.
+
+        Parameters
+        ----------
+        channel
+            Which one, in the order of `channels`.
         """
 
     def start_virtual_time(self) -> None:
