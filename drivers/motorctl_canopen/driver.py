@@ -112,7 +112,7 @@ class CanopenDriver(Driver):
             exchange.send_nmt(objects.NMT_START, node.number)
             told = exchange.run(
                 lambda node=node: node.known and node.nmt == objects.OPERATIONAL,  # type: ignore[misc]
-                options.open_timeout_s,
+                options.open_timeout_s + options.heartbeat_s,
             )
             if not told:
                 missing = "sends no statusword with SYNC"

@@ -19,7 +19,10 @@ ROUNDING = 1e-9
 
 
 def traffic(options: CanopenOptions, channels: Sequence[Channel]) -> Traffic:
-    """Return what the bus carries in a period in which a heartbeat is due as well."""
+    """Return what the bus carries in a period.
+
+    One heartbeat is among it: they are rare, and the last ones to get the bus.
+    """
     commands = [Sent(f"command {c.axis}", COMMAND_FRAME.size) for c in channels]
     states = []
     for channel in channels:
@@ -27,7 +30,6 @@ def traffic(options: CanopenOptions, channels: Sequence[Channel]) -> Traffic:
         node = options.nodes.get(channel.axis)
         if node is not None and node.inputs is not None:
             states.append(Sent(f"inputs {channel.axis}", INPUTS_FRAME.size))
-        states.append(Sent(f"heartbeat {channel.axis}", 1))
     commands.append(Sent("heartbeat", 1))
     wire = Wire(options.bitrate)
     sync = Sent("SYNC", 0)

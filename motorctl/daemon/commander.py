@@ -155,11 +155,18 @@ class Commander:
         return self._report.document([axis] if axis else self._names, motions)
 
     async def _reset(self, name: str) -> dict[str, Any]:
-        """Clear a fault; where the driver says that its bus is gone, open it anew before."""
+        """Clear a fault; where the driver says that its bus is gone, open it anew before.
+
+        A device that keeps its own fault is asked to forget it before.
+        """
         answer: dict[str, Any] = {"axis": name, "state": "off"}
         if self._reopening is not None and self._reopening.is_needed(name):
             answer["opened"] = await self._reopening.open_anew(name)
-        if "opened" not in answer or self._state(name) is AxisState.FAULT:
+        elif self._reopening is not None and self._reopening.may_clear(name):
+            if not await self._reopening.clear_fault(name):
+                raise self._refusal(Verb.RESET, name, Reply.STILL_FAULTY)
+            answer["cleared"] = True
+        if not answer.keys() & {"opened", "cleared"} or self._state(name) is AxisState.FAULT:
             if self._before_reset is not None:
                 self._before_reset()
             await self._order(Verb.RESET, name)

@@ -42,8 +42,8 @@ class CanopenRig(Rig):
             "sync": {"wait_s": 2e-3},
             "nodes": nodes,
             "command_at": self.command_at,
-            "watchdog_s": 5.0,
-            "heartbeat_s": 1.0,
+            "watchdog_s": 2.0,
+            "heartbeat_s": 0.3,
             "open_timeout_s": 1.0,
         }
 
@@ -84,6 +84,8 @@ class CanopenRig(Rig):
 
     def vanish(self) -> None:
         self.go_silent()
+        for drive in self.peer.drives:
+            drive.node.nmt.stop_heartbeat()
         off = can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8))
         self.peer.network.bus.send(off)
 
