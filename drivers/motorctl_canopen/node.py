@@ -148,6 +148,9 @@ class Node:
     def status(self, now_s: float) -> int:
         """Return the status word of this period, and let the next one begin."""
         word = 0
+        if self._operated and self.drive != OPERATING:
+            # It was told to go on: whatever state it is in, it has a reason of its own.
+            self._give_up(LEFT_OPERATION)
         if self.missing:
             word |= STALE
         else:
@@ -186,18 +189,17 @@ class Node:
     def _up(self, drive: int) -> int:
         if drive == OPERATING:
             self._operated = True
-        elif self._operated:
-            # It was told to go on: whatever state it is in, it has a reason of its own.
-            self._own_fault = LEFT_OPERATION + drive
-            self._going_off = True
+            return ON_THE_WAY_UP[drive]
+        self._enabling += 1
+        if self._enabling > self._enable_periods:
+            self._give_up(ENABLE_LATE)
             return DISABLE_VOLTAGE
-        else:
-            self._enabling += 1
-            if self._enabling > self._enable_periods:
-                self._own_fault = ENABLE_LATE + drive
-                self._going_off = True
-                return DISABLE_VOLTAGE
         return ON_THE_WAY_UP[drive]
+
+    def _give_up(self, kind: int) -> None:
+        """Fault the drive for the state that it is in, and switch it off."""
+        self._own_fault = kind + self.drive
+        self._operated, self._enabling, self._going_off = False, 0, True
 
     def _down(self, drive: int, enable: bool) -> int:
         if self._operated or self._enabling:
