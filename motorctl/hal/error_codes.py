@@ -96,6 +96,11 @@ def error_bits(code: int) -> int:
     ----------
     code
         The code; 0 where there is none.
+
+    Returns
+    -------
+    int
+        Bits within `CODE_MASK`, to be joined with those of `Status`.
     """
     return (code & 0xFFFF) << CODE_SHIFT
 
@@ -107,6 +112,11 @@ def error_code(status: int) -> int:
     ----------
     status
         Bits of `Status`, with those of `error_bits`.
+
+    Returns
+    -------
+    int
+        The code, 16 bits.
     """
     return (status & CODE_MASK) >> CODE_SHIFT
 
@@ -118,6 +128,11 @@ def error_words(code: int) -> str:
     ----------
     code
         Of `error_code`, not 0.
+
+    Returns
+    -------
+    str
+        The code in hexadecimal with what it is about; or what is wrong with the drive's state.
 
     Examples
     --------
