@@ -32,6 +32,7 @@ CLEARING_S = 0.5
 """How long the bit that resets a fault is held at most."""
 
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
+UNPOWERED = int(Status.UNPOWERED)
 LOST = int(Status.COMMUNICATION_LOST)
 AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
 RESTARTED = int(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
@@ -155,6 +156,8 @@ class Node:
             word |= STALE
         else:
             self.shown = self.position
+        if self.drive != OPERATING:
+            word |= UNPOWERED
         if self.refused:
             word |= CORRUPT
             self.refused = False

@@ -77,7 +77,13 @@ class Status(IntFlag):
     DEVICE_RESTARTED = 1 << 11
     """The device began anew, or was silent for so long that it may have: its count and its enables
     are not what they were. With ENCODER_LOST. It stays until the driver is opened again."""
+    UNPOWERED = 1 << 28
+    """The amplifier gives no force whatever the volts: it is off, or still on its way to be on. No
+    fault. Of devices that take time to be enabled: an axis that is started waits with its law until
+    it is gone; how long that may last is the driver's to say, by AMPLIFIER_FAULT."""
 
+
+# Bits 12 to 27 hold the error code of an amplifier that has one: `error_bits`.
 
 FAULT_BITS = Status.ENCODER_LOST | Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST | Status.ESTOP
 

@@ -236,3 +236,12 @@ def test_inverted_inputs_are_pressed_where_the_drive_tells_0():
         bench.drive.inputs = 1 << 3
         bench.periods(2)
         assert bench.status == 0
+
+
+def test_a_drive_tells_that_it_gives_no_torque_until_it_is_enabled():
+    with opened() as bench:
+        assert bench.inputs.status[0] & Status.UNPOWERED
+        bench.enable(1.0)
+        assert not bench.inputs.status[0] & Status.UNPOWERED
+        bench.ask(0.0, 0)
+        bench.until(lambda: bool(bench.inputs.status[0] & Status.UNPOWERED))
