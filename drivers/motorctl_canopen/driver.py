@@ -84,7 +84,6 @@ class CanopenDriver(Driver):
             for channel in self.channels
         ]
         self._exchange = Exchange(options, self._nodes, self.period_s)
-        self._common = 0
 
     def open(self) -> None:
         """Set up every drive, start it, and wait until it tells its state.

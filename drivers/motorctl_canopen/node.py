@@ -212,9 +212,9 @@ class Node:
             self._own_fault = 0
         if self._going_off and drive in (NOT_READY, OFF, FAULT, FAULT_REACTION):
             self._going_off = False
-        if self._clearing and drive == FAULT and not enable:
+        if self._clearing and drive in (FAULT, FAULT_REACTION) and not enable:
             self._clearing -= 1
-            return FAULT_RESET
+            return FAULT_RESET if drive == FAULT else DISABLE_VOLTAGE
         self._clearing = 0
         return DISABLE_VOLTAGE if self._going_off or enable else AT_REST[drive]
 

@@ -168,7 +168,9 @@ class Opening:
             return
         code = node.error_code or self._error_code()
         node.clear_fault()
-        if not self._exchange.run(lambda: node.drive != FAULT, self._options.open_timeout_s):
+        if not self._exchange.run(
+            lambda: node.drive not in (FAULT, FAULT_REACTION), self._options.open_timeout_s
+        ):
             raise RunError(
                 f"{self.where}: it is in Fault and cannot be reset: {_code_words(code)}; clear the "
                 "cause at the drive"

@@ -72,11 +72,20 @@ def _set_up(node: canopen.RemoteNode) -> None:
 
 
 def _enable(node: canopen.RemoteNode, torque: int) -> None:
-    for word in (0x80, 0x06, 0x07, 0x0F):
+    for word, state in (
+        (0x00, None),
+        (0x80, "SWITCH ON DISABLED"),
+        (0x06, "READY TO SWITCH ON"),
+        (0x07, "SWITCHED ON"),
+        (0x0F, "OPERATION ENABLED"),
+    ):
         node.rpdo[1]["Controlword"].raw = word
         node.rpdo[1]["Target torque"].raw = torque
         node.rpdo[1].transmit()
-        time.sleep(0.03)
+        if state is None:
+            time.sleep(0.03)
+        else:
+            until(lambda state=state: _state(node) == state)
 
 
 def _state(node: canopen.RemoteNode) -> str:
@@ -93,9 +102,10 @@ def test_torque_moves_the_axis_in_operation_enabled(tmp_path: Path, channel: str
     with running(tmp_path, _data(channel)) as device, _master(channel) as node:
         assert node.sdo["Device type"].raw & 0xFFFF == 402
         _set_up(node)
+        until(lambda: _state(node) == "SWITCH ON DISABLED")
+        first = node.tpdo[1]["Position"].raw
         _enable(node, 300)
-        until(lambda: _state(node) == "OPERATION ENABLED")
-        until(lambda: node.tpdo[1]["Position"].raw > COUNTS)
+        until(lambda: node.tpdo[1]["Position"].raw > first + COUNTS)
         assert device.machine.volts[0] == pytest.approx(3.0)
         assert device.machine.enabled == [True, False]
 
@@ -106,13 +116,12 @@ def test_without_the_hosts_heartbeat_a_drive_goes_into_fault_and_tells_why(
     with running(tmp_path, _data(channel)) as device, _master(channel) as node:
         node.sdo["Consumer heartbeat"][1].raw = HOST << 16 | 100
         _set_up(node)
-        node.network.send_message(0x700 + HOST, b"\5")
         _enable(node, 0)
+        node.network.send_message(0x700 + HOST, b"\5")
         until(lambda: _told(node) == 0x8130)
         until(lambda: _state(node) == "FAULT")
         until(lambda: not device.machine.enabled[0])
-        _enable(node, 0)  # its first word resets the fault
-        until(lambda: _state(node) == "OPERATION ENABLED")
+        _enable(node, 0)  # its second word resets the fault
 
 
 def test_a_drive_without_commands_goes_into_fault_by_itself(tmp_path: Path, channel: str):

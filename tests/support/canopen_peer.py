@@ -39,10 +39,17 @@ class Drive:
         """SDO aborts to order, by index and value (of a mapping) or subindex."""
         self.state = "SWITCH ON DISABLED"
         self.stays_faulty = False
+        self.reaction_periods = 3
+        """How many controlwords long a fault reaction lasts."""
         self.stuck_in: str | None = None
         """It does not go on from this state."""
         self.position, self.torque, self.inputs = 0, 0, 0
         self.controlwords: deque[int] = deque(maxlen=200)
+        self.asked: deque[tuple[int, int]] = deque(maxlen=200)
+        """Controlword and torque of the command frames."""
+        self.tells_late = 0
+        """So many SYNCs later its statusword shows a new state."""
+        self._states: deque[str] = deque(maxlen=16)
         self.silent = False
         self.faults: deque[np.random.Generator | None] = deque()
         """What becomes of the next samples: None is lost, a generator damages."""
@@ -132,6 +139,7 @@ class Drive:
             return
         values = {variable.index: variable.raw for variable in pdo.map}
         self._pending = None
+        self.asked.append((values[0x6040], values[0x6071]))
         self.obey(values[0x6040])
         self.torque = values[0x6071] if self.enabled else 0
 
@@ -141,12 +149,14 @@ class Drive:
         for pdo in self.node.rpdo.values():
             if pdo.enabled and pdo.trans_type == 1:
                 self._apply(pdo)
+        self._states.append(self.state)
         if self.silent:
             return
         fault = self.faults.popleft() if self.faults else False
         if fault is None:
             return
-        values = {0x6041: STATUSWORD[self.state] | 0x200, 0x6064: self.position}
+        told = self._states[max(0, len(self._states) - 1 - self.tells_late)]
+        values = {0x6041: STATUSWORD[told] | 0x200, 0x6064: self.position}
         values[0x60FD] = self.inputs
         for pdo in self.node.tpdo.values():
             if not pdo.enabled or pdo.trans_type != 1:
@@ -164,6 +174,11 @@ class Drive:
         """Take a controlword, by the bits of CiA 402's table of commands."""
         self.controlwords.append(word)
         rising = word & ~self._controlword
+        if self.state == "FAULT REACTION ACTIVE":
+            self.reaction_periods -= 1
+            if self.reaction_periods <= 0:
+                self.state = "FAULT"
+            return
         self._controlword = word
         state = self.state
         if state == "FAULT":

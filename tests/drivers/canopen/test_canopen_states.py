@@ -29,7 +29,11 @@ def test_enabling_goes_through_every_state_and_torque_acts_only_in_the_last():
     with opened() as bench:
         bench.until(lambda: bench.drive.state == "READY TO SWITCH ON")
         bench.drive.controlwords.clear()
+        bench.drive.asked.clear()
         bench.enable(2.5)
+        before = [torque for word, torque in bench.drive.asked if word != 0x0F]
+        assert before == [0] * len(before)
+        assert next(torque for word, torque in bench.drive.asked if word == 0x0F) == 0
         words = list(bench.drive.controlwords)
         assert sorted(set(words)) == [0x06, 0x07, 0x0F]
         assert words == sorted(words)
@@ -57,12 +61,13 @@ def test_disabling_takes_the_voltage_at_once():
 
 def test_a_drive_that_is_disabled_and_enabled_again_at_once_is_no_fault():
     with opened() as bench:
+        bench.drive.tells_late = 2
         for gap in range(1, 6):
             bench.enable(1.0)
             bench.ask(1.0, 0)
             bench.periods(gap)
             bench.ask(1.0, 1)
-            for _ in range(20):
+            for _ in range(30):
                 bench.period()
                 assert not bench.status & FAULT
             assert bench.drive.enabled
@@ -94,6 +99,15 @@ def test_a_fault_stays_until_it_is_cleared_and_then_the_drive_can_be_enabled_aga
         assert bench.code == 0
         assert bench.drive.controlwords.count(0x80) >= 1
         bench.enable(1.0)
+
+
+def test_a_fault_whose_reaction_is_under_way_is_reset_after_it():
+    with opened() as bench:
+        bench.drive.state = "FAULT REACTION ACTIVE"
+        bench.period()
+        assert bench.status & FAULT
+        bench.driver.clear_fault(0)
+        bench.until(lambda: bench.drive.state == "READY TO SWITCH ON")
 
 
 def test_a_fault_whose_cause_lasts_stays():
