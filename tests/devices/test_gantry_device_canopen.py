@@ -41,7 +41,7 @@ def _data(channel: str, **changes: Any) -> dict[str, Any]:
 
 @contextmanager
 def _master(channel: str) -> Iterator[canopen.RemoteNode]:
-    """Give node 1, as the package's master sees it, on a network that sends SYNC."""
+    """Yield node 1, as the package's master sees it, on a network that sends SYNC."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.02
     real_time.begins()
