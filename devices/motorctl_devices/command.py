@@ -37,7 +37,7 @@ def gantry_device(
         ),
     ] = False,
 ) -> None:
-    """Serve the simulated gantry over CAN, serial or Modbus, with faults to order.
+    """Serve the simulated gantry over a bus, with faults to order.
 
     One line tells the endpoint when it is ready; SIGTERM or Ctrl-C ends it.
 

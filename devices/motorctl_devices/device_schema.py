@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from motorctl_devices.canopen_shape import CanopenShape
 from motorctl_devices.modbus_layout import ModbusShape
 from motorctl_devices.orders import FaultOrder, Settings
 from motorctl_devices.serial_box import SerialShape
@@ -29,13 +30,15 @@ class ServeShape(Settings):
 
     can: dict[str, Any] | None = None
     """As it stands in the file: `load` checks it, with libraries that no other bus needs."""
+    canopen: CanopenShape | None = None
     serial: SerialShape | None = None
     modbus: ModbusShape | None = None
 
     @model_validator(mode="after")
     def _one_bus(self) -> Self:
-        if sum(part is not None for part in (self.can, self.serial, self.modbus)) != 1:
-            raise ValueError("give one of can, serial and modbus")
+        parts = (self.can, self.canopen, self.serial, self.modbus)
+        if sum(part is not None for part in parts) != 1:
+            raise ValueError("give one of can, canopen, serial and modbus")
         return self
 
 

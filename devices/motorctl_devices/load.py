@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from motorctl.errors import Problem, UsageError
 from motorctl.hal import Channel, driver_class
 from motorctl.located_yaml import Document, read_document
 from motorctl_devices import modbus_layout
+from motorctl_devices.canopen_shape import CanopenShape
 from motorctl_devices.device import Device
 from motorctl_devices.device_schema import DeviceShape, ServeShape
 from motorctl_devices.endpoint import Endpoint
@@ -24,7 +26,7 @@ from motorctl_devices.serial_box import SerialBox, SerialShape, Traits
 if TYPE_CHECKING:  # its libraries are an extra, which a device on another bus does without
     from motorctl_devices.can_device import CanDevice
 
-CAN = ("serve", "can")
+CAN, CANOPEN = ("serve", "can"), ("serve", "canopen")
 SHIPPED = Path(__file__).parent / "shipped"
 """Device files that a user may call by their bare names."""
 
@@ -56,6 +58,7 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     shape, problems = validate(document, (), DeviceShape, document.data)
     can, refused = _read_can(document)
     problems += refused
+    problems += _missing_library(document)
     sim = driver_class("sim")
     gantry = document.data.get("gantry", {})
     options = None
@@ -88,6 +91,8 @@ def load_device(path: Path, link: Path | None = None) -> Device:
     endpoint: Endpoint[Any]
     if can is not None:
         endpoint = can.node(machine, schedule, shape.rate_hz, link)
+    elif serve.canopen is not None:
+        endpoint = _canopen(serve.canopen, machine, schedule)
     elif serve.serial is not None:
         endpoint = SerialBox(machine, schedule.faults, _traits(shape, serve.serial), link)
     else:
@@ -111,6 +116,13 @@ def _read_can(document: Document) -> tuple[CanDevice | None, list[Problem]]:
     return None if shape is None else CanDevice(shape), problems
 
 
+def _missing_library(document: Document) -> list[Problem]:
+    if document.at(CANOPEN) is not None and importlib.util.find_spec("can") is None:
+        message = "module 'can' is missing; pip install 'motorctl[canopen]'"
+        return [document.problem(CANOPEN, message)]
+    return []
+
+
 def _check_channels(document: Document, shape: DeviceShape) -> list[Problem]:
     """Find what does not fit between channels, faults and bus; CAN looks at its own frames."""
     problems: list[Problem] = []
@@ -128,6 +140,15 @@ def _check_channels(document: Document, shape: DeviceShape) -> list[Problem]:
     if shape.serve.modbus is not None:
         for where, message in modbus_layout.problems(shape.serve.modbus, bits):
             add(message, "serve", "modbus", *where)
+    elif shape.serve.canopen is not None:
+        nodes = [drive.node for drive in shape.serve.canopen.nodes]
+        if len(nodes) != len(bits) or len(set(nodes)) < len(nodes):
+            message = (
+                f"found the nodes {nodes}: one for each of the {len(bits)} channels, all other"
+            )
+            add(message, "serve", "canopen", "nodes")
+        if set(bits) != {32}:
+            add("a drive of CiA 402 tells its position with 32 bits", "channels")
     elif shape.serve.serial is not None and (len(set(bits)) > 1 or max(bits) > 32):
         message = "the serial box tells one width for all counters, of at most 32 bits"
         add(message, "channels")
@@ -182,6 +203,16 @@ def _traits(shape: DeviceShape, serial: SerialShape) -> Traits:
         serial.max_rate_hz or min(65535, int(shape.rate_hz)),
         int(serial.longest_watchdog_s * 1000),
     )
+
+
+def _canopen(shape: CanopenShape, machine: Machine, schedule: Schedule) -> Endpoint[Any]:
+    from motorctl_devices.can_bus import LibraryBus
+    from motorctl_devices.canopen_node import CanopenDrives
+
+    multicast = shape.interface == "udp_multicast"
+    settings: dict[str, Any] = {"port": shape.port, "hop_limit": 0} if multicast else {}
+    bus = LibraryBus(shape.interface, shape.channel, **settings)
+    return CanopenDrives(machine, schedule.faults, bus, shape.nodes)
 
 
 def _modbus(

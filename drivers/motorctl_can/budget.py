@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motorctl.hal import RateBudget
+from motorctl_can.bus import BusOptions
 from motorctl_can.layout import Layout
 from motorctl_can.options import CanOptions
 
@@ -51,6 +52,39 @@ class Wire:
         return nominal / self.bitrate + data / (self.data_bitrate or self.bitrate)
 
 
+@dataclass(frozen=True)
+class Sent:
+    """A frame of a period."""
+
+    name: str
+    length: int
+    extended: bool = False
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What a bus carries in a period."""
+
+    options: BusOptions
+    wire: Wire
+    commands: tuple[Sent, ...]
+    states: tuple[Sent, ...]
+    sync: Sent | None = None
+    wait_s: float = 0.0
+    """How long a read may wait for the answers to SYNC."""
+
+
+def traffic(options: CanOptions, layout: Layout) -> Traffic:
+    """Return what a bus with this layout carries in a period."""
+    commands = tuple(Sent(f.name, f.length, f.extended) for f in layout.commands)
+    states = tuple(Sent(f.name, f.length, f.extended) for f in layout.states)
+    wire = Wire(options.bitrate, options.fd, options.data_bitrate)
+    if options.sync is None:
+        return Traffic(options, wire, commands, states)
+    sync = Sent("SYNC", 0, options.sync.extended)
+    return Traffic(options, wire, commands, states, sync, options.sync.wait_s)
+
+
 def classic_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
     """Count the bits of a classic frame, with the most stuff bits or with none."""
     open_to_stuffing = CLASSIC_STUFFED[extended] + 8 * length
@@ -72,55 +106,46 @@ def slcan_characters(length: int, extended: bool = False) -> int:
     return (1 + 8 if extended else 1 + 3) + 1 + 2 * length + 1
 
 
-def answer_s(options: CanOptions, layout: Layout) -> float:
+def answer_s(traffic: Traffic) -> float:
     """Return the longest time that SYNC and all answers take on the bus [s]."""
-    wire = _wire(options)
-    total = sum(wire.frame_s(f.length, f.extended) for f in layout.states)
-    return total + (wire.frame_s(0, options.sync.extended) if options.sync else 0.0)
+    frames = [*traffic.states, *([traffic.sync] if traffic.sync else [])]
+    return sum(traffic.wire.frame_s(f.length, f.extended) for f in frames)
 
 
-def rate_budget(options: CanOptions, layout: Layout) -> RateBudget:
+def rate_budget(traffic: Traffic) -> RateBudget:
     """Compute the highest rate at which all frames of a period fit."""
-    if options.interface in HOST_COST_S:
-        budget = _host_budget(options, layout)
+    if traffic.options.interface in HOST_COST_S:
+        budget = _host_budget(traffic)
     else:
-        budget = _bus_budget(options, layout)
-        if options.interface == "slcan":
-            line = _line_budget(options, layout)
+        budget = _bus_budget(traffic)
+        if traffic.options.interface == "slcan":
+            line = _line_budget(traffic)
             lower = line if line.max_rate_hz < budget.max_rate_hz else budget
             both = f"{budget.arithmetic}; {line.arithmetic}"
             budget = RateBudget(lower.max_rate_hz, both)
-    if options.sync is None:
+    if traffic.sync is None:
         return budget
-    rate = SHARE_OF_BUS / options.sync.wait_s
+    rate = SHARE_OF_BUS / traffic.wait_s
     if rate >= budget.max_rate_hz:
         return budget
     text = (
-        f"a read may wait sync.wait_s = {options.sync.wait_s * 1e6:g} us for answers, and that at "
+        f"a read may wait sync.wait_s = {traffic.wait_s * 1e6:g} us for answers, and that at "
         f"most {SHARE_OF_BUS:.0%} of a period: at most {rate:.0f} Hz; {budget.arithmetic}"
     )
     return RateBudget(rate, text)
 
 
-def _wire(options: CanOptions) -> Wire:
-    return Wire(options.bitrate, options.fd, options.data_bitrate)
-
-
-def _bus_budget(options: CanOptions, layout: Layout) -> RateBudget:
-    wire = _wire(options)
+def _bus_budget(traffic: Traffic) -> RateBudget:
+    wire = traffic.wire
     parts, total_s = [], 0.0
-    if options.sync is not None:
-        time_s = wire.frame_s(0, options.sync.extended)
-        parts.append(f"SYNC (0 B) {time_s * 1e6:.1f} us")
-        total_s += time_s
-    for frame in layout.frames:
+    for frame in _frames(traffic):
         time_s = wire.frame_s(frame.length, frame.extended)
         parts.append(f"{frame.name} ({frame.length} B) {time_s * 1e6:.1f} us")
         total_s += time_s
     rate = SHARE_OF_BUS / total_s
-    kind = f"CAN{' FD' if options.fd else ''} at {options.bitrate / 1e6:g}"
-    if options.fd and options.data_bitrate:
-        kind += f"/{options.data_bitrate / 1e6:g}"
+    kind = f"CAN{' FD' if wire.fd else ''} at {wire.bitrate / 1e6:g}"
+    if wire.fd and wire.data_bitrate:
+        kind += f"/{wire.data_bitrate / 1e6:g}"
     text = (
         f"{kind} Mbit/s, worst-case stuffing: {' + '.join(parts)} = {total_s * 1e6:.1f} us a "
         f"period, and may take {SHARE_OF_BUS:.0%} of one ({WHY_SHARE}): at most {rate:.0f} Hz; a "
@@ -129,19 +154,20 @@ def _bus_budget(options: CanOptions, layout: Layout) -> RateBudget:
     return RateBudget(rate, text)
 
 
-def _line_budget(options: CanOptions, layout: Layout) -> RateBudget:
-    out = [slcan_characters(f.length, f.extended) for f in layout.commands]
-    if options.sync is not None:
-        out.append(slcan_characters(0, options.sync.extended))
+def _line_budget(traffic: Traffic) -> RateBudget:
+    options = traffic.options
+    out = [slcan_characters(f.length, f.extended) for f in traffic.commands]
+    if traffic.sync is not None:
+        out.append(slcan_characters(0, traffic.sync.extended))
     sent = sum(out)
-    received = sum(slcan_characters(f.length, f.extended) for f in layout.states)
+    received = sum(slcan_characters(f.length, f.extended) for f in traffic.states)
     received += ANSWER_CHARACTERS * len(out)
     total_s = max(sent, received) * BITS_A_CHARACTER / options.tty_baudrate
     text = (
         f"slcan writes {sent} characters a period and gets {received}, of 10 bits at "
         f"{options.tty_baudrate} baud: {total_s * 1e6:.0f} us"
     )
-    if options.sync is not None:
+    if traffic.sync is not None:
         usb = any(word in options.channel.lower() for word in USB_WORDS)
         pause_s = USB_TURNAROUND_S if usb else ADAPTER_TURNAROUND_S
         total_s += pause_s
@@ -154,13 +180,19 @@ def _line_budget(options: CanOptions, layout: Layout) -> RateBudget:
     return RateBudget(rate, text)
 
 
-def _host_budget(options: CanOptions, layout: Layout) -> RateBudget:
-    frames = len(layout.frames) + (options.sync is not None)
-    cost_s = HOST_COST_S[options.interface]
+def _host_budget(traffic: Traffic) -> RateBudget:
+    interface = traffic.options.interface
+    frames = len(_frames(traffic))
+    cost_s = HOST_COST_S[interface]
     rate = SHARE_OF_HOST / (frames * cost_s)
     text = (
-        f"no bus ({options.interface}); the host itself takes about {cost_s * 1e6:.0f} us a frame "
+        f"no bus ({interface}); the host itself takes about {cost_s * 1e6:.0f} us a frame "
         f"x {frames} frames = {frames * cost_s * 1e6:.0f} us a period, and may take "
         f"{SHARE_OF_HOST:.0%} of one: at most {rate:.0f} Hz"
     )
     return RateBudget(rate, text)
+
+
+def _frames(traffic: Traffic) -> list[Sent]:
+    sync = [traffic.sync] if traffic.sync else []
+    return [*sync, *traffic.commands, *traffic.states]

@@ -22,15 +22,15 @@ from motorctl.hal import (
     RunError,
     Status,
     kernels_cached,
-    serial_line,
     specialise,
 )
 from motorctl_can import budget, fits
+from motorctl_can.bus import link_settings
 from motorctl_can.checks import missing_from_layout
 from motorctl_can.codec_records import channels_of, frames_of, signals_of
 from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
-from motorctl_can.options import CanOptions, link_settings
+from motorctl_can.options import CanOptions
 
 with kernels_cached():
     from motorctl_can import kernels
@@ -59,11 +59,7 @@ class CanDriver(Driver):
         self._can = options
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
-        self.medium = f"CAN {options.interface} channel '{options.channel}'"
-        if options.interface == "udp_multicast":
-            self.medium += f" port {options.port}"
-        elif options.interface == "slcan":
-            self.medium = serial_line(options.channel.partition("@")[0])
+        self.medium = options.medium
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
@@ -78,7 +74,7 @@ class CanDriver(Driver):
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate that bus and layout carry; docs/drivers/can.md has the arithmetic."""
-        return budget.rate_budget(self._can, self._layout)
+        return budget.rate_budget(budget.traffic(self._can, self._layout))
 
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
         """Tell where layout, axes and period do not fit together."""
@@ -92,7 +88,8 @@ class CanDriver(Driver):
         """Tell the SocketCAN interface, and the bit rates that it has to have."""
         if self._can.interface != "socketcan":
             return ()
-        return (NetworkInterface(self._can.channel, link_settings(self._can)),)
+        settings = link_settings(self._can, self._can.fd, self._can.data_bitrate)
+        return (NetworkInterface(self._can.channel, settings),)
 
     def prepare(self) -> None:
         """Make tables and messages, and compile the codec or take it from the cache."""
@@ -156,12 +153,17 @@ class CanDriver(Driver):
         self.prepare()
         self._claim = self._claimed()
         try:
-            self._link = Link(self._can, self._layout)
+            self._link = self._linked()
             self.safe()
             self._await_device(self._link)
         except BaseException:
             self.close()
             raise
+
+    def _linked(self) -> Link:
+        wanted = [(frame.identifier, frame.extended) for frame in self._layout.states]
+        options = self._can
+        return Link(options, wanted, fd=options.fd, data_bitrate=options.data_bitrate)
 
     def _await_device(self, link: Link) -> None:
         deadline = time.monotonic() + self._can.open_timeout_s
@@ -283,7 +285,7 @@ class CanDriver(Driver):
             # What another program drives is not this one's to make safe.
             claim = None if self._claim else self._claimed()
             try:
-                link = Link(self._can, self._layout)
+                link = self._linked()
                 try:
                     self._send_off(link)
                 finally:

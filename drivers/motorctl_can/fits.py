@@ -83,7 +83,7 @@ def _impatient(options: CanOptions) -> Iterator[Problem]:
     sync = options.sync
     if sync is None or options.interface in budget.HOST_COST_S:
         return
-    least_s = budget.answer_s(options, options.layout)
+    least_s = budget.answer_s(budget.traffic(options, options.layout))
     if sync.wait_s < least_s:
         text = (
             f"found {sync.wait_s * 1e6:g} us, but SYNC and its answers take up to "

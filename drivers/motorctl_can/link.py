@@ -7,14 +7,14 @@ import fcntl
 import os
 import select
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import can
 
 from motorctl.hal import RunError, Status
-from motorctl_can.layout import Frame, Layout
-from motorctl_can.options import CanOptions
+from motorctl_can.bus import BusOptions
 
 GONE = int(Status.BUS_OFF | Status.COMMUNICATION_LOST)
 NOT_SENT = int(Status.COMMUNICATION_LOST)
@@ -24,6 +24,9 @@ GARBAGE = UNSENT = int(Status.CORRUPT)
 ERROR_BUS_OFF = 0x40
 ERROR_RESTARTED = 0x100
 FULL = (None, errno.ENOBUFS, errno.EAGAIN)
+Wanted = tuple[int, bool]
+"""A frame that is received: its identifier, and whether it has 29 bits."""
+
 # Longer than any line of slcan: 29-bit identifier and 64 bytes
 NOISE_CHARACTERS = 200
 
@@ -35,13 +38,23 @@ class Link:
     `passing` until a read has told it. The driver clears both.
     """
 
-    def __init__(self, options: CanOptions, layout: Layout) -> None:
-        """Open the bus. Raises RunError, naming interface and channel."""
+    def __init__(
+        self,
+        options: BusOptions,
+        wanted: Iterable[Wanted],
+        *,
+        fd: bool = False,
+        data_bitrate: int | None = None,
+    ) -> None:
+        """Open the bus. Raises RunError, naming interface and channel.
+
+        Where the kernel can, it drops frames that are not wanted; other buses give everything.
+        """
         where = f"{options.interface} channel '{options.channel}'"
         self._claim = -1
         try:
             self._claim = _claimed(options)
-            self._bus = _open(options, layout)
+            self._bus = _open(options, wanted, fd, data_bitrate)
         except Exception as error:  # backends raise errors of their own kinds
             self._release_claim()
             hint = _hint(options, error)
@@ -199,7 +212,7 @@ class _Lines:
         return True
 
 
-def _claimed(options: CanOptions) -> int:
+def _claimed(options: BusOptions) -> int:
     """Take a serial port for this program alone, which python-can does not; -1 without one.
 
     Raises OSError. A second program would take the first one's frames, and close its channel.
@@ -216,19 +229,21 @@ def _claimed(options: CanOptions) -> int:
     return claim
 
 
-def _open(options: CanOptions, layout: Layout) -> can.BusABC:
+def _open(
+    options: BusOptions, wanted: Iterable[Wanted], fd: bool, data_bitrate: int | None
+) -> can.BusABC:
     common: dict[str, Any] = {"interface": options.interface, "channel": options.channel}
     if options.interface == "socketcan":
-        filters = [_filter(frame) for frame in layout.states]
-        return can.Bus(**common, fd=options.fd, can_filters=filters, ignore_config=True)
+        filters = [_filter(*frame) for frame in wanted]
+        return can.Bus(**common, fd=fd, can_filters=filters, ignore_config=True)
     # Without a kernel's help python-can filters in recv, which then gives up at the first frame
     # that does not match though others wait behind it; so these give everything.
     if options.interface == "udp_multicast":
         # never further than this machine: not every frame out of its network card
-        return can.Bus(**common, fd=options.fd, port=options.port, hop_limit=0, ignore_config=True)
+        return can.Bus(**common, fd=fd, port=options.port, hop_limit=0, ignore_config=True)
     if options.interface == "virtual":
         return can.Bus(**common, ignore_config=True)
-    rate = None if options.fd else options.bitrate
+    rate = None if fd else options.bitrate
     bus: Any = can.Bus(
         **common,
         bitrate=rate,
@@ -237,9 +252,9 @@ def _open(options: CanOptions, layout: Layout) -> can.BusABC:
         timeout=0,
         ignore_config=True,
     )
-    if options.fd:
+    if fd:
         try:
-            bus.set_bitrate(options.bitrate, options.data_bitrate)
+            bus.set_bitrate(options.bitrate, data_bitrate)
         except Exception:
             bus.shutdown()
             raise
@@ -247,9 +262,9 @@ def _open(options: CanOptions, layout: Layout) -> can.BusABC:
     return opened
 
 
-def _filter(frame: Frame) -> Any:
-    mask = 0x1FFFFFFF if frame.extended else 0x7FF
-    return {"can_id": frame.identifier, "can_mask": mask, "extended": frame.extended}
+def _filter(identifier: int, extended: bool) -> Any:
+    mask = 0x1FFFFFFF if extended else 0x7FF
+    return {"can_id": identifier, "can_mask": mask, "extended": extended}
 
 
 def _poller(bus: can.BusABC) -> tuple[select.poll | None, int]:
@@ -271,7 +286,7 @@ def _said(error: Exception) -> str:
     return f"{text} ({cause})" if isinstance(cause, OSError) and str(cause) not in text else text
 
 
-def _hint(options: CanOptions, error: Exception) -> str:
+def _hint(options: BusOptions, error: Exception) -> str:
     if options.interface == "socketcan":
         return (
             f"; is it there and up? ip link set {options.channel} up type can bitrate "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -12,20 +10,16 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from motorctl.hal import DriverOptions
+from motorctl_can.bus import BusOptions, refuse
 from motorctl_can.checks import Wrong, wrong_in_layout, wrong_sync, wrong_watchdog
 from motorctl_can.dbc import DbcSignals, layout_of_dbc
 from motorctl_can.layout import Frame, Key, Layout, Means, Place, Signal
 
-RESTART_MS = 100
-SLCAN_BITRATES = (10000, 20000, 50000, 83300, 100000, 125000, 250000, 500000, 750000, 1000000)
 SLCAN_DATA_BITRATES = (2000000, 5000000)
 ALL = "all"
 
@@ -69,12 +63,9 @@ class FrameOptions(_Part):
     signals: dict[str, SignalOptions]
 
 
-class CanOptions(DriverOptions):
+class CanOptions(BusOptions):
     """A bus, and what its frames mean; docs/drivers/can.md has complete examples."""
 
-    interface: Literal["socketcan", "virtual", "udp_multicast", "slcan"]
-    channel: str = Field(min_length=1)
-    bitrate: int = Field(default=1000000, ge=5000, le=1000000)
     fd: bool = False
     data_bitrate: int | None = Field(default=None, ge=5000, le=12000000)
     frames: dict[str, FrameOptions] | None = None
@@ -85,9 +76,6 @@ class CanOptions(DriverOptions):
     max_age_s: Seconds | None = None
     max_frames_per_read: int = Field(default=64, ge=1, le=10000)
     open_timeout_s: float = Field(default=1.0, gt=0, le=60, allow_inf_nan=False)
-    port: int = Field(default=43113, ge=1, le=65535)
-    tty_baudrate: int = Field(default=115200, ge=1200, le=20000000)
-    settle_s: float = Field(default=0.0, ge=0, le=10, allow_inf_nan=False)
 
     _layout: Layout = PrivateAttr()
 
@@ -109,7 +97,7 @@ class CanOptions(DriverOptions):
             wrong += wrong_watchdog(layout, self.watchdog_s)
         if self.sync is not None:
             wrong += wrong_sync(layout, self.sync.id, self.sync.extended)
-        _refuse(wrong)
+        refuse(wrong, "CanOptions")
         self._layout = layout
         return self
 
@@ -127,7 +115,7 @@ class CanOptions(DriverOptions):
         return Layout(()), []
 
     def _wrong_keys(self) -> list[Wrong]:
-        wrong: list[Wrong] = []
+        wrong = list(self.wrong_in_bus())
 
         def add(key: Key, found: Any, message: str) -> None:
             wrong.append(Wrong(key, found, message))
@@ -144,16 +132,10 @@ class CanOptions(DriverOptions):
                 add(("data_bitrate",), self.data_bitrate, "needs fd: true")
             elif self.data_bitrate < self.bitrate:
                 add(("data_bitrate",), self.data_bitrate, f"is below the bitrate {self.bitrate}")
-        if self.interface == "slcan":
-            if self.bitrate not in SLCAN_BITRATES:
-                known = ", ".join(map(str, SLCAN_BITRATES))
-                add(("bitrate",), self.bitrate, f"is none of slcan's: {known}")
-            if self.fd and self.data_bitrate not in SLCAN_DATA_BITRATES:
-                known = " or ".join(map(str, SLCAN_DATA_BITRATES))
-                add(("data_bitrate",), self.data_bitrate, f"should be {known} with slcan")
-        if self.interface == "udp_multicast" and not _is_multicast(self.channel):
-            text = "should be the address of a multicast group, such as 239.74.163.2"
-            add(("channel",), self.channel, text)
+        slcan_fd = self.interface == "slcan" and self.fd
+        if slcan_fd and self.data_bitrate not in SLCAN_DATA_BITRATES:
+            known = " or ".join(map(str, SLCAN_DATA_BITRATES))
+            add(("data_bitrate",), self.data_bitrate, f"should be {known} with slcan")
         for name, given in (("frames", self.frames), ("signals", self.signals)):
             if given is not None and not given:
                 add((name,), {}, "should not be empty")
@@ -181,37 +163,3 @@ def _frame_of(name: str, given: FrameOptions) -> Frame:
     )
     command = given.direction == "command"
     return Frame(key, name, given.id, given.extended, command, given.length, signals)
-
-
-def _is_multicast(text: str) -> bool:
-    try:
-        return ip_address(text).is_multicast
-    except ValueError:
-        return False
-
-
-def link_settings(options: CanOptions) -> str:
-    """Return what `ip link set ... up` takes besides, for the bit rates of the options.
-
-    A controller that went bus-off restarts by itself.
-    """
-    if options.channel.startswith("vcan"):
-        return "mtu 72" if options.fd else ""
-    words = f"type can bitrate {options.bitrate} restart-ms {RESTART_MS}"
-    if options.fd:
-        words += f" dbitrate {options.data_bitrate or options.bitrate} fd on"
-    return words
-
-
-def _refuse(wrong: Iterable[Wrong]) -> None:
-    """Raise one error that names the key of each thing that is wrong, if anything is."""
-    details = [
-        InitErrorDetails(
-            type=PydanticCustomError("can_layout", "{text}", {"text": w.message}),
-            loc=w.key,
-            input=w.found,
-        )
-        for w in wrong
-    ]
-    if details:
-        raise ValidationError.from_exception_data("CanOptions", details)

@@ -152,8 +152,8 @@ def program(
 def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
     """Clear an axis' fault once its cause is gone.
 
-    A driver that lost its bus or port, or whose device restarted, is closed and opened anew; its
-    axes have to be homed again.
+    A drive that keeps its own fault is asked to forget it. A driver that lost its bus or port, or
+    whose device restarted, is closed and opened anew; its axes have to be homed again.
 
     Example: motorctl reset x
     """
@@ -163,7 +163,8 @@ def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
         answer = _ask(client, "reset", axis=axis)
     driver = answer.get("opened")
     home = "" if answer["homed"] else f"; `motorctl home {axis}` comes next"
-    _say(axis, f"off; driver {driver} was opened anew{home}" if driver else "off")
+    cleared = "off; the fault of its drive was cleared" if answer.get("cleared") else "off"
+    _say(axis, f"off; driver {driver} was opened anew{home}" if driver else cleared)
 
 
 def estop(socket: SocketOption = None) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 GROUP = "motorctl.commands"
 TOLD = {
-    "gantry-device": "Serve the simulated gantry over CAN, serial or Modbus, with faults to order.",
+    "gantry-device": "Serve the simulated gantry over a bus, with faults to order.",
     "bench": "Measure how fast motorctl is, how often its diagnoses are right, what guards detect.",
 }
 """What `--help` says of motorctl's own; of others it says which package they are from."""

@@ -27,6 +27,7 @@ from motorctl.daemon.protocol import (
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
+from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.axis_records import STANDSTILL_RATIO
@@ -36,6 +37,8 @@ from motorctl.loop.states import State, possible_words, state_words
 from motorctl.motion import Program, Trajectory
 
 REPLY_TIMEOUT_S = 1.0
+POWER_TIMEOUT_S = 20.0
+"""How long a command waits for an amplifier to be enabled; a client waits for 30 s."""
 POLL_S = 0.002
 MOST_MOTIONS = 1000
 START_MARGIN_S = 0.05
@@ -133,6 +136,8 @@ class Commander:
             case AxisCommand(do="start"):
                 async with self._ordering:
                     return await self._start(self._machine.axes[request.axis], request.hold)
+            case AxisCommand(do="home"):
+                return await self._home(request.axis)
             case AxisCommand(do="reset"):
                 return await self._reset(request.axis)
             case AxisCommand():
@@ -155,11 +160,18 @@ class Commander:
         return self._report.document([axis] if axis else self._names, motions)
 
     async def _reset(self, name: str) -> dict[str, Any]:
-        """Clear a fault; where the driver says that its bus is gone, open it anew before."""
+        """Clear a fault; where the driver says that its bus is gone, open it anew before.
+
+        A device that keeps its own fault is asked to forget it before.
+        """
         answer: dict[str, Any] = {"axis": name, "state": "off"}
         if self._reopening is not None and self._reopening.is_needed(name):
             answer["opened"] = await self._reopening.open_anew(name)
-        if "opened" not in answer or self._state(name) is AxisState.FAULT:
+        elif self._reopening is not None and self._reopening.may_clear(name):
+            if not await self._reopening.clear_fault(name):
+                raise self._refusal(Verb.RESET, name, Reply.STILL_FAULTY)
+            answer["cleared"] = True
+        if not answer.keys() & {"opened", "cleared"} or self._state(name) is AxisState.FAULT:
             if self._before_reset is not None:
                 self._before_reset()
             await self._order(Verb.RESET, name)
@@ -185,6 +197,18 @@ class Commander:
             answer = {"axis": axis.name, "state": "idle", "program": program.name}
             return {**answer, "waits_for": missing}
         return await self._follow_program(axis.name, program)
+
+    async def _home(self, name: str) -> dict[str, Any]:
+        """Look for the axis' zero; where its amplifier takes time, enable it before."""
+        reply = await self._reply(self._post(Verb.HOME, name))
+        if reply is Reply.NOT_POWERED:
+            if self._state(name) is not AxisState.IDLE:
+                await self._order(Verb.START, name)
+            await self._until_idle(name)
+            reply = await self._reply(self._post(Verb.HOME, name))
+        if reply is not Reply.OK:
+            raise self._refusal(Verb.HOME, name, reply)
+        return {"axis": name, "state": self._state(name).name.lower()}
 
     async def _move(self, request: MoveCommand) -> dict[str, Any]:
         name = request.axis
@@ -277,9 +301,10 @@ class Commander:
         self._history.append({"axes": list(plans), **vars(started)})
 
     async def _until_idle(self, name: str) -> None:
-        deadline = time.monotonic() + REPLY_TIMEOUT_S
-        while (state := self._state(name)) is not AxisState.IDLE:
-            if state is AxisState.FAULT or time.monotonic() > deadline:
+        began = time.monotonic()
+        while (state := self._state(name)) is not AxisState.IDLE or self._waits_for_power(name):
+            allowed_s = POWER_TIMEOUT_S if state is AxisState.IDLE else REPLY_TIMEOUT_S
+            if state is AxisState.FAULT or time.monotonic() > began + allowed_s:
                 raise self._refusal(Verb.START, name, Reply.WRONG_STATE)
             await asyncio.sleep(POLL_S)
 
@@ -338,6 +363,9 @@ class Commander:
                 if told := device_message(word):
                     message += f": {told}"
                 return RefusedError(Code.STILL_FAULTY, message)
+            case Reply.NOT_POWERED:
+                message = f"axis {name}: {command} is possible once its amplifier is enabled"
+                return RefusedError(Code.WRONG_STATE, message)
             case Reply.CAUSE_LASTS:
                 status = self._memory.axis_status[self._names.index(name)]
                 told = lasting_words(FaultCause(int(status["fault"])))
@@ -374,6 +402,11 @@ class Commander:
 
     def _state(self, name: str) -> AxisState:
         return AxisState(int(self._memory.axis_status["state"][self._names.index(name)]))
+
+    def _waits_for_power(self, name: str) -> bool:
+        status = self._memory.axis_status[self._names.index(name)]
+        unpowered = int(status["device_status"]) & Status.UNPOWERED
+        return bool(unpowered) and int(status["inner_state"]) == State.SWITCHED_ON
 
     def _homed(self, name: str) -> bool:
         return bool(self._memory.axis_status["homed"][self._names.index(name)])

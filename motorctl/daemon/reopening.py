@@ -1,4 +1,7 @@
-"""Have the loop open a driver anew whose bus was lost: when that helps, and what came of it."""
+"""Have the loop bring a device back: open its driver anew, or ask it to forget its fault.
+
+When that helps, and what came of it.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from collections.abc import Callable
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.protocol import Code, RefusedError
+from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 from motorctl.loop.faults import device_message, needs_opening
@@ -17,6 +21,9 @@ from motorctl.loop.vocabulary import Word
 ANSWER_S = 20.0
 """How long one command waits for a driver to open; a client waits for 30 s."""
 POLL_S = 0.005
+CLEARED_S = 1.0
+"""How long a device has to forget its fault."""
+CLEARABLE = int(Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST)
 DISABLED = (AxisState.OFF, AxisState.FAULT)
 
 _log = logging.getLogger("motorctl")
@@ -38,6 +45,34 @@ class Reopening:
         status = self._memory.axis_status
         words = {n: int(status["device_status"][self._names.index(n)]) for n in self._beside(name)}
         return self._state(name) in DISABLED and needs_opening(words[name], list(words.values()))
+
+    def may_clear(self, name: str) -> bool:
+        """Return whether an axis is disabled and its device has a fault that it keeps till told."""
+        driver = self._machine.drivers[self._machine.axes[name].driver]
+        disabled = self._state(name) in DISABLED
+        return driver.cls.clears_faults and disabled and bool(self._word(name) & CLEARABLE)
+
+    async def clear_fault(self, name: str) -> bool:
+        """Ask the device of an axis to forget its fault.
+
+        Parameters
+        ----------
+        name
+            The axis.
+
+        Returns
+        -------
+        bool
+            Whether the fault is gone, within CLEARED_S.
+        """
+        async with self._one:
+            await self._ask(name, clears=True)
+        deadline = time.monotonic() + CLEARED_S
+        while self._word(name) & CLEARABLE:
+            if time.monotonic() > deadline:
+                return False
+            await asyncio.sleep(POLL_S)
+        return True
 
     async def open_anew(self, name: str) -> str:
         """Open the driver of an axis anew; who asks while it is being opened waits for the same.
@@ -91,13 +126,8 @@ class Reopening:
         memory = self._memory
         async with self._one:
             self._must_rest(name, driver)  # others may have been opened meanwhile
-            number = memory.look_at(Word.REOPEN_ASKED) + 1
-            memory.status["reopen_axis"][0] = self._names.index(name)
-            memory.announce(Word.REOPEN_ASKED, number)
-            self._ring()
             began = time.monotonic()
-            while memory.look_at(Word.REOPEN_DONE) != number:
-                await asyncio.sleep(POLL_S)
+            await self._ask(name, clears=False)
             took_s = time.monotonic() - began
             told = bytes(memory.status["reopen_told"][0]).decode(errors="replace")
             failed = bool(memory.status["reopen_failed"][0])
@@ -108,6 +138,17 @@ class Reopening:
         for note in told.splitlines():
             _log.warning("%s", note)
         return None
+
+    async def _ask(self, name: str, *, clears: bool) -> None:
+        """Give the loop's thread an order, and wait until it is done."""
+        memory = self._memory
+        number = memory.look_at(Word.REOPEN_ASKED) + 1
+        memory.status["reopen_axis"][0] = self._names.index(name)
+        memory.status["reopen_clears"][0] = clears
+        memory.announce(Word.REOPEN_ASKED, number)
+        self._ring()
+        while memory.look_at(Word.REOPEN_DONE) != number:
+            await asyncio.sleep(POLL_S)
 
     def _must_rest(self, name: str, driver: str) -> None:
         for other in self._beside(name):
@@ -124,8 +165,10 @@ class Reopening:
         return [axis.name for axis in self._machine.axes.values() if axis.driver == driver]
 
     def _trouble(self, name: str) -> str:
-        status = self._memory.axis_status[self._names.index(name)]
-        return device_message(int(status["device_status"])).partition("; once the device")[0]
+        return device_message(self._word(name)).partition("; once the device")[0]
+
+    def _word(self, name: str) -> int:
+        return int(self._memory.axis_status["device_status"][self._names.index(name)])
 
     def _state(self, name: str) -> AxisState:
         return AxisState(int(self._memory.axis_status["state"][self._names.index(name)]))

@@ -14,11 +14,24 @@ from motorctl.hal.contract import (
     Status,
     serial_line,
 )
+from motorctl.hal.error_codes import (
+    CODE_MASK,
+    DRIVE_STATES,
+    ENABLE_LATE,
+    LEFT_OPERATION,
+    error_bits,
+    error_code,
+    error_words,
+)
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
 from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
 __all__ = [
+    "CODE_MASK",
+    "DRIVE_STATES",
+    "ENABLE_LATE",
     "FAULT_BITS",
+    "LEFT_OPERATION",
     "Channel",
     "Claim",
     "Driver",
@@ -31,6 +44,9 @@ __all__ = [
     "RunError",
     "Status",
     "driver_class",
+    "error_bits",
+    "error_code",
+    "error_words",
     "inner_kernel",
     "installed_drivers",
     "kernels_cached",

@@ -77,7 +77,13 @@ class Status(IntFlag):
     DEVICE_RESTARTED = 1 << 11
     """The device began anew, or was silent for so long that it may have: its count and its enables
     are not what they were. With ENCODER_LOST. It stays until the driver is opened again."""
+    UNPOWERED = 1 << 28
+    """The amplifier gives no force whatever the volts: it is off, or still on its way to be on. No
+    fault. Of devices that take time to be enabled: an axis that is started waits with its law until
+    it is gone; how long that may last is the driver's to say, by AMPLIFIER_FAULT."""
 
+
+# Bits 12 to 27 hold the error code of an amplifier that has one: `error_bits`.
 
 FAULT_BITS = Status.ENCODER_LOST | Status.AMPLIFIER_FAULT | Status.COMMUNICATION_LOST | Status.ESTOP
 
@@ -203,6 +209,8 @@ class Driver(ABC):
     reopens: ClassVar[bool] = True
     """Whether it can be opened anew in the same process; where not, a device that was lost comes
     back with the daemon's next start."""
+    clears_faults: ClassVar[bool] = False
+    """Whether a fault of the device stays until `clear_fault` asks the device to forget it."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
 
@@ -263,6 +271,19 @@ class Driver(ABC):
         """Zero and disable every channel; callable at any time, also before `open`.
 
         It never raises.
+        """
+
+    def clear_fault(self, channel: int) -> None:  # noqa: B027 (most devices need no such order)
+        """Let the next writes ask a device to forget its fault, for `motorctl reset`.
+
+        Called while the axis is disabled, from another thread than the ticks', which go on: it may
+        leave a mark for `write`, and no more. Whether it helped is told by AMPLIFIER_FAULT of the
+        reads that follow.
+
+        Parameters
+        ----------
+        channel
+            Which one, in the order of `channels`.
         """
 
     def start_virtual_time(self) -> None:

@@ -27,7 +27,7 @@ from motorctl.loop.guards.encoder import (
     note_step,
 )
 from motorctl.loop.guards.motion import check_motion, set_soft_limits
-from motorctl.loop.guards.readiness import check_readiness
+from motorctl.loop.guards.readiness import check_readiness, waits_for_power
 from motorctl.loop.guards.supervision import check_pause
 from motorctl.loop.homing import home
 from motorctl.loop.missed_samples import (
@@ -261,6 +261,8 @@ def axis_reference(
         follow(settings, axis, segments, segment_counts, tick, elapsed)
     elif is_stopping(axis) and brake(settings, axis, elapsed):
         take(axis, AT_REST)
+    elif waits_for_power(axis):
+        hold_where_it_is(axis)
     if is_enabled(axis):
         check_pause(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)
@@ -325,7 +327,9 @@ def axis_step(
         # What depends on position is learned only where the position is known.
         law.blind = 0 if axis.homed else 1
         passed = elapsed + axis.gap_ticks
-        if axis.held_ticks and not (axis.fresh or settings.predict):
+        if waits_for_power(axis):
+            law.u, law.v, law.flags = 0.0, 0.0, 0
+        elif axis.held_ticks and not (axis.fresh or settings.predict):
             # Without news the last command stands, as it does where periods are skipped.
             axis.gap_ticks = passed
             u, law.flags = law.u, 0

@@ -10,7 +10,7 @@ from motorctl.loop.guards.command import is_hot
 from motorctl.loop.guards.encoder import begin_watching
 from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
 from motorctl.loop.guards.reactions import emergency_stop, stop
-from motorctl.loop.guards.readiness import check_readiness, is_unwell
+from motorctl.loop.guards.readiness import check_readiness, has_power, is_unwell
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.reference import hold_where_it_is
 from motorctl.loop.shared import MAILBOX_SIZE
@@ -32,6 +32,7 @@ WRONG_STATE = int(Reply.WRONG_STATE)
 NOT_HOMED = int(Reply.NOT_HOMED)
 NOT_AT_START = int(Reply.NOT_AT_START)
 STILL_FAULTY = int(Reply.STILL_FAULTY)
+NOT_POWERED = int(Reply.NOT_POWERED)
 NO_HOMING = int(Reply.NO_HOMING)
 LATE = int(Reply.LATE)
 CAUSE_LASTS = int(Reply.CAUSE_LASTS)
@@ -94,6 +95,8 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
             return answer
     if verb not in (START, HOME, FOLLOW, RESET) or not allows(axis, verb):
         return WRONG_STATE
+    if verb in (HOME, FOLLOW) and not has_power(axis):
+        return NOT_POWERED
     if verb == RESET:
         if is_unwell(settings, axis):
             return STILL_FAULTY

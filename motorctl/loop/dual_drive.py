@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from motorctl.hal import FAULT_BITS, Status
+from motorctl.hal import CODE_MASK, FAULT_BITS, Status
 from motorctl.kernels import inner_kernel
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
@@ -99,6 +99,8 @@ def join_ends(
     not come. Home switches and index marks are found by both ends (`joined_marks`).
     """
     joined = np.int64(status | second_status)
+    if status & CODE_MASK:  # two error codes would make a third one
+        joined = (joined & ~CODE_MASK) | (status & CODE_MASK)
     first, second = dual.first, dual.second
     if joined & FORGET_PLACE:
         _forget(dual)

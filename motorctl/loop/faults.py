@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.hal import Status
+from motorctl.hal import Status, error_code, error_words
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.device import ENDS, FIRST_END, SECOND_END
@@ -103,10 +103,16 @@ def device_message(status: int) -> str:
     str
         Empty where it reports nothing.
     """
-    told = "; ".join(words for bit, words in (_TROUBLES | _DEVICE).items() if status & bit)
+    said = [words for bit, words in (_TROUBLES | _DEVICE).items() if status & bit]
+    told = "; ".join(said + _code_words(status))
     if status & UNTIL_OPENED:
         told += "; once the device is back, `motorctl reset` opens it anew"
     return told
+
+
+def _code_words(status: int) -> list[str]:
+    code = error_code(status) if status & Status.AMPLIFIER_FAULT else 0
+    return [error_words(code)] if code else []
 
 
 def lasting_words(cause: FaultCause) -> str:
@@ -172,7 +178,8 @@ def fault_message(
         text = _WITHOUT_LIMIT[cause]
     if end := _ENDS.get(status & ENDS):
         text += f", {end} of the beam"
-    if told := [words for bit, words in _DEVICE.items() if status & bit]:
+    told = _code_words(status) if cause is FaultCause.AMPLIFIER else []
+    if told := told + [words for bit, words in _DEVICE.items() if status & bit]:
         text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"
 

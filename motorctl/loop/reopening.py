@@ -1,4 +1,7 @@
-"""A driver whose bus was lost is closed and opened anew, in a thread beside the ticks."""
+"""A driver whose bus was lost is closed and opened anew, in a thread beside the ticks.
+
+The same thread passes on that a device is to forget its fault.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import time
 
 import numpy as np
 
+from motorctl.config.dual_drive_keys import SECOND_END
 from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.hal import Inputs, Outputs, Status
@@ -77,15 +81,19 @@ class ReopeningThread:
     def _serve(self) -> None:
         memory = self._memory
         done = memory.look_at(Word.REOPEN_DONE)
-        names = [axis.driver for axis in self._tick.machine.axes.values()]
+        axes = list(self._tick.machine.axes.values())
         while not self._ending:
             os.eventfd_read(self._bell_fd)
             asked = memory.look_at(Word.REOPEN_ASKED)
             if asked == done or self._ending:
                 continue
-            self.busy = names[int(memory.status["reopen_axis"][0])]
+            axis = axes[int(memory.status["reopen_axis"][0])]
             try:
-                problem, told = self._open_anew(self.busy)
+                if memory.status["reopen_clears"][0]:
+                    problem, told = self._clear_fault(axis.name, axis.driver)
+                else:
+                    self.busy = axis.driver
+                    problem, told = self._open_anew(axis.driver)
             except BaseException as error:  # whatever it is, who asked is told, and the next served
                 problem, told = True, f"{type(error).__name__}: {error}"
             self.busy = None
@@ -93,6 +101,14 @@ class ReopeningThread:
             memory.status["reopen_told"][0] = told.encode(errors="replace")[:REOPEN_TOLD_BYTES]
             memory.announce(Word.REOPEN_DONE, asked)
             done = asked
+
+    def _clear_fault(self, axis: str, name: str) -> tuple[bool, str]:
+        """Let the next ticks ask the devices of an axis to forget their faults."""
+        driver = self._tick.drivers[name]
+        for number, channel in enumerate(driver.channels):
+            if channel.axis in (axis, axis + SECOND_END):
+                driver.clear_fault(number)
+        return False, ""
 
     def _open_anew(self, name: str) -> tuple[bool, str]:
         """Close and open a driver; return whether that failed, and why or what it notes."""

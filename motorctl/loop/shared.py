@@ -55,6 +55,7 @@ LOOP_STATUS = np.dtype(
         ("notes", f"S{NOTES_BYTES}"),  # of the drivers, when they were opened, a line each
         ("reopen_asked", "i8"),  # drivers to open anew until now, one at a time; the supervisor's
         ("reopen_axis", "i8"),  # an axis of the last one; the supervisor's
+        ("reopen_clears", "i8"),  # 1: its device is only to forget a fault; the supervisor's
         ("reopen_done", "i8"),  # orders of these that are done
         ("reopen_failed", "i8"),  # 1: the last one is not open
         ("reopen_told", f"S{REOPEN_TOLD_BYTES}"),  # why, or what it notes, a line each

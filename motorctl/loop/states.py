@@ -105,15 +105,18 @@ OFF = (_S.SWITCH_ON_DISABLED, _S.READY_TO_SWITCH_ON)
 
 _HOMED = "homed, and the program begins where the axis stands"
 _HAS_HOMING = "the encoder is not absolute"
+_HAS_POWER = "the device does not say that it is still without power"
 
 TRANSITIONS = (
     Transition((_S.SWITCH_ON_DISABLED,), _E.READY, _S.READY_TO_SWITCH_ON, "2"),
     Transition((_S.READY_TO_SWITCH_ON,), _E.NOT_READY, _S.SWITCH_ON_DISABLED, "7"),
     Transition((_S.READY_TO_SWITCH_ON,), _E.START, _S.SWITCHED_ON, "3"),
-    Transition((_S.READY_TO_SWITCH_ON,), _E.HOME, _S.HOMING, "3, 4", _HAS_HOMING),
-    Transition((_S.SWITCHED_ON,), _E.LAW_BEGINS, _S.HOLDING, "4"),
-    Transition((_S.SWITCHED_ON,), _E.HOME, _S.HOMING, "4", _HAS_HOMING),
-    Transition((_S.SWITCHED_ON,), _E.FOLLOW, _S.FOLLOWING, "4", _HOMED),
+    Transition(
+        (_S.READY_TO_SWITCH_ON,), _E.HOME, _S.HOMING, "3, 4", f"{_HAS_HOMING}; {_HAS_POWER}"
+    ),
+    Transition((_S.SWITCHED_ON,), _E.LAW_BEGINS, _S.HOLDING, "4", _HAS_POWER),
+    Transition((_S.SWITCHED_ON,), _E.HOME, _S.HOMING, "4", f"{_HAS_HOMING}; {_HAS_POWER}"),
+    Transition((_S.SWITCHED_ON,), _E.FOLLOW, _S.FOLLOWING, "4", f"{_HOMED}; {_HAS_POWER}"),
     Transition((_S.HOLDING,), _E.HOME, _S.HOMING, "", _HAS_HOMING),
     Transition((_S.HOLDING,), _E.FOLLOW, _S.FOLLOWING, "", _HOMED),
     Transition((_S.HOMING,), _E.HOMED, _S.HOLDING),

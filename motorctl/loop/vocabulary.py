@@ -40,6 +40,8 @@ class Reply(IntEnum):
     """The axis still moves: it can be enabled when it stands."""
     CAUSE_LASTS = 9
     """The motor is still warm, or the axis still too fast."""
+    NOT_POWERED = 10
+    """The amplifier is not on yet: what moves the axis would begin without it."""
 
 
 class Phase(IntEnum):

@@ -106,7 +106,8 @@ WITHOUT = "import sys; sys.modules['{0}'] = None; from motorctl.cli import main;
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("bus", "module"), [("can", "can"), ("serial", "serial"), ("modbus", "pymodbus")]
+    ("bus", "module"),
+    [("can", "can"), ("canopen", "can"), ("serial", "serial"), ("modbus", "pymodbus")],
 )
 def test_a_bus_without_its_library_is_one_line_that_says_how_to_install_it(bus, module):
     command = [sys.executable, "-c", WITHOUT.format(module), "check", f"{bus}_gantry"]

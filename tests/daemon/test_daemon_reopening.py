@@ -16,7 +16,7 @@ from motorctl.daemon.commander import Commander
 from motorctl.daemon.protocol import Code, RefusedError, parse_request
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
-from motorctl.hal import Status
+from motorctl.hal import Status, error_bits
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.faults import needs_opening
@@ -186,3 +186,60 @@ def test_a_driver_that_does_not_come_back_in_time_is_told(
     loop.hangs = True
     no = loop.refused(RESET_X)
     assert "driver gantry is not open again after 0.1 s, and still trying" in no.message
+
+
+class KeepsFaults(SimDriver):
+    """Of drives that keep their own fault until they are told to forget it."""
+
+    clears_faults = True
+
+
+class Clears(Loop):
+    """A loop whose device forgets its fault, or does not."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, KeepsFaults)
+        self.cleared: list[str] = []
+        self.lasts = False
+
+    def open(self) -> None:
+        status = self.memory.status[0]
+        assert status["reopen_clears"]
+        axis = list(self.machine.axes)[int(status["reopen_axis"])]
+        self.cleared.append(axis)
+        if not self.lasts:
+            index = list(self.machine.axes).index(axis)
+            self.memory.axis_status_rows["device_status"][:, index] = 0
+        self.memory.announce(Word.REOPEN_DONE, self.memory.look_at(Word.REOPEN_ASKED))
+
+
+def test_reset_asks_a_device_that_keeps_its_fault_to_forget_it(tmp_path: Path) -> None:
+    loop = Clears(tmp_path)
+    for state in (AxisState.FAULT, AxisState.OFF):
+        for axis in ("x", "y"):
+            loop.set(axis, state, int(Status.AMPLIFIER_FAULT) | error_bits(0x2310))
+        (answer,) = loop.ask(RESET_X)
+        assert answer["cleared"]
+        assert answer["state"] == "off"
+    assert loop.cleared == ["x", "x"]
+
+
+def test_reset_is_refused_with_the_code_while_the_device_keeps_its_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reopening, "CLEARED_S", 0.05)
+    loop = Clears(tmp_path)
+    loop.lasts = True
+    loop.set("x", AxisState.FAULT, int(Status.AMPLIFIER_FAULT) | error_bits(0x3220))
+    no = loop.refused(RESET_X)
+    assert no.code is Code.STILL_FAULTY
+    assert "error 3220h: under voltage of the DC link" in str(no)
+
+
+def test_a_device_in_order_or_an_enabled_axis_is_asked_nothing(tmp_path: Path) -> None:
+    loop = Clears(tmp_path)
+    loop.set("x", AxisState.FAULT, 0)
+    loop.ask(RESET_X)
+    loop.set("y", AxisState.RUNNING, int(Status.AMPLIFIER_FAULT))
+    loop.ask(RESET_Y)
+    assert loop.cleared == []

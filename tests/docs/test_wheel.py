@@ -15,7 +15,14 @@ BUILD = "import sys; from hatchling.build import build_wheel; print(build_wheel(
 
 
 PACKAGES = {
-    ".": {"motorctl", "motorctl_sim", "motorctl_can", "motorctl_serial", "motorctl_modbus"},
+    ".": {
+        "motorctl",
+        "motorctl_sim",
+        "motorctl_can",
+        "motorctl_canopen",
+        "motorctl_serial",
+        "motorctl_modbus",
+    },
     "devices": {"motorctl_devices"},
     "benchmarks": {"motorctl_benchmarks"},
 }

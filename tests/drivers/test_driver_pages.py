@@ -62,4 +62,4 @@ def test_an_example_loads_as_it_is_printed(page, text, tmp_path, monkeypatch):
 
 def test_every_page_of_a_driver_has_an_example():
     shown = {param.values[0].stem for param in EXAMPLES}
-    assert shown >= {"can", "serial", "modbus", "gantry_device", "your_own"}
+    assert shown >= {"can", "canopen", "serial", "modbus", "gantry_device", "your_own"}

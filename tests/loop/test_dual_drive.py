@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from loop_bench import Hand, Rig, gantry, with_axes
 
 from motorctl.daemon.axis_faults import faults_of
-from motorctl.hal import Status
+from motorctl.hal import Status, error_bits
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
 from motorctl.loop.compose import compose_tick
@@ -301,6 +301,14 @@ def test_what_one_end_reports_takes_both_motors_off_within_the_tick(kind, cause,
         assert rig.last("x")["second_device_status"] == (bit if end else 0)
         assert rig.last("x")["device_status"] == bit
         assert f", at the {('first', 'second')[end]} end of the beam" in told(rig)
+
+
+def test_the_error_codes_of_two_ends_are_not_mixed_into_a_third():
+    with Held() as rig:
+        for end, code in enumerate((0x2310, 0x4210)):
+            rig.driver.status[end] = int(Status.AMPLIFIER_FAULT) | error_bits(code)
+        rig.advance(1)
+        assert "error 2310h" in told(rig)
 
 
 @pytest.mark.parametrize("end", [0, 1])

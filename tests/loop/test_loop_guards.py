@@ -221,7 +221,7 @@ def test_a_pause_of_the_computer_is_never_told_as_the_encoders_fault(elapsed):
         "small_stage",
         *(
             pytest.param(name, marks=pytest.mark.slow)
-            for name in ("can_gantry", "serial_gantry", "modbus_gantry")
+            for name in ("can_gantry", "canopen_gantry", "serial_gantry", "modbus_gantry")
         ),
     ],
 )

@@ -231,3 +231,15 @@ def test_a_reopening_thread_runs_below_the_loop_on_its_cpu(monkeypatch: pytest.M
     assert set_to["priority"] == settings.priority - 1
     assert set_to["cpus"] == {3}
     os.close(bench.bell_fd)
+
+
+def test_a_fault_is_cleared_at_the_axis_own_device_and_its_driver_stays_open(bench: Bench):
+    asked: list[int] = []
+    bench.driver.clear_fault = asked.append
+    bench.step()
+    opened = bench.driver.calls.count("open")
+    bench.memory.status["reopen_clears"][0] = 1
+    bench.order("y")
+    assert bench.until_done() == ""
+    assert [bench.driver.channels[number].axis for number in asked] == ["y"]
+    assert bench.driver.calls.count("open") == opened

@@ -21,6 +21,7 @@ RUN_S = 3.0
 ADVICE = {
     "serial": [],
     "can": [],
+    "canopen": [],
     "modbus": ["coupler generic has no watchdog that is known"],
 }
 
@@ -32,9 +33,9 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
     driver = host["drivers"]["gantry"]
     if bus == "serial":
         driver["port"] = str(folder / "link")
-    elif bus == "can":
+    elif bus in ("can", "canopen"):
         port = free_port()
-        driver["port"] = served["serve"]["can"]["port"] = port
+        driver["port"] = served["serve"][bus]["port"] = port
     else:
         port = free_port()
         driver["tcp"]["port"] = served["serve"]["modbus"]["tcp"]["port"] = port
@@ -44,7 +45,12 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("bus", "device"),
-    [("serial", "serial_box"), ("can", "can_node"), ("modbus", "modbus_coupler")],
+    [
+        ("serial", "serial_box"),
+        ("can", "can_node"),
+        ("canopen", "canopen_drives"),
+        ("modbus", "modbus_coupler"),
+    ],
 )
 def test_a_shipped_pair_follows_its_programs(tmp_path, bus, device):
     host, served = _files(bus, device, tmp_path)
@@ -64,7 +70,7 @@ def test_a_shipped_pair_follows_its_programs(tmp_path, bus, device):
     assert process.report["refused"] == 0
 
 
-@pytest.mark.parametrize("bus", ["serial", "can", "modbus"])
+@pytest.mark.parametrize("bus", ["serial", "can", "canopen", "modbus"])
 def test_a_shipped_configuration_declares_the_delay_of_its_exchange(bus):
     machine = load(f"{bus}_gantry")
     told = summarise(machine)

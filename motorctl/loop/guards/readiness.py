@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.loop.guards.device import DEVICE_FAULTS, is_overdue
 from motorctl.loop.guards.motion import still_moves
-from motorctl.loop.states import Event, is_off, take
+from motorctl.loop.states import Event, State, is_off, take
 from motorctl.loop.vocabulary import Reply
 
 READY = int(Event.READY)
@@ -15,6 +16,8 @@ NOT_READY = int(Event.NOT_READY)
 OK = int(Reply.OK)
 STILL_FAULTY = int(Reply.STILL_FAULTY)
 STILL_MOVING = int(Reply.STILL_MOVING)
+SWITCHED_ON = int(State.SWITCHED_ON)
+UNPOWERED = int(Status.UNPOWERED)
 
 
 @inner_kernel
@@ -35,3 +38,15 @@ def check_readiness(settings: Any, axis: Any) -> int:
         answer = STILL_MOVING
     take(axis, READY if answer == OK else NOT_READY)
     return answer
+
+
+@inner_kernel
+def has_power(axis: Any) -> bool:
+    """Return whether volts act: false only where the driver says so."""
+    return axis.status & UNPOWERED == 0  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def waits_for_power(axis: Any) -> bool:
+    """Return whether an axis was started whose amplifier is still on its way to be on."""
+    return axis.state == SWITCHED_ON and not has_power(axis)

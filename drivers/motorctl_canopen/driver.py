@@ -1,0 +1,215 @@
+"""The driver of CiA 402 drives on CANopen: one SYNC, its answers and the commands a period."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+from motorctl.hal import (
+    Channel,
+    Claim,
+    Driver,
+    DriverOptions,
+    Inputs,
+    NetworkInterface,
+    Outputs,
+    RateBudget,
+    RunError,
+    Status,
+)
+from motorctl_can import budget
+from motorctl_can.bus import link_settings
+from motorctl_can.link import Link
+from motorctl_canopen import fits, objects
+from motorctl_canopen.exchange import Exchange
+from motorctl_canopen.node import Node
+from motorctl_canopen.opening import Opening
+from motorctl_canopen.options import CanopenOptions
+from motorctl_canopen.sdo import download_command, put_request, request_message
+
+SAFE_REPEATS = 3
+CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
+HEARTBEATS_LOST = 3
+"""So many heartbeats of a drive in a row are missing where it is silent."""
+
+
+class CanopenDriver(Driver):
+    """CiA 402 drives in torque mode; see `CanopenOptions` and docs/drivers/canopen.md."""
+
+    Options: ClassVar[type[DriverOptions]] = CanopenOptions
+    clears_faults: ClassVar[bool] = True
+
+    def __init__(
+        self, options: DriverOptions, channels: Sequence[Channel], period_s: float
+    ) -> None:
+        super().__init__(options, channels, period_s)
+        assert isinstance(options, CanopenOptions)
+        self._canopen = options
+        # A command that waits for the next SYNC acts a period after what it answers was sampled.
+        self.exchange_delay_periods = 1.0 if options.command_at == "sync" else 0.0
+        self.medium = options.medium
+        self.longest_wait_s = options.sync.wait_s
+        self._link: Link | None = None
+        self._claim: Claim | None = None
+        self._nodes: list[Node] = []
+
+    def rate_budget(self) -> RateBudget:
+        """Compute the rate that the bus carries; docs/drivers/canopen.md has the arithmetic."""
+        return budget.rate_budget(fits.traffic(self._canopen, self.channels))
+
+    def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
+        """Tell where drives, axes and period do not fit together."""
+        return tuple(fits.problems(self._canopen, self.channels, self.period_s))
+
+    def network_interfaces(self) -> Sequence[NetworkInterface]:
+        """Tell the SocketCAN interface, and the bit rate that it has to have."""
+        if self._canopen.interface != "socketcan":
+            return ()
+        return (NetworkInterface(self._canopen.channel, link_settings(self._canopen)),)
+
+    def prepare(self) -> None:
+        """Make every frame that is sent, and what is kept of the drives."""
+        options = self._canopen
+        silence_s = HEARTBEATS_LOST * options.heartbeat_s
+        self._nodes = [
+            Node(
+                options.nodes[channel.axis],
+                channel,
+                self.period_s,
+                options.enable_timeout_s,
+                silence_s,
+            )
+            for channel in self.channels
+        ]
+        self._exchange = Exchange(options, self._nodes, self.period_s)
+
+    def open(self) -> None:
+        """Set up every drive, start it, and wait until it tells its state.
+
+        Raises RunError, naming bus, node, object and why it was refused.
+        """
+        if self._link is not None:
+            self.close()
+        self.prepare()
+        self._claim = self._claimed()
+        try:
+            self._link = self._exchange.link = self._linked()
+            self.notes = self._set_up()
+        except BaseException:
+            self.close()
+            raise
+
+    def _set_up(self) -> tuple[str, ...]:
+        exchange, nodes, options = self._exchange, self._nodes, self._canopen
+        openings = [Opening(options, node, exchange) for node in nodes]
+        for opening in openings:
+            opening.restart_communication()
+            opening.configure()
+        for node, opening in zip(nodes, openings, strict=True):
+            exchange.send_nmt(objects.NMT_START, node.number)
+            told = exchange.run(
+                lambda node=node: node.known and node.nmt == objects.OPERATIONAL,  # type: ignore[misc]
+                options.open_timeout_s + options.heartbeat_s,
+            )
+            if not told:
+                missing = "sends no statusword with SYNC"
+                if node.known:
+                    missing = "sends no heartbeat that it is operational"
+                raise RunError(
+                    f"{opening.where} {missing}, within open_timeout_s = "
+                    f"{options.open_timeout_s:g} s after it was started"
+                )
+        for opening in openings:
+            opening.await_mode()
+            opening.clear_fault()
+        now_s = time.monotonic()
+        for node in nodes:
+            node.begin(now_s)
+        exchange.start_over()
+        exchange.link.lost = exchange.link.passing = 0
+        return tuple(note for opening in openings for note in opening.notes)
+
+    def _linked(self) -> Link:
+        return Link(self._canopen, self._exchange.wanted)
+
+    def close(self) -> None:
+        """Disable every drive, let it wait for no heartbeat any more, and release the bus."""
+        link = self._link
+        if link is not None:
+            self.safe()
+            self._leave()
+            self._link = None
+            link.close()
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+    def _leave(self) -> None:
+        with contextlib.suppress(Exception):
+            for node in self._nodes:
+                self._tell(node, objects.CONSUMER_HEARTBEAT, 0)
+                self._exchange.send_nmt(objects.NMT_PRE_OPERATIONAL, node.number)
+
+    def _claimed(self) -> Claim | None:
+        """Claim what is sent: a bus obeys everybody. A serial port is claimed by itself."""
+        if self._canopen.interface not in ("socketcan", "udp_multicast") or self.medium is None:
+            return None
+        sent = [objects.RPDO1_ID + node.number for node in self._nodes]
+        return Claim(self.medium, [f"frame 0x{one:X}" for one in (*sent, objects.SYNC_ID)])
+
+    def read(self, inputs: Inputs) -> None:
+        """Fill `inputs` with what the drives tell of this period."""
+        link = self._link
+        if link is None:
+            inputs.status[:] = CLOSED
+            return
+        self._exchange.ask()
+        common = link.status
+        link.passing = 0
+        now_s = time.monotonic()
+        for i, node in enumerate(self._nodes):
+            inputs.status[i] = node.status(now_s) | common
+            inputs.counts[i] = node.shown
+
+    def write(self, outputs: Outputs) -> None:
+        """Send every drive's command."""
+        if self._link is not None:
+            self._exchange.send(outputs)
+
+    def clear_fault(self, channel: int) -> None:
+        """Let the next commands reset a drive's fault, and start it where it is not operational."""
+        if self._link is not None:
+            self._nodes[channel].clear_fault()
+
+    def safe(self) -> None:
+        """Disable every drive a few times; a bus that is not open is opened for that."""
+        with contextlib.suppress(Exception):
+            if self._link is not None:
+                self._send_off()
+                return
+            self.prepare()
+            # What another program drives is not this one's to make safe.
+            claim = None if self._claim else self._claimed()
+            try:
+                link = self._exchange.link = self._linked()
+                try:
+                    self._send_off()
+                finally:
+                    link.close()
+            finally:
+                if claim is not None:
+                    claim.release()
+
+    def _send_off(self) -> None:
+        for _ in range(SAFE_REPEATS):
+            self._exchange.send_off()
+        for node in self._nodes:
+            self._tell(node, objects.CONTROLWORD, 0)
+
+    def _tell(self, node: Node, entry: objects.Object, value: int) -> None:
+        """Write an entry without waiting for the answer."""
+        request = request_message(node.number)
+        put_request(request, download_command(entry), entry, value)
+        self._exchange.link.send(request)

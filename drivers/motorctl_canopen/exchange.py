@@ -1,0 +1,204 @@
+"""The traffic of a period: SYNC, the drives' answers to it, commands, heartbeat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import can
+
+from motorctl.hal import Outputs, Status
+from motorctl_can.link import Link
+from motorctl_canopen import objects
+from motorctl_canopen.node import INPUTS, STATE, Node
+from motorctl_canopen.options import CanopenOptions
+
+BABBLE = int(Status.CORRUPT)
+TAKES_STATE, TAKES_INPUTS, TAKES_EMERGENCY, TAKES_HEARTBEAT = range(4)
+HEARTBEATS_A_WATCHDOG = 4
+"""So many heartbeats are sent in the time after which a drive that hears none switches off."""
+OPENING_PERIOD_S = 0.01
+UNSENT_PERIODS = 3
+"""So many more without room for SYNC or commands than with it are a bus that is lost."""
+
+
+class Exchange:
+    """All frames of the drives of one bus. Nothing here allocates once it is made."""
+
+    def __init__(self, options: CanopenOptions, nodes: Sequence[Node], period_s: float) -> None:
+        self.link: Link
+        self._nodes = tuple(nodes)
+        self._wait_s = options.sync.wait_s
+        self._room = options.max_frames_per_read
+        self._sync = _message(objects.SYNC_ID, 0)
+        self._nmt = _message(objects.NMT_ID, 2)
+        self._heartbeat = _message(objects.HEARTBEAT_ID + options.host_node, 1)
+        self._heartbeat.data[0] = objects.OPERATIONAL
+        share_s = options.watchdog_s / HEARTBEATS_A_WATCHDOG
+        self._heartbeat_periods = max(1, int(share_s / period_s))
+        self._until_heartbeat = 0
+        self._places: dict[int, tuple[int, Node]] = {}
+        for node in nodes:
+            self._places[objects.TPDO1_ID + node.number] = (TAKES_STATE, node)
+            self._places[objects.EMCY_ID + node.number] = (TAKES_EMERGENCY, node)
+            self._places[objects.HEARTBEAT_ID + node.number] = (TAKES_HEARTBEAT, node)
+            if node.asked & INPUTS:
+                self._places[objects.TPDO2_ID + node.number] = (TAKES_INPUTS, node)
+        self.start_over()
+
+    @property
+    def wanted(self) -> list[tuple[int, bool]]:
+        """Return the frames that are received."""
+        answers = [objects.SDO_ANSWER_ID + node.number for node in self._nodes]
+        return [(identifier, False) for identifier in (*self._places, *answers)]
+
+    def start_over(self) -> None:
+        """Begin as before the first period."""
+        for node in self._nodes:
+            node.missing = node.asked
+            node.refused = False
+        self._quiet = False
+        self._surplus = False
+        self._asked = True
+        self._unsent = 0
+        self._until_heartbeat = 0
+
+    def take(self, message: can.Message) -> None:
+        """Take a frame, whatever it is."""
+        if message.is_error_frame:
+            self.link.error_frame(message)
+            return
+        if message.is_extended_id or message.is_remote_frame:
+            return
+        found = self._places.get(message.arbitration_id)
+        if found is None:
+            return
+        kind, node = found
+        if kind == TAKES_HEARTBEAT:
+            node.take_heartbeat(message.data, time.monotonic())
+        elif kind == TAKES_EMERGENCY:
+            node.take_emergency(message.data)
+        else:
+            bit = STATE if kind == TAKES_STATE else INPUTS
+            whole = node.take_state if kind == TAKES_STATE else node.take_inputs
+            if not whole(message.data):
+                return
+            if not node.missing & bit:
+                self._surplus = node.refused = True
+            node.missing &= ~bit
+        self.link.lost = 0
+
+    def ask(self) -> None:
+        """Send SYNC, and take the answers until all are here or it takes too long."""
+        link = self.link
+        room = self._drain(self._room)
+        # An answer more than was asked for: one before was taken for that of a later SYNC. Without
+        # a SYNC for a period, what is still on its way comes before the next one.
+        self._quiet = self._surplus and not self._quiet
+        self._surplus = False
+        for node in self._nodes:
+            node.missing = node.asked
+        if self._quiet:
+            return
+        self._asked = link.send(self._sync)
+        if not self._asked:
+            return
+        deadline = time.monotonic() + self._wait_s
+        while room > 0:
+            left = deadline - time.monotonic()
+            message = link.receive(left if left > 0 else 0)
+            if message is not None:
+                room -= 1
+                self.take(message)
+                if self._all_here():
+                    break
+            elif left <= 0 or link.lost:
+                break
+        else:
+            link.passing |= BABBLE
+
+    def _all_here(self) -> bool:
+        return all(not node.missing for node in self._nodes)
+
+    def _drain(self, room: int) -> int:
+        """Take what waits, at most `room` frames; return how many more may be taken."""
+        link = self.link
+        while room > 0:
+            message = link.receive(0)
+            if message is not None:
+                self.take(message)
+            elif not link.more():
+                return room
+            room -= 1
+        link.passing |= BABBLE
+        return 0
+
+    def send(self, outputs: Outputs) -> None:
+        """Send every drive's command, and the heartbeat where it is due."""
+        link = self.link
+        whole = self._asked
+        self._asked = True
+        volts, enable = outputs.volts, outputs.enable
+        for i, node in enumerate(self._nodes):
+            node.command(float(volts[i]), bool(enable[i]))
+            whole = link.send(node.message) and whole
+            if node.to_start:
+                node.to_start = False
+                self.send_nmt(objects.NMT_START, node.number)
+        self._until_heartbeat -= 1
+        if self._until_heartbeat <= 0:
+            self._until_heartbeat = self._heartbeat_periods
+            whole = link.send(self._heartbeat) and whole
+        unsent = self._unsent - 1 if whole else self._unsent + 1
+        self._unsent = min(max(unsent, 0), UNSENT_PERIODS)
+        if self._unsent == UNSENT_PERIODS:
+            link.lose_commands()
+
+    def send_nmt(self, command: int, node: int) -> None:
+        """Send a command of network management to one node."""
+        self._nmt.data[0], self._nmt.data[1] = command, node
+        self.link.send(self._nmt)
+
+    def send_off(self) -> None:
+        """Disable every drive, and let those that wait for a SYNC obey."""
+        for node in self._nodes:
+            node.switch_off()
+            self.link.send(node.message)
+        self.link.send(self._sync)
+
+    # Before the first tick.
+
+    def listen(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Take what comes until something is so; return whether it is."""
+        deadline = time.monotonic() + timeout_s
+        while not done():
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return False
+            message = self.link.receive(min(left, OPENING_PERIOD_S))
+            if message is not None:
+                self.take(message)
+            elif self.link.lost:
+                time.sleep(min(left, 1e-3))
+        return True
+
+    def run(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Exchange periods, every drive disabled, until something is so; return whether it is."""
+        deadline = time.monotonic() + timeout_s
+        while not done():
+            if time.monotonic() > deadline:
+                return False
+            for node in self._nodes:
+                node.missing = node.asked
+                node.command(0.0, False)
+                self.link.send(node.message)
+            self.link.send(self._sync)
+            self.listen(self._all_here, OPENING_PERIOD_S)
+            time.sleep(OPENING_PERIOD_S / 10)
+        return True
+
+
+def _message(identifier: int, length: int) -> can.Message:
+    return can.Message(
+        arbitration_id=identifier, is_extended_id=False, data=bytearray(length), is_rx=False
+    )

@@ -1,0 +1,71 @@
+"""Options of the CANopen driver."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from motorctl_can.bus import BusOptions, refuse
+from motorctl_can.checks import Wrong
+
+HOST_NODE = 127
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class InputsOptions(_Part):
+    """Which bits of the drive's digital inputs (60FDh) are switches; 0 to 2 are CiA 402's own."""
+
+    limit_negative: int | None = Field(default=None, ge=0, le=31)
+    limit_positive: int | None = Field(default=None, ge=0, le=31)
+    home_switch: int | None = Field(default=None, ge=0, le=31)
+    inverted: bool = False
+    """0 means pressed, for all of them."""
+
+
+class NodeOptions(_Part):
+    """A drive."""
+
+    node: int = Field(ge=1, le=127)
+    rated_torque_v: float = Field(gt=0, allow_inf_nan=False)
+    """The command [V] that is sent as 1000 thousandths of the drive's rated torque (6076h)."""
+    inputs: InputsOptions | None = None
+
+
+class SyncOptions(_Part):
+    """SYNC is sent once a period; the drives sample when it comes."""
+
+    wait_s: float = Field(gt=0, le=1.0, allow_inf_nan=False)
+
+
+class CanopenOptions(BusOptions):
+    """A CANopen bus and the drives on it; docs/drivers/canopen.md has a complete example."""
+
+    nodes: dict[str, NodeOptions] = Field(min_length=1)
+    sync: SyncOptions
+    command_at: Literal["sync", "arrival"] = "sync"
+    """When a drive takes a command: with the next SYNC, or as soon as it has come."""
+    watchdog_s: float = Field(default=0.1, ge=0.002, le=65.535)
+    heartbeat_s: float = Field(default=0.05, ge=0.001, le=20.0)
+    host_node: int = Field(default=HOST_NODE, ge=1, le=127)
+    enable_timeout_s: float = Field(default=1.0, gt=0, le=60, allow_inf_nan=False)
+    open_timeout_s: float = Field(default=2.0, gt=0, le=60, allow_inf_nan=False)
+    max_frames_per_read: int = Field(default=64, ge=1, le=10000)
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        wrong = list(self.wrong_in_bus())
+        numbers = Counter(node.node for node in self.nodes.values())
+        for axis, node in self.nodes.items():
+            where = ("nodes", axis, "node")
+            if numbers[node.node] > 1:
+                wrong.append(Wrong(where, node.node, "is the number of two drives"))
+            if node.node == self.host_node:
+                text = "is host_node, under which motorctl sends its heartbeat; give one another"
+                wrong.append(Wrong(where, node.node, text))
+        refuse(wrong, "CanopenOptions")
+        return self
