@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -18,14 +19,18 @@ from motorctl.daemon.pauses import PausesWhileOff
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.columns import log_columns
-from motorctl.log.folder import free_log_path
+from motorctl.log.folder import free_log_path, time_in_name
 
 BATCH_BYTES = 16_000
 """What a batch takes beside its rows, at most: descriptions of its columns, padding."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors after which a log is closed: rows go on in the next one once there is room."""
+CLOCK_BACK_S = 2.0
+"""A clock that was set back by more than this is told; names have whole seconds."""
 RESUME_MARGIN = 1.1
 """So many times the space at which recording stops must be free again: else it would flutter."""
+
+_log = logging.getLogger("motorctl")
 
 
 def free_bytes(folder: Path) -> float:
@@ -110,6 +115,7 @@ class RotatingLog:
         self._on_sealed = on_sealed
         self._free = free
         self._now = now
+        self._clock_told = False
         self._lost_before = 0
         self._begin_s: float | None = None
         self._full = False
@@ -117,7 +123,7 @@ class RotatingLog:
         """The last log that was ended."""
         self._run = ""
         self._writer: LogWriter | None = None
-        self._path = free_log_path(directory, machine, now())
+        self._path = self._next_path()
         try:
             self._writer = self._open(None)
             self._path = self._writer.path
@@ -196,7 +202,7 @@ class RotatingLog:
         return writer.close(self._ending(extra, None))
 
     def _open(self, predecessor: Path | None) -> LogWriter:
-        path = free_log_path(self._directory, self._machine, self._now())
+        path = self._next_path()
         run = self._run if predecessor else path.stem
         part = {
             "run": run,
@@ -207,6 +213,20 @@ class RotatingLog:
         self._run = run
         self.part += 1
         return writer
+
+    def _next_path(self) -> Path:
+        """Return where the next log will stand; a clock that was set back is told once."""
+        now = self._now()
+        path = free_log_path(self._directory, self._machine, now)
+        back_s = (time_in_name(path) - now).total_seconds()
+        if back_s > CLOCK_BACK_S and not self._clock_told:
+            _log.warning(
+                "the computer's clock is %s before the newest log: the next ones take its time and "
+                "a number, so that they stay in order; if its time is wrong, move it away",
+                _duration(back_s),
+            )
+        self._clock_told = back_s > CLOCK_BACK_S
+        return path
 
     def _rows_that_fit(self, times_s: NDArray[np.float64]) -> int:
         """Return how many of these rows still belong into the log that is being recorded."""
@@ -308,6 +328,10 @@ class RotatingLog:
         if self._pauses is not None:
             told |= self._pauses.take()
         return told
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} h" if seconds >= 3600 else f"{seconds:.0f} s"
 
 
 def _is_full(error: BaseException) -> bool:
