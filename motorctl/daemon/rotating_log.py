@@ -254,6 +254,8 @@ class RotatingLog:
 
     def _write(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         """Write rows; where this log can take no more of them, the rest into a new one."""
+        if self._writer is not None and self._writer.misplaced:
+            self._leave_misplaced(self._writer)
         self._require_room(len(ticks) * self._row_bytes + BATCH_BYTES)
         first, refused = self.rows, None
         for _ in range(2):
@@ -264,14 +266,28 @@ class RotatingLog:
             try:
                 self._put(self._writer, ticks[done:], samples[done:])
             except RunError as error:
-                if not _is_full(error):
-                    raise
                 refused = error
-                self._end_for_want_of_space()
+                if _is_full(error):
+                    self._end_for_want_of_space()
+                    continue
+                trouble = self.trouble
+                if not (_is_of_the_disk(error) and self._rotated()):
+                    self.trouble = trouble  # the refusal is what is told
+                    raise
             else:
                 return
         assert refused is not None
         raise refused
+
+    def _leave_misplaced(self, writer: LogWriter) -> None:
+        """Give up a file that is no longer where it was; the next rows begin a new one."""
+        self._writer, self._last, self._begin_s = None, writer.path, None
+        if writer.abandon():
+            told = f"was moved while it was recorded; what it holds: {writer.rows} rows"
+        else:
+            told = f"was removed while it was recorded, and its {writer.rows} rows with it"
+            self.rows -= writer.rows
+        _log.error("recording: %s %s; a new log is begun", writer.partial, told)
 
     def _put(self, writer: LogWriter, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         size, rows = writer.size_bytes, writer.rows
@@ -335,7 +351,16 @@ def _duration(seconds: float) -> str:
 
 
 def _is_full(error: BaseException) -> bool:
+    cause = _cause(error)
+    return isinstance(cause, OSError) and cause.errno in FULL
+
+
+def _is_of_the_disk(error: BaseException) -> bool:
+    return isinstance(_cause(error), OSError)
+
+
+def _cause(error: BaseException) -> BaseException | None:
     cause: BaseException | None = error
     while isinstance(cause, MotorctlError):
         cause = cause.__cause__
-    return isinstance(cause, OSError) and cause.errno in FULL
+    return cause

@@ -12,7 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 from buses_bench import BUSES, WATCHDOG_S, DeviceProcess, device_file, host_file
 from daemon_rig import Daemon, alive, bench_config, wait_until
+from recorded_ring import metadata_of
 
+from motorctl.flight import list_records
 from motorctl.log.folder import stored_logs
 from motorctl.log.sample import AxisState
 
@@ -83,6 +85,7 @@ def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog
         assert device.report["watchdog_trips"] == 1
 
 
+@pytest.mark.slow
 def test_a_supervisor_that_stands_still_has_its_axes_ramped_down_and_wakes_to_tell(
     tmp_path: Path,
 ) -> None:
@@ -121,6 +124,7 @@ def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path
         assert (np.diff(ticks) == 1).all()
 
 
+@pytest.mark.slow
 def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_jolts_nothing(
     tmp_path: Path,
 ) -> None:
@@ -146,3 +150,41 @@ def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_
         assert states[pause] == AxisState.RUNNING
         assert states[pause + 1] == AxisState.FAULT
         assert table["x.command_v"][int(pause) + 1].as_py() == 0.0
+
+
+@pytest.mark.slow
+def test_an_edited_configuration_changes_nothing_until_the_next_start_which_says_what_changed(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle", keep_learned=True)) as daemon:
+        moving(daemon)
+        ran = daemon.config.read_text()
+        edited = ran.replace("ks_v_s_m: 30", "ks_v_s_m: 31")
+        daemon.config.write_text(edited)
+        wait_until(lambda: told(daemon) == "was changed")
+        daemon.config.unlink()
+        wait_until(lambda: told(daemon) == "was removed")
+        assert daemon.state("x") == "running"
+        daemon.ask("estop")
+        wait_until(lambda: bool(list_records(daemon.logs).records), 30)
+        daemon.config.write_text(edited)
+        assert daemon.end() == 0, daemon.said
+        assert "the machine goes on as it was configured then" in daemon.said
+        (record,) = list_records(daemon.logs).records
+        for metadata in (record.metadata, metadata_of(daemon.log())):
+            assert metadata["config"]["axes"]["y"]["gains"]["ks_v_s_m"] == 30.0
+        # And what was learned is cut short by a power cut, say.
+        learned = tmp_path / "state" / "motorctl" / "bench.json"
+        os.truncate(learned, learned.stat().st_size // 2)
+        said = start_anew(daemon)
+        assert "axes.y.gains.ks_v_s_m: 30.0 -> 31.0" in said
+        assert "did not end in order" not in said
+        assert said.count("learned parameters ignored: Invalid JSON") == 1
+        assert "Traceback" not in said
+        assert daemon.ask("status", axis="x")["axes"]["x"]["theta_hat"]["inertia"] == 0.19
+        assert told(daemon) is None
+
+
+def told(daemon: Daemon) -> str | None:
+    difference: str | None = daemon.ask("status")["daemon"]["config_difference"]
+    return difference
