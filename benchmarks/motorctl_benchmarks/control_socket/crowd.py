@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -61,16 +61,15 @@ class Told:
     mistakes: int = 0
     """Answers that tell of a mistake of the daemon's own."""
     fuzzed_bytes: int = 0
-    slowest_answer_s: float = 0.0
-    """Of a client that asks ten times a second."""
+    waits_s: list[float] = field(default_factory=list)
+    """For each answer to a client that asks ten times a second."""
 
     def add(self, other: Told, *, at_once: bool) -> None:
         """Add what other clients were told, at the same time or at another."""
-        largest = {"slowest_answer_s"} if at_once else {"slowest_answer_s", "most_at_once"}
-        for field in fields(self):
-            mine, more = getattr(self, field.name), getattr(other, field.name)
-            joined = max(mine, more) if field.name in largest else mine + more
-            setattr(self, field.name, joined)
+        for each in fields(self):
+            mine, more = getattr(self, each.name), getattr(other, each.name)
+            largest = each.name == "most_at_once" and not at_once
+            setattr(self, each.name, max(mine, more) if largest else mine + more)
 
 
 def run_crowd(crowd: Crowd) -> Told:
@@ -170,8 +169,7 @@ class _User:
             writer.write(STATUS)
             if not await self._answered(reader):
                 return
-            took = time.monotonic() - began
-            self._told.slowest_answer_s = max(self._told.slowest_answer_s, took)
+            self._told.waits_s.append(time.monotonic() - began)
             await asyncio.sleep(ASK_S)
 
     async def _floods(
