@@ -1,1 +1,1 @@
-"""The control socket under a crowd of clients and fuzzed bytes: does the loop notice?"""
+"""A crowd of clients and fuzzed bytes on the control socket, and what the loop notices of it."""
