@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.measure import Options, Result
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
@@ -34,7 +35,7 @@ def bench(
     subject: Annotated[
         str,
         typer.Argument(
-            help="What to measure: speed, diagnosis, buses, machines, recordings, campaign."
+            help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, socket."
         ),
     ] = "speed",
     cases: Annotated[
@@ -56,7 +57,7 @@ def bench(
         typer.Option(
             min=0,
             help="diagnosis, machines: the first seed; by default held-out ones. campaign: "
-            "default 1.",
+            "default 1. socket: default 1.",
         ),
     ] = None,
     workers: Annotated[
@@ -111,8 +112,12 @@ def bench(
     campaign: faults to order in every state, on several machines and buses, each judged by what the
     guards promise, and hours of motion without a fault.
 
+    socket: a daemon at 5 kHz, left alone, under 200 clients of which some send 10 million fuzzed
+    bytes, and beside busy programs, in turn: late ticks of each, and what the clients were told.
+
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
-    campaign it is 1 where a case is not as promised.
+    campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
+    stand it, or a row was lost.
 
     Example: motorctl bench --json
 
@@ -144,6 +149,10 @@ def bench(
         if any(value is not None for value in (cases, logs, plot)):
             raise UsageError("bench campaign takes no --cases, --logs or --plot")
         options = _safety(size, seed, workers, only, out)
+    elif subject == "socket":
+        if any(value is not None for value in (cases, size, workers, only, out, logs, plot)):
+            raise UsageError("bench socket takes no option but --seed and --json")
+        options = _socket(seed)
     elif subject == "diagnosis" or any(value is not None for value in asked):
         options = _campaign(cases, size, seed, workers, only, out, logs, plot)
     with showing_progress("measuring; the first run compiles the kernels") as progress:
@@ -254,6 +263,12 @@ def _safety(
         out=out,
         only=tuple(parse_task(key) for key in only or ()),
     )
+
+
+def _socket(seed: int | None) -> SocketOptions:
+    from motorctl_benchmarks.control_socket.session import SocketOptions
+
+    return SocketOptions(seed=1 if seed is None else seed)
 
 
 def _print_mistakes(console: Console, result: Result) -> None:

@@ -16,12 +16,13 @@ from motorctl_benchmarks.tick_figures import tick_figures
 from motorctl_benchmarks.virtual_figures import virtual_figures
 
 if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
+    from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
 
-    Options = CampaignOptions | MachinesOptions | RecordingsOptions | SafetyOptions
+    Options = CampaignOptions | MachinesOptions | RecordingsOptions | SafetyOptions | SocketOptions
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
@@ -72,6 +73,15 @@ def _safety(progress: Progress, options: Options | None) -> Findings:
     return safety_findings(progress, asked)
 
 
+def _socket(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.control_socket.figures import socket_findings
+    from motorctl_benchmarks.control_socket.session import SocketOptions
+
+    asked = options or SocketOptions()
+    assert isinstance(asked, SocketOptions)
+    return socket_findings(progress, asked)
+
+
 def _buses(progress: Progress, _options: Options | None) -> Findings:
     from motorctl_benchmarks.buses.figures import bus_findings
 
@@ -85,8 +95,9 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "machines": _machines,
     "recordings": _recordings,
     "campaign": _safety,
+    "socket": _socket,
 }
-WITH_CASES = ("diagnosis", "machines", "recordings", "campaign")
+WITH_CASES = ("diagnosis", "machines", "recordings", "campaign", "socket")
 """Subjects that take options."""
 
 
@@ -134,7 +145,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, machines, recordings or campaign.
+        Of the subject diagnosis, machines, recordings, campaign or socket.
 
     Raises
     ------

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+from motorctl.cli.allowed_code_option import AllowedCodeOption
 from motorctl.cli.choices import ControllerChoice
 
 
@@ -22,6 +24,13 @@ def _check(
     controller: Annotated[
         ControllerChoice | None, typer.Option(help="In place of what the axes say.")
     ] = None,
+    code: Annotated[
+        bool,
+        typer.Option(
+            "--code", help="Only tell which code the file would run; import and check nothing."
+        ),
+    ] = False,
+    only_allowed_code: AllowedCodeOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of configurations, for editors.")
@@ -33,8 +42,8 @@ def _check(
     """
     from rich.console import Console
 
-    from motorctl.cli.check_tables import print_summary
-    from motorctl.config import config_schema, load, summarise
+    from motorctl.cli.check_tables import print_code, print_summary
+    from motorctl.config import AllowedCode, config_schema, load, summarise
     from motorctl.errors import ConfigError, UsageError
 
     if schema:
@@ -42,15 +51,46 @@ def _check(
         return
     if config is None:
         raise UsageError("check needs a configuration, for example: motorctl check small_stage")
+    if code:
+        told = _code(config, only_allowed_code)
+        if as_json:
+            typer.echo(json.dumps(told, indent=2))
+        else:
+            print_code(Console(), told)
+        return
+    allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
     try:
-        machine = load(config, None if controller is None else controller.value)
+        machine = load(
+            config, None if controller is None else controller.value, allowed_code=allowed
+        )
     except ConfigError as error:
         if as_json:
             problems = [vars(problem) for problem in error.problems]
             typer.echo(json.dumps({"valid": False, "problems": problems}, indent=2))
         raise
-    summary = summarise(machine)
+    summary = summarise(machine) | _code(config, only_allowed_code)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:
         print_summary(Console(), summary)
+
+
+def _code(config: str, only_allowed: Path | None) -> dict[str, Any]:
+    """Return what the file would run, and what the list allows: that of the service, if not named.
+
+    A list that cannot be trusted allows nothing, and is told; one that was named is refused.
+    """
+    from motorctl.config import ALLOWED_CODE, AllowedCode, code_of_file
+    from motorctl.errors import UsageError
+
+    trouble = None
+    try:
+        allowed = AllowedCode.read(only_allowed or ALLOWED_CODE)
+    except UsageError as error:
+        if only_allowed is not None:
+            raise
+        allowed, trouble = AllowedCode(ALLOWED_CODE, frozenset()), str(error)
+    return {
+        "code": [each.plain(allowed.allows(each)) for each in code_of_file(config)],
+        "allowed_code": {"file": str(allowed.source), "trouble": trouble},
+    }

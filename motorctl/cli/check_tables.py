@@ -36,9 +36,28 @@ def print_summary(console: Console, summary: Part) -> None:
         console.print(_programs(summary["programs"], summary["axes"]))
     console.print(f"Logs: {escape(_recording(summary['recording']))}", highlight=False)
     console.print(f"When an axis trips: {escape(_together(summary['stop_together']))}")
+    if any(code["origin"] != "motorctl" for code in summary["code"]):
+        print_code(console, summary)
     for note in summary["notes"]:
         console.print(f"[yellow]note[/yellow]  {escape(note)}")
     console.print("[green]valid[/green]")
+
+
+def print_code(console: Console, told: Part) -> None:
+    """Print which code a configuration would run, and what the service makes of it."""
+    lines = ["[bold]Code that this file runs[/bold]"]
+    for code in told["code"]:
+        package = f"{code['package']} {code['version']}" if code["package"] else "no package"
+        allowed = "allowed" if code["allowed"] else "[yellow]not allowed[/yellow]"
+        lines.append(f"  {escape(code['key'])}: {escape(code['target'])}, {allowed}")
+        lines.append(f"    {escape(package)}: {escape(code['file'] or 'no such module')}")
+    console.print("\n".join(lines), highlight=False, soft_wrap=True)
+    file, trouble = told["allowed_code"]["file"], told["allowed_code"]["trouble"]
+    if trouble:
+        console.print(f"[yellow]note[/yellow]  {escape(trouble)}")
+    if not all(code["allowed"] for code in told["code"]):
+        said = f"what is not allowed has no line in {file}; the service refuses it, by hand it runs"
+        console.print(f"[yellow]note[/yellow]  {escape(said)}", soft_wrap=True)
 
 
 def _recording(recording: Part) -> str:

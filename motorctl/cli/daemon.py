@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from motorctl.cli import axis_commands, status
+from motorctl.cli.allowed_code_option import AllowedCodeOption
 from motorctl.cli.socket_option import SocketOption
 
 
@@ -37,6 +38,7 @@ def run(
             show_default=False,
         ),
     ] = None,
+    only_allowed_code: AllowedCodeOption = None,
 ) -> None:
     """Run the daemon in the foreground.
 
@@ -45,13 +47,14 @@ def run(
 
     Example: motorctl run published_gantry --log-dir logs
     """
-    from motorctl.config import load
+    from motorctl.config import AllowedCode, load
     from motorctl.daemon.journal import open_journal
     from motorctl.daemon.supervisor import DaemonOptions, run_daemon
 
     open_journal()
     options = DaemonOptions(socket, group, operators, log_dir)
-    run_daemon(load(config), options)
+    allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
+    run_daemon(load(config, allowed_code=allowed), options)
 
 
 def register(app: typer.Typer) -> None:

@@ -44,6 +44,9 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
         parts += [_parameters(axis) for axis in document["axes"].values()]
     parts += [Text(), _loop(document["loop"], document["recording"])]
     parts += [Text(f"! {reason}", "yellow") for reason in document["loop"]["degraded"]]
+    if difference := document["daemon"].get("config_difference"):
+        told = f"! {document['daemon']['config']} {difference} since it was read"
+        parts.append(Text(told, "yellow"))
     return Panel(
         Group(*parts),
         title=_title(document),

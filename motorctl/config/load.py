@@ -15,6 +15,7 @@ from motorctl.config.guard_rules import check_heat
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
+from motorctl.config.named_code import AllowedCode, refused_code
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
 from motorctl.config.recording_rules import RecordingRate, check_recording, recording_rate
@@ -25,7 +26,11 @@ from motorctl.located_yaml import Document, read_document
 
 
 def load(
-    path: str | Path, controller: Controller | None = None, *, hardware: bool = True
+    path: str | Path,
+    controller: Controller | None = None,
+    *,
+    hardware: bool = True,
+    allowed_code: AllowedCode | None = None,
 ) -> Machine:
     """Load a configuration, or a shipped one by its bare name.
 
@@ -37,6 +42,8 @@ def load(
         Takes the place of what every axis says.
     hardware
         Without it the drivers are left out, so that they need not be installed: for analysis.
+    allowed_code
+        What of the code that the file names may be imported; None: all of it.
 
     Returns
     -------
@@ -50,6 +57,8 @@ def load(
     """
     source = locate(path)
     document = read_document(source)
+    if allowed_code is not None:
+        document.refuse(refused_code(document, allowed_code))
     return _build(document, source, source.parent.resolve(), controller, hardware=hardware)
 
 

@@ -24,7 +24,7 @@ from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.error_text import in_words
-from motorctl.flight import FOLDER, free_record_path, remove_oldest
+from motorctl.flight import FOLDER, free_record_path, later_than_all, remove_oldest
 from motorctl.flight.records import MEGABYTE, METADATA
 from motorctl.log import LogWriter
 from motorctl.log.sample import AxisState, FaultCause
@@ -60,6 +60,8 @@ class FlightRecorder:
         Records stand in a folder of their own in it.
     facts
         Asked for what the record says of loop and motions.
+    now
+        Asked for the time that stands in a record's name.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class FlightRecorder:
         memory: LoopMemory,
         log_directory: Path,
         facts: Callable[[], dict[str, Any]],
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         self.folder = log_directory / FOLDER
         self.newest: Path | None = None
@@ -76,6 +79,7 @@ class FlightRecorder:
         self._machine = machine
         self._memory = memory
         self._facts = facts
+        self._now = now
         self._settings = machine.flight_recorder
         self._seen: dict[str, tuple[int, float]] = {}
         self._incident: _Incident | None = None
@@ -146,7 +150,7 @@ class FlightRecorder:
 
     def _written(self, faults: Mapping[str, dict[str, Any]], loop_ended: str | None) -> Path:
         ticks, samples = self._seconds(faults)
-        now = datetime.now(UTC)
+        now = self._now()
         axis, first = next(iter(faults.items()), (None, None))
         cause = first["cause"] if first else LOOP_ENDED
         time_s = first["time_s"] if first else float(ticks["time_s"][-1])
@@ -163,7 +167,7 @@ class FlightRecorder:
         machine = self._machine
         axes = log_axes(machine)
         metadata = {**log_metadata(machine), "clock": "wall", METADATA: own}
-        path = free_record_path(self.folder, now, axis, cause)
+        path = free_record_path(self.folder, later_than_all(self.folder, now), axis, cause)
         writer = LogWriter(path, metadata, axes)
         writer.append(ticks, samples)
         return writer.close(self._facts())

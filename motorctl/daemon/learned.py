@@ -51,12 +51,17 @@ def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[
         A sentence for each axis or file: what was taken, or why not.
     """
     keepers = keeps_learned(machine)
-    if not keepers or not path.exists():
+    if not keepers:
         return {}, []
     try:
         file = _LearnedFile.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return {}, []
     except (OSError, ValidationError) as error:
-        return {}, [f"{path}: learned parameters ignored: {_short(error)}"]
+        return {}, [
+            f"{path}: learned parameters ignored: {_short(error)}; axes that keep them start as "
+            f"configured, and this file becomes {_aside(path).name} when new ones are saved"
+        ]
     if file.format != _FORMAT or file.machine != machine.name:
         foreign = (
             f"the file is for machine '{file.machine}', format '{file.format}'; this is "
@@ -79,6 +84,8 @@ def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[
 
 def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
     """Write the estimates of the axes that keep them: the old file or the new one, never a part.
+
+    A file that could not be read is put aside: somebody may mend it.
 
     Parameters
     ----------
@@ -111,6 +118,8 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
         },
     )
     path.parent.mkdir(parents=True, exist_ok=True)
+    if _is_damaged(path):
+        path.replace(_aside(path))
     draft = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     try:
         with draft.open("w") as file:
@@ -121,6 +130,20 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
     finally:
         with contextlib.suppress(FileNotFoundError):
             draft.unlink()
+
+
+def _is_damaged(path: Path) -> bool:
+    try:
+        _LearnedFile.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return False
+    except (OSError, ValidationError):
+        return True
+    return False
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(f"{path.name}.damaged")
 
 
 def _problem(axis: Axis, kept: _LearnedAxis) -> str | None:
@@ -145,4 +168,4 @@ def _short(error: Exception) -> str:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
         return f"{place}: {first['msg']}" if place else first["msg"]
-    return str(error)
+    return error.strerror or str(error) if isinstance(error, OSError) else str(error)

@@ -43,9 +43,16 @@ def client_socket() -> Path:
 
 def state_file(machine: str) -> Path:
     """Return the file that keeps what a machine has learned."""
+    return _state_folder() / f"{machine}.json"
+
+
+def run_file(machine: str) -> Path:
+    """Return the file that says what became of a machine's last run."""
+    return _state_folder() / "runs" / f"{machine}.json"
+
+
+def _state_folder() -> Path:
     if directory := os.environ.get("STATE_DIRECTORY"):  # set by systemd
-        folder = Path(directory.split(":")[0])
-    else:
-        base = os.environ.get("XDG_STATE_HOME")
-        folder = (Path(base) if base else Path.home() / ".local" / "state") / "motorctl"
-    return folder / f"{machine}.json"
+        return Path(directory.split(":")[0])
+    base = os.environ.get("XDG_STATE_HOME")
+    return (Path(base) if base else Path.home() / ".local" / "state") / "motorctl"

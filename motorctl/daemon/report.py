@@ -13,6 +13,7 @@ import numpy as np
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
 from motorctl.daemon.axis_faults import faults_of
+from motorctl.daemon.config_watch import ConfigWatch
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.recorder import Recorder
@@ -35,6 +36,7 @@ class Report:
         self.recorder: Recorder | None = None
         self.flight: FlightRecorder | None = None
         self.keeper: LogKeeper | None = None
+        self.config: ConfigWatch | None = None
         self.stopping = False
 
     def document(
@@ -92,6 +94,7 @@ class Report:
             "version": __version__,
             "pid": os.getpid(),
             "config": str(self._machine.source),
+            "config_difference": self.config.difference if self.config else None,
             "socket": str(self._socket),
             "uptime_s": round(time.monotonic() - self._started_at, 3),
             "stopping": self.stopping,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
@@ -18,14 +19,18 @@ from motorctl.daemon.pauses import PausesWhileOff
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.columns import log_columns
-from motorctl.log.folder import free_log_path
+from motorctl.log.folder import free_log_path, time_in_name
 
 BATCH_BYTES = 16_000
 """What a batch takes beside its rows, at most: descriptions of its columns, padding."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors after which a log is closed: rows go on in the next one once there is room."""
+CLOCK_BACK_S = 2.0
+"""A clock that was set back by more than this is told; names have whole seconds."""
 RESUME_MARGIN = 1.1
 """So many times the space at which recording stops must be free again: else it would flutter."""
+
+_log = logging.getLogger("motorctl")
 
 
 def free_bytes(folder: Path) -> float:
@@ -110,6 +115,7 @@ class RotatingLog:
         self._on_sealed = on_sealed
         self._free = free
         self._now = now
+        self._clock_told = False
         self._lost_before = 0
         self._begin_s: float | None = None
         self._full = False
@@ -117,7 +123,7 @@ class RotatingLog:
         """The last log that was ended."""
         self._run = ""
         self._writer: LogWriter | None = None
-        self._path = free_log_path(directory, machine, now())
+        self._path = self._next_path()
         try:
             self._writer = self._open(None)
             self._path = self._writer.path
@@ -196,7 +202,7 @@ class RotatingLog:
         return writer.close(self._ending(extra, None))
 
     def _open(self, predecessor: Path | None) -> LogWriter:
-        path = free_log_path(self._directory, self._machine, self._now())
+        path = self._next_path()
         run = self._run if predecessor else path.stem
         part = {
             "run": run,
@@ -207,6 +213,20 @@ class RotatingLog:
         self._run = run
         self.part += 1
         return writer
+
+    def _next_path(self) -> Path:
+        """Return where the next log will stand; a clock that was set back is told once."""
+        now = self._now()
+        path = free_log_path(self._directory, self._machine, now)
+        back_s = (time_in_name(path) - now).total_seconds()
+        if back_s > CLOCK_BACK_S and not self._clock_told:
+            _log.warning(
+                "the computer's clock is %s before the newest log: the next ones take its time and "
+                "a number, so that they stay in order; if its time is wrong, move it away",
+                _duration(back_s),
+            )
+        self._clock_told = back_s > CLOCK_BACK_S
+        return path
 
     def _rows_that_fit(self, times_s: NDArray[np.float64]) -> int:
         """Return how many of these rows still belong into the log that is being recorded."""
@@ -234,6 +254,8 @@ class RotatingLog:
 
     def _write(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         """Write rows; where this log can take no more of them, the rest into a new one."""
+        if self._writer is not None and self._writer.misplaced:
+            self._leave_misplaced(self._writer)
         self._require_room(len(ticks) * self._row_bytes + BATCH_BYTES)
         first, refused = self.rows, None
         for _ in range(2):
@@ -244,14 +266,28 @@ class RotatingLog:
             try:
                 self._put(self._writer, ticks[done:], samples[done:])
             except RunError as error:
-                if not _is_full(error):
-                    raise
                 refused = error
-                self._end_for_want_of_space()
+                if _is_full(error):
+                    self._end_for_want_of_space()
+                    continue
+                trouble = self.trouble
+                if not (_is_of_the_disk(error) and self._rotated()):
+                    self.trouble = trouble  # the refusal is what is told
+                    raise
             else:
                 return
         assert refused is not None
         raise refused
+
+    def _leave_misplaced(self, writer: LogWriter) -> None:
+        """Give up a file that is no longer where it was; the next rows begin a new one."""
+        self._writer, self._last, self._begin_s = None, writer.path, None
+        if writer.abandon():
+            told = f"was moved while it was recorded; what it holds: {writer.rows} rows"
+        else:
+            told = f"was removed while it was recorded, and its {writer.rows} rows with it"
+            self.rows -= writer.rows
+        _log.error("recording: %s %s; a new log is begun", writer.partial, told)
 
     def _put(self, writer: LogWriter, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         size, rows = writer.size_bytes, writer.rows
@@ -310,8 +346,21 @@ class RotatingLog:
         return told
 
 
+def _duration(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} h" if seconds >= 3600 else f"{seconds:.0f} s"
+
+
 def _is_full(error: BaseException) -> bool:
+    cause = _cause(error)
+    return isinstance(cause, OSError) and cause.errno in FULL
+
+
+def _is_of_the_disk(error: BaseException) -> bool:
+    return isinstance(_cause(error), OSError)
+
+
+def _cause(error: BaseException) -> BaseException | None:
     cause: BaseException | None = error
     while isinstance(cause, MotorctlError):
         cause = cause.__cause__
-    return isinstance(cause, OSError) and cause.errno in FULL
+    return cause

@@ -18,13 +18,15 @@ from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
+from motorctl.daemon.config_watch import ConfigWatch
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.journal import Journal
+from motorctl.daemon.last_run import LastRun
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl.daemon.notify import ServiceNotifier
-from motorctl.daemon.paths import daemon_socket, state_file
+from motorctl.daemon.paths import daemon_socket, run_file, state_file
 from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
@@ -102,6 +104,8 @@ class Supervisor:
         self._notifier = ServiceNotifier()
         self._recorder: Recorder | None = None
         self._keeper = LogKeeper(machine, directory)
+        self._last_run = LastRun(machine, run_file(machine.name))
+        self._config = self._report.config = ConfigWatch(machine.source)
         self._report.flight, self._report.keeper = self._flight, self._keeper
         self._asked = asyncio.Event()
 
@@ -131,6 +135,9 @@ class Supervisor:
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
                 wrong += self._keep_learned()
+            for remark in await asyncio.to_thread(self._last_run.end, "; ".join(wrong)):
+                _log.warning("%s", remark)
+            self._config.end()
             await self._server.close()
             self._loop.close()
             self._notifier.close()
@@ -158,6 +165,9 @@ class Supervisor:
         """Start the loop process and wait until it ticks."""
         # Before the loop ticks: removing many old logs may take longer than the ring holds.
         await asyncio.to_thread(self._keeper.begin)
+        for remark in await asyncio.to_thread(self._last_run.begin):
+            _log.warning("%s", remark)
+        self._config.start()
         theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
         for remark in remarks:
             _log.info("%s", remark)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ FOLDER = "faults"
 METADATA = "flight_record"
 """The key of a log's metadata that makes it a flight record."""
 MEGABYTE = 1e6
+_STAMP = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"\d{8}T\d{6}Z-.+\.parquet")
 
 
@@ -129,12 +130,35 @@ def free_record_path(folder: Path, when: datetime, axis: str | None, cause: str)
     Path
         Time, axis and cause in its name, and a number where these are taken.
     """
-    stem = "-".join([f"{when:%Y%m%dT%H%M%SZ}", *([axis] if axis else []), cause])
+    stem = "-".join([f"{when:{_STAMP}}", *([axis] if axis else []), cause])
     path, count = folder / f"{stem}.parquet", 1
     while path.exists() or path.with_name(path.name + SUFFIX).exists():
         count += 1
         path = folder / f"{stem}-{count}.parquet"
     return path
+
+
+def later_than_all(folder: Path, when: datetime) -> datetime:
+    """Return a time for the name of a new record that puts it after all there are.
+
+    Parameters
+    ----------
+    folder
+        Of the records.
+    when
+        The computer's clock, in UTC.
+
+    Returns
+    -------
+    datetime
+        `when`; a second after the newest record where the clock was set back: the new record would
+        else be removed as the oldest.
+    """
+    newest = next(iter(_newest_first(folder)), None)
+    if newest is None:
+        return when
+    last = datetime.strptime(newest.name[:16], _STAMP).replace(tzinfo=UTC)
+    return when if when >= last else last + timedelta(seconds=1)
 
 
 def list_records(folder: Path) -> Listing:

@@ -22,6 +22,7 @@ import numba
 from numba.core.caching import _CacheLocator
 
 from motorctl.errors import RunError
+from motorctl.kernels.checked_files import files_checked
 from motorctl.kernels.digest import digest_of_file
 
 UNUSED_DAYS = 30.0
@@ -85,7 +86,8 @@ def kernels_cached() -> Iterator[None]:
     before = settings.CACHE_LOCATOR_CLASSES
     settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByDigest.__name__}"
     try:
-        yield
+        with files_checked():
+            yield
     finally:
         settings.CACHE_LOCATOR_CLASSES = before
 
@@ -102,6 +104,9 @@ class ByDigest(_CacheLocator):
     def get_cache_path(self) -> str:
         """Return the folder of the function's module."""
         return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        """Do nothing: the folder was made, and a disk that refuses is told when code is kept."""
 
     def get_source_stamp(self) -> str:
         """Return what the compiled code must agree with."""
@@ -158,7 +163,9 @@ def _made(folder: Path) -> Path:
     except OSError as error:
         why = f"{error.strerror}; let XDG_CACHE_HOME name a folder that can be written"
         raise RunError(f"compiled kernels cannot be kept in {folder}: {why}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        why = "no permission to write; let XDG_CACHE_HOME name a folder that can be written"
+    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
+        why = (
+            "no permission to read and write; let XDG_CACHE_HOME name a folder that can be written"
+        )
         raise RunError(f"compiled kernels cannot be kept in {folder}: {why}")
     return folder

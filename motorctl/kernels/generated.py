@@ -7,13 +7,24 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from types import ModuleType
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import CodeType, ModuleType
 from typing import Any
 
 import numba
 
+from motorctl.errors import RunError
 from motorctl.kernels.cache import generated_folder, kernels_cached
 from motorctl.kernels.digest import digest_of_source
+
+
+class _FromSource(SourceFileLoader):
+    """Imports a module without Python's bytecode cache, of which nobody checks the content."""
+
+    def get_code(self, fullname: str) -> CodeType | None:
+        """Return the code of the source as it stands in the file."""
+        return self.source_to_code(self.get_data(self.path), self.path)
 
 
 def source_digest(source: str) -> str:
@@ -58,13 +69,12 @@ def load_generated(name: str, source: str) -> ModuleType:
     if full_name in sys.modules:
         return sys.modules[full_name]
     path = generated_folder() / f"{full_name}.py"
-    if not path.exists():
-        draft = path.with_suffix(f".{os.getpid()}.tmp")
-        draft.write_text(source)
-        draft.replace(path)
+    if not _holds(path, source):
+        _write(path, source)
     with suppress(OSError):  # another user's folder may be read only
         os.utime(path)  # in use: not to be removed as old
-    spec = importlib.util.spec_from_file_location(full_name, path)
+    loader = _FromSource(full_name, str(path))
+    spec = importlib.util.spec_from_file_location(full_name, path, loader=loader)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -76,6 +86,24 @@ def load_generated(name: str, source: str) -> ModuleType:
         del sys.modules[full_name]
         raise
     return module
+
+
+def _holds(path: Path, source: str) -> bool:
+    try:
+        return path.read_bytes() == source.encode()
+    except OSError:
+        return False
+
+
+def _write(path: Path, source: str) -> None:
+    draft = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        draft.write_bytes(source.encode())
+        draft.replace(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        why = f"{error.strerror}; remove it, or let XDG_CACHE_HOME name another folder"
+        raise RunError(f"a generated module cannot be kept as {path}: {why}") from error
 
 
 def specialise(kernel: Any, *arguments: object) -> Callable[..., Any]:

@@ -86,6 +86,9 @@ def must_be_writable(folder: Path, role: str = "folder") -> None:
 def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> Path:
     """Return the name of a log that begins: no file has it, and it comes after all there are.
 
+    A clock that was set back changes nothing of that: then the name has the time of the newest log
+    and a further number. Retention would else remove the new before the old.
+
     Parameters
     ----------
     folder
@@ -98,11 +101,18 @@ def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> P
     stamp = f"{when or datetime.now(UTC):{_STAMP}}"
     name = _name_of(machine)
     names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    matches = filter(None, map(name.fullmatch, names))
+    matches = [match for match in map(name.fullmatch, names) if match]
+    stamp = max([stamp, *(match[2] for match in matches)])
     # A number that became free again would put the log before those that it follows.
     last = max((_number(match) for match in matches if match[2] == stamp), default=0)
     number = f"-{last + 1}" if last else ""
     return folder / f"{machine}-{stamp}{number}{LOG_SUFFIX}"
+
+
+def time_in_name(path: Path) -> datetime:
+    """Return the time in a log's name, in UTC, as `free_log_path` wrote it."""
+    stamps = re.findall(r"\d{8}T\d{6}Z", path.name)
+    return datetime.strptime(stamps[-1], _STAMP).replace(tzinfo=UTC)
 
 
 def _name_of(machine: str) -> re.Pattern[str]:

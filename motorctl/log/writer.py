@@ -88,6 +88,24 @@ class LogWriter:
         """Size of the partial file."""
         return self._whole_bytes
 
+    @property
+    def misplaced(self) -> bool:
+        """Whether the partial file was removed or moved by somebody since it was made."""
+        try:
+            there = self.partial.stat()
+        except FileNotFoundError:
+            return True
+        except OSError:  # its disk does not answer: rows will be refused, which tells more
+            return False
+        return not os.path.samestat(there, os.fstat(self._file))
+
+    def abandon(self) -> bool:
+        """Leave a misplaced file alone; tell whether it still is somewhere."""
+        try:
+            return os.fstat(self._file).st_nlink > 0
+        finally:
+            os.close(self._file)
+
     def seal(self, extra: Mapping[str, Any] | None = None) -> Path:
         """End the recording and return the partial file, which says so; `extra` joins the metadata.
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from motorctl.config import load
+from motorctl.config import ALLOWED_CODE, AllowedCode, load
 from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.machine import Machine
 from motorctl.errors import ConfigError, UsageError
@@ -120,7 +120,8 @@ def _configuration(request: Request, system: System) -> tuple[str, Machine]:
         if request.config is not None:
             raise UsageError(f"--config {source}: there is no such file")
         raise UsageError(f"{place} is not there: name the configuration with --config FILE")
-    machine = load(source)
+    allowed = AllowedCode.read(system.at(ALLOWED_CODE))
+    machine = load(source, allowed_code=allowed)
     text = source.read_text()
     if place.is_file() and place.read_text() != text:
         raise UsageError(
@@ -129,11 +130,11 @@ def _configuration(request: Request, system: System) -> tuple[str, Machine]:
     if place.is_file() and not place.stat().st_mode & 0o044:
         raise UsageError(f"{place}: the daemon may not read it: chmod 0644")
     if not place.is_file():
-        _must_hold_there(text, source, place)
+        _must_hold_there(text, source, place, allowed)
     return text, machine
 
 
-def _must_hold_there(text: str, source: Path, place: Path) -> None:
+def _must_hold_there(text: str, source: Path, place: Path, allowed: AllowedCode) -> None:
     """Raise UsageError where files that a configuration names do not lie beside its new place."""
     with tempfile.TemporaryDirectory() as name:
         there = Path(name)
@@ -141,7 +142,7 @@ def _must_hold_there(text: str, source: Path, place: Path) -> None:
             shutil.copytree(place.parent, there, dirs_exist_ok=True)
         (there / place.name).write_text(text)
         try:
-            load(there / place.name)
+            load(there / place.name, allowed_code=allowed)
         except ConfigError as error:
             told = str(error).replace(f"{there}/", f"{place.parent}/")
             raise UsageError(

@@ -132,6 +132,39 @@ def test_no_file_content_whatever_hinders_the_start(
     assert len(remarks) == 1
 
 
+@pytest.mark.parametrize("kept", [0, 1, 40, 0.5])
+def test_a_file_that_a_power_cut_left_short_is_told_once_and_put_aside(
+    machine: Machine, path: Path, kept: float
+) -> None:
+    save(machine, THETA, path)
+    whole = path.read_bytes()
+    short = whole[: int(kept * len(whole)) if 0 < kept < 1 else int(kept)]
+    path.write_bytes(short)
+    learned, (remark,) = take_up(machine, path)
+    assert learned == {}
+    assert f"{path}: learned parameters ignored: Invalid JSON" in remark
+    assert "start as configured" in remark
+    assert "bench.json.damaged" in remark
+    assert path.read_bytes() == short  # until there is something better
+    save(machine, THETA, path)
+    assert path.with_name("bench.json.damaged").read_bytes() == short
+    learned, _ = take_up(machine, path)
+    assert learned["x"] == list(THETA["x"])
+
+
+def test_something_else_in_the_place_of_the_file_is_told_and_put_aside(
+    machine: Machine, path: Path
+) -> None:
+    path.mkdir(parents=True)
+    learned, (remark,) = take_up(machine, path)
+    assert learned == {}
+    assert "learned parameters ignored: Is a directory" in remark
+    save(machine, THETA, path)
+    assert path.is_file()
+    path.with_name("a file").write_text("")
+    assert take_up(machine, path.with_name("a file") / "bench.json")[0] == {}
+
+
 def test_a_failed_save_leaves_the_old_file(machine: Machine, path: Path) -> None:
     save(machine, THETA, path)
     before = path.read_bytes()

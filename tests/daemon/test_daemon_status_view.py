@@ -32,7 +32,12 @@ AXIS: dict[str, Any] = {
 TIMING = {"p50_s": 11e-6, "p99_s": 23e-6, "p999_s": 1e-4, "max_s": 1.2e-3, "max_at_s": 3.21}
 DOCUMENT: dict[str, Any] = {
     "machine": "published-gantry",
-    "daemon": {"socket": "/run/motorctl/motorctl.sock", "uptime_s": 3723.4, "stopping": False},
+    "daemon": {
+        "socket": "/run/motorctl/motorctl.sock",
+        "uptime_s": 3723.4,
+        "stopping": False,
+        "config": "left.yaml",
+    },
     "loop": {
         "phase": "running",
         "rate_hz": 5000.0,
@@ -122,6 +127,7 @@ def test_what_matters_is_on_it() -> None:
         ("recording.disk", {**ROOM, "warning": "recording can go on for 3 h"}, "go on for 3 h"),
         ("recording.retention", REMOVED, "3 old logs removed, 1.2 GB: free space"),
         ("daemon.stopping", True, "● stopping"),
+        ("daemon.config_difference", "was changed", "! left.yaml was changed since it was read"),
     ],
 )
 def test_what_is_wrong_is_on_it(path: str, value: Any, shown: str) -> None:

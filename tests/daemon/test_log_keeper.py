@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import re
@@ -121,6 +122,44 @@ def test_a_process_that_is_killed_while_it_makes_a_log_costs_nothing(
     assert "recovered" not in metadata_of(logs[0])
 
 
+def test_a_process_that_stands_still_while_it_makes_a_log_holds_up_neither_rows_nor_the_end(
+    bench: Ring, tmp_path: Path
+) -> None:
+    conversion = Conversion()
+    log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
+    recorded(bench, log, 1.5)
+    conversion.look()
+    assert conversion._process is not None
+    os.kill(conversion._process.pid, signal.SIGSTOP)
+    recorded(bench, log, 1.5)
+    conversion.look()
+    assert conversion.current is not None
+    assert len(conversion.waiting) == 1
+    log.close({})
+    assert conversion.finish() == []  # it is killed, and its work done here
+    logs = [stored.path for stored in stored_logs(tmp_path, "bench")]
+    assert ticks_of(logs).tolist() == list(range(180_000))
+    assert not list(tmp_path.glob("*.partial")) + list(tmp_path.glob("*.tmp"))
+
+
+def test_a_process_that_stood_still_and_goes_on_makes_its_log_all_the_same(
+    bench: Ring, tmp_path: Path
+) -> None:
+    conversion = Conversion()
+    log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
+    recorded(bench, log, 1.5)
+    conversion.look()
+    assert conversion._process is not None
+    os.kill(conversion._process.pid, signal.SIGSTOP)
+    recorded(bench, log, 0.1)
+    os.kill(conversion._process.pid, signal.SIGCONT)
+    wait_until(lambda: done(conversion))
+    assert conversion.failure is None
+    log.close({})
+    logs = [stored.path for stored in stored_logs(tmp_path, "bench")]
+    assert ticks_of(logs).tolist() == list(range(95_000))
+
+
 def test_a_daemon_that_stops_finishes_what_was_begun(bench: Ring, tmp_path: Path) -> None:
     conversion = Conversion()
     log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
@@ -190,12 +229,20 @@ with ring() as bench:
         log.append(*bench.take())
         print(bench.rows, "rows are on the disk", flush=True)
         conversion.look()
+        if conversion._process is not None:
+            print("made by", conversion._process.pid, flush=True)
 """
 
 
+@pytest.mark.parametrize("both", [False, True])
 @pytest.mark.parametrize("logs", [pytest.param(n, marks=pytest.mark.slow) for n in (2, 3, 5)] + [4])
-def test_a_recorder_that_is_killed_between_logs_loses_no_row(tmp_path: Path, logs: int) -> None:
-    """Its process writes and rotates all the time, so the kill comes at any moment of that."""
+def test_a_recorder_that_is_killed_between_logs_loses_no_row(
+    tmp_path: Path, logs: int, both: bool
+) -> None:
+    """Its process writes and rotates all the time, so the kill comes at any moment of that.
+
+    With `both` the process that makes a log of a closed recording is killed at once with it.
+    """
     process = subprocess.Popen(
         [sys.executable, "-c", _RECORDS_UNTIL_IT_IS_KILLED, str(tmp_path)],
         cwd=SUPPORT,
@@ -204,9 +251,15 @@ def test_a_recorder_that_is_killed_between_logs_loses_no_row(tmp_path: Path, log
     )
     assert process.stdout is not None
     with process.stdout:
-        while len(stored_logs(tmp_path, "bench")) <= logs:
-            assert process.stdout.readline()
+        makers: set[int] = set()
+        while len(stored_logs(tmp_path, "bench")) <= logs or (both and not makers):
+            line = process.stdout.readline()
+            assert line
+            makers = {int(line.split()[-1])} if line.startswith("made by") else set()
         process.kill()
+        for maker in makers if both else ():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(maker, signal.SIGKILL)
         process.wait()
         rows = max(map(int, re.findall(r"^(\d+) rows", process.stdout.read(), re.M)), default=0)
     wait_until(lambda: not _converting(tmp_path))

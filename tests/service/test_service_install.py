@@ -220,6 +220,19 @@ def test_a_bad_configuration_is_refused_with_all_its_problems(root: Path) -> Non
     assert tree(root) == before
 
 
+def test_code_that_a_configuration_names_needs_a_line_of_the_administrator(root: Path) -> None:
+    path = root / "etc/motorctl/left.yaml"
+    path.write_text(path.read_text().replace("type: sim", "type: 'config_bench:BenchDriver'"))
+    before = tree(root)
+    said = refused("install", "left", "--root", root)
+    list_of_code = root / "etc/motorctl/allowed_code"
+    assert f"adds a line 'config_bench' to {list_of_code}" in said
+    assert tree(root) == before
+    list_of_code.write_text("config_bench\n")
+    # Now it is imported, and tells that it has no such options.
+    assert "not allowed" not in refused("install", "left", "--root", root)
+
+
 def test_files_that_a_configuration_names_have_to_lie_beside_its_new_place(
     root: Path, tmp_path: Path
 ) -> None:

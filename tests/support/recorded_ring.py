@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,7 @@ def rotating(
     on_sealed: Callable[[Path], None],
     free: Callable[[Path], float] = lambda _: MUCH,
     lost: Callable[[], int] = lambda: 0,
+    now: Callable[[], datetime] = lambda: datetime.now(UTC),
 ) -> RotatingLog:
     """Return a log of the ring's axes."""
     return RotatingLog(
@@ -89,6 +91,7 @@ def rotating(
         keys,
         on_sealed,
         free,
+        now,
     )
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from motorctl.config import ALLOWED_CODE
+
 FOLDER = Path(__file__).parents[2] / "systemd"
 UNIT = FOLDER / "motorctl@.service"
 WORST_SECURITY = 3.0
@@ -76,6 +78,12 @@ def test_each_gantry_has_folders_of_its_own(service: configparser.SectionProxy) 
         assert service[directory] == "motorctl/%i"
     assert "/etc/motorctl/%i.yaml" in service["ExecStart"]
     assert service["CacheDirectory"] == "motorctl"  # found by digests: shared
+
+
+def test_a_service_runs_no_code_that_only_its_configuration_names(
+    service: configparser.SectionProxy,
+) -> None:
+    assert f"--only-allowed-code {ALLOWED_CODE}" in service["ExecStart"]
 
 
 def test_hardening_does_not_break_the_loop(service: configparser.SectionProxy) -> None:

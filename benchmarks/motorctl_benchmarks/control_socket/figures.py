@@ -1,0 +1,140 @@
+"""The figures of the control socket: late ticks with and without a crowd, and what it was told."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from motorctl.latency.figure import Figure, Target
+from motorctl.latency.progress import Progress
+from motorctl_benchmarks.control_socket.session import (
+    BUSY,
+    CROWD,
+    QUIET,
+    Session,
+    SocketOptions,
+    run_session,
+)
+from motorctl_benchmarks.findings import Findings, TextTable
+
+LATE_S = 100e-6
+AS_IT_WAS = Target("ratio", ">=", 0.8)
+"""The share stays what it was within a quarter: so far two quiet spells lie apart here."""
+
+
+def socket_findings(progress: Progress, options: SocketOptions) -> Findings:
+    """Run the session and tell it. Raises RunError where the daemon or the crowd fails to start."""
+    return findings_of(run_session(options, progress), options)
+
+
+def findings_of(session: Session, options: SocketOptions) -> Findings:
+    """Return figures, table and failures of a session."""
+    shares = {kind: _share(session, kind, LATE_S) for kind in (QUIET, CROWD, BUSY)}
+    figures = (
+        _figure("late_crowd", "ticks later than 100 us under the crowd", shares, AS_IT_WAS),
+        Figure("answer_median", "answer to an asker: median", _wait_ms(session, 50), "ms"),
+        Figure("answer_p99", "answer to an asker: p99", _wait_ms(session, 99), "ms"),
+        Figure("fuzzed_bytes", "fuzzed bytes taken", session.told.fuzzed_bytes / 1e6, "MB"),
+        Figure("served_at_once", "clients served at once", session.told.most_at_once, ""),
+    )
+    notes = (
+        f"{options.rounds} rounds of {options.spell_s:g} s each, in turn; the daemon runs "
+        f"{options.config}, both axes on their programs.",
+        "A share says how the computer is as much as how motorctl is: compare within a run only.",
+    )
+    told = {key: value for key, value in asdict(session.told).items() if key != "waits_s"}
+    troubles = [{"case": "socket", "truth": "none", "answer": said} for said in session.troubles]
+    return Findings(
+        figures,
+        notes,
+        tuple(troubles),
+        {"told": told, "rows_lost": session.rows_lost, "spells": _plain(session)},
+        (_table(session), _told_table(session)),
+        failed=bool(troubles) or session.rows_lost > 0,
+    )
+
+
+def _figure(name: str, title: str, shares: dict[str, float], target: Target) -> Figure:
+    quiet, crowd = 100 * shares[QUIET], 100 * shares[CROWD]
+    ratio = quiet / crowd if crowd else 1.0
+    return Figure(name, title, crowd, "%", "left alone", quiet, ratio, target)
+
+
+def _share(session: Session, kind: str, limit_s: float) -> float:
+    ticks = [spell.lateness_s for spell in session.spells if spell.kind == kind]
+    return float(np.mean(np.concatenate(ticks) > limit_s))
+
+
+def _wait_ms(session: Session, percent: float) -> float:
+    """Return a percentile of what clients waited that ask ten times a second."""
+    waits_s = session.told.waits_s
+    return float(1e3 * np.percentile(waits_s, percent)) if waits_s else float("nan")
+
+
+def _table(session: Session) -> TextTable:
+    rows = []
+    for kind in (QUIET, CROWD, BUSY):
+        spells = [spell for spell in session.spells if spell.kind == kind]
+        ticks = np.concatenate([spell.lateness_s for spell in spells])
+        each = ", ".join(f"{100 * spell.share_later_than(LATE_S):.3f}" for spell in spells)
+        rows.append(
+            (
+                kind,
+                f"{len(ticks):,}",
+                f"{100 * np.mean(ticks > LATE_S):.3f}",
+                each,
+                f"{100 * np.mean(ticks > session.period_s):.3f}",
+                f"{1e6 * np.median(ticks):.1f}",
+                f"{1e3 * np.max(ticks):.2f}",
+            )
+        )
+    columns = (
+        "the daemon is",
+        "ticks",
+        "later than 100 us, %",
+        "of each spell, %",
+        "later than a period, %",
+        "median, us",
+        "worst, ms",
+    )
+    return TextTable("Late ticks of the loop", columns, tuple(rows))
+
+
+def _told_table(session: Session) -> TextTable:
+    told = session.told
+    row = (
+        f"{told.connections:,}",
+        str(told.most_at_once),
+        f"{told.refused:,}",
+        f"{told.answers:,}",
+        f"{told.refusals:,}",
+        str(told.mistakes),
+        f"{told.fuzzed_bytes:,}",
+        ", ".join(f"{_wait_ms(session, percent):.0f}" for percent in (50, 99, 100)),
+        str(session.rows_lost),
+    )
+    columns = (
+        "connections",
+        "served at once",
+        "refused: one user's limit",
+        "answers",
+        "refusals of rubbish",
+        "mistakes of ours",
+        "fuzzed bytes",
+        "an asker waits, ms: median, p99, worst",
+        "rows lost",
+    )
+    return TextTable("What the crowd was told", columns, (row,))
+
+
+def _plain(session: Session) -> list[dict[str, object]]:
+    return [
+        {
+            "kind": spell.kind,
+            "ticks": len(spell.lateness_s),
+            "share_later_than_100_us": spell.share_later_than(LATE_S),
+            "share_later_than_a_period": spell.share_later_than(session.period_s),
+        }
+        for spell in session.spells
+    ]

@@ -1,0 +1,227 @@
+"""A daemon with the simulated gantry in motion: left alone, under a crowd, and on a busy computer.
+
+The three are taken in turn, so that whatever else this computer does meets all of them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from motorctl.daemon.client import Client
+from motorctl.errors import MotorctlError, RunError
+from motorctl.latency.progress import Progress
+from motorctl.log.folder import stored_logs
+from motorctl_benchmarks.control_socket.crowd import Crowd, Told
+
+CONFIG = "published_gantry"
+START_S, END_S = 300.0, 120.0
+SETTLE_S = 1.0
+"""Between two spells."""
+BUSY_PROGRAMS = 2
+QUIET, CROWD, BUSY = "left alone", "under the crowd", "beside busy programs"
+MAIN = "from motorctl.cli import main; main()"
+CROWD_MAIN = "from motorctl_benchmarks.control_socket.crowd import main; main()"
+SPIN = "while True: pass"
+
+
+@dataclass(frozen=True)
+class SocketOptions:
+    """What is asked for."""
+
+    clients: int = 200
+    fuzzed_bytes: int = 10_000_000
+    """By all crowds together."""
+    spell_s: float = 20.0
+    rounds: int = 3
+    seed: int = 1
+    config: str = CONFIG
+
+
+@dataclass(frozen=True)
+class Spell:
+    """The ticks of one spell."""
+
+    kind: str
+    lateness_s: NDArray[np.float64]
+    """Of each tick, shape (N,)."""
+
+    def share_later_than(self, limit_s: float) -> float:
+        """Return the share of ticks that began later than this."""
+        return float(np.mean(self.lateness_s > limit_s))
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a run showed."""
+
+    spells: tuple[Spell, ...]
+    told: Told
+    period_s: float
+    rows_lost: int
+    troubles: tuple[str, ...]
+    """What should not have been, a sentence each."""
+
+
+def run_session(options: SocketOptions, progress: Progress) -> Session:
+    """Run a daemon through all spells.
+
+    Raises
+    ------
+    RunError
+        Where the daemon does not start.
+    """
+    marks: list[tuple[str, int, int]] = []
+    told, troubles = Told(), []
+    with tempfile.TemporaryDirectory(prefix="motorctl-") as name:
+        folder = Path(name)
+        folder.chmod(0o711)  # made-up users have to reach the socket
+        with _daemon(options.config, folder) as (process, client):
+            before = client.ask("status")
+            for axis in before["axes"]:
+                client.ask_when_ready("start", lambda: None, axis=axis)
+            kinds = (QUIET, CROWD, BUSY)
+            for number in range(len(kinds) * options.rounds):
+                kind = kinds[number % len(kinds)]
+                _keep_moving(client)
+                time.sleep(SETTLE_S)
+                first = _ticks(client)
+                if kind == CROWD:
+                    told.add(_crowd(options, folder, number), at_once=False)
+                else:
+                    _wait(options.spell_s, busy=kind == BUSY)
+                marks.append((kind, first, _ticks(client)))
+                troubles += _troubles(client, before, kind)
+                progress((number + 1) / (len(kinds) * options.rounds))
+            status = client.ask("status")
+            client.close()
+            process.terminate()
+            if process.wait(END_S) != 0:
+                troubles.append(f"the daemon ended with status {process.returncode}")
+        said = (folder / "stderr.txt").read_text()
+        if "Traceback" in said:
+            troubles.append("the daemon told of a mistake of its own: " + said.splitlines()[-1])
+        spells = tuple(_spells(folder / "logs", before["machine"], marks))
+    if told.fuzzed_bytes < options.fuzzed_bytes:
+        asked = f"{told.fuzzed_bytes} of {options.fuzzed_bytes}"
+        troubles.append(f"{asked} fuzzed bytes were taken in time")
+    if told.mistakes:
+        troubles.append(f"{told.mistakes} answers told of a mistake of the daemon's own")
+    lost = status["recording"]["rows_lost"]
+    period_s = 1.0 / before["loop"]["rate_hz"]
+    return Session(spells, told, period_s, lost, tuple(dict.fromkeys(troubles)))
+
+
+@contextmanager
+def _daemon(config: str, folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], Client]]:
+    socket = folder / "motorctl.sock"
+    command = [sys.executable, "-P", "-c", MAIN, "run", config, "--log-dir", str(folder / "logs")]
+    with ExitStack() as end:
+        errors = end.enter_context((folder / "stderr.txt").open("wb"))
+        own = {**os.environ, "XDG_STATE_HOME": str(folder / "state")}  # nobody learns from this
+        process = subprocess.Popen([*command, "--socket", str(socket)], stderr=errors, env=own)
+        end.callback(_end, process)
+        deadline = time.monotonic() + START_S
+        while True:
+            with suppress(MotorctlError):
+                client = Client(socket)
+                if client.ask("status")["recording"]["rows"] > 0:
+                    break
+                client.close()
+            if process.poll() is not None or time.monotonic() > deadline:
+                said = (folder / "stderr.txt").read_text().strip()
+                raise RunError(f"the daemon did not start: {said.splitlines()[-1:] or 'silent'}")
+            time.sleep(0.1)
+        end.callback(client.close)
+        yield process, client
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _keep_moving(client: Client) -> None:
+    """Begin the axes' programs anew where they have come to their ends."""
+    for name, axis in client.ask("status")["axes"].items():
+        if axis["state"] == "idle":
+            client.ask("stop", axis=name)
+            client.ask_when_ready("start", lambda: None, axis=name)
+
+
+def _ticks(client: Client) -> int:
+    ticks: int = client.ask("status")["loop"]["ticks"]
+    return ticks
+
+
+def _crowd(options: SocketOptions, folder: Path, number: int) -> Told:
+    crowd = Crowd(
+        str(folder / "motorctl.sock"),
+        options.clients,
+        -(-options.fuzzed_bytes // options.rounds),
+        options.spell_s,
+        options.seed + number,
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", CROWD_MAIN],
+        input=json.dumps(asdict(crowd)),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RunError(f"the crowd failed: {done.stderr.strip().splitlines()[-1:]}")
+    return Told(**json.loads(done.stdout))
+
+
+def _wait(seconds: float, *, busy: bool) -> None:
+    count = BUSY_PROGRAMS if busy else 0
+    programs = [subprocess.Popen([sys.executable, "-c", SPIN]) for _ in range(count)]
+    try:
+        time.sleep(seconds)
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+
+
+def _troubles(client: Client, before: dict[str, Any], kind: str) -> list[str]:
+    status = client.ask("status")
+    found = [
+        f"{kind}: axis {name} is {axis['state']}: {axis['fault']}"
+        for name, axis in status["axes"].items()
+        if axis["state"] not in ("running", "idle")
+    ]
+    if status["loop"]["pid"] != before["loop"]["pid"]:
+        found.append(f"{kind}: the loop is another process")
+    return found
+
+
+def _spells(logs: Path, machine: str, marks: list[tuple[str, int, int]]) -> Iterator[Spell]:
+    tables = [
+        pq.read_table(stored.path, columns=["tick", "lateness_s"])
+        for stored in stored_logs(logs, machine)
+    ]
+    ticks = np.concatenate([table["tick"].to_numpy() for table in tables])
+    lateness_s = np.concatenate([table["lateness_s"].to_numpy() for table in tables])
+    for kind, first, last in marks:
+        rows = slice(*np.searchsorted(ticks, (first, last)))
+        yield Spell(kind, lateness_s[rows])

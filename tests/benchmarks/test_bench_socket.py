@@ -1,0 +1,173 @@
+"""The crowd on the control socket: it is what it says, and so are its figures."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from motorctl.daemon.access import ControlSocket
+from motorctl.daemon.client import Client
+from motorctl.daemon.protocol import RefusedError, Request, parse_request
+from motorctl.daemon.server import ControlServer
+from motorctl.errors import UsageError
+from motorctl_benchmarks.command import bench
+from motorctl_benchmarks.control_socket.crowd import CLIENTS_A_USER, Crowd, Told
+from motorctl_benchmarks.control_socket.figures import findings_of
+from motorctl_benchmarks.control_socket.fuzz import fuzzed
+from motorctl_benchmarks.control_socket.session import (
+    BUSY,
+    CROWD,
+    CROWD_MAIN,
+    QUIET,
+    Session,
+    SocketOptions,
+    Spell,
+    run_session,
+)
+
+broken = False
+
+
+async def _handle(request: Request) -> dict[str, Any]:
+    if broken:
+        raise ZeroDivisionError("a mistake of ours")
+    return {"did": request.do}
+
+
+@pytest.fixture
+def socket() -> Iterator[Path]:
+    """A control socket of its own, in a folder that the crowd's made-up users can reach."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o711)
+        place = Path(folder) / "s.sock"
+        ready, events = threading.Event(), asyncio.new_event_loop()
+        stop = asyncio.Event()
+
+        async def serve() -> None:
+            control = ControlSocket(place)
+            server = ControlServer(control, _handle)
+            await server.start()
+            ready.set()
+            await stop.wait()
+            await server.close()
+            control.close()
+
+        thread = threading.Thread(target=events.run_until_complete, args=(serve(),))
+        thread.start()
+        ready.wait()
+        yield place
+        events.call_soon_threadsafe(stop.set)
+        thread.join()
+        events.close()
+
+
+def crowd(socket: Path, **changes: Any) -> Told:
+    asked = replace(Crowd(str(socket), 56, 60_000, 1.0, seed=3), **changes)
+    done = subprocess.run(
+        [sys.executable, "-c", CROWD_MAIN],
+        input=json.dumps(asdict(asked)),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return Told(**json.loads(done.stdout))
+
+
+def test_a_crowd_sends_what_was_asked_for_and_the_server_outlives_it(socket: Path) -> None:
+    told = crowd(socket)
+    assert told.fuzzed_bytes >= 60_000
+    assert told.connections >= 56
+    assert told.most_at_once > CLIENTS_A_USER
+    assert told.answers > 10
+    assert told.refusals > 10
+    with Client(socket) as client:
+        assert client.ask("status") == {"did": "status"}
+
+
+def test_a_mistake_of_the_daemons_own_is_counted(
+    socket: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{__name__}.broken", True)
+    assert crowd(socket, clients=28).mistakes > 0
+
+
+def test_fuzzed_bytes_are_the_same_for_a_seed_and_hardly_ever_a_request() -> None:
+    lines = [fuzzed(random.Random(seed)) for seed in range(3000)]
+    assert lines == [fuzzed(random.Random(seed)) for seed in range(3000)]
+    proper = 0
+    for line in lines:
+        try:
+            request = parse_request(line.strip())
+        except RefusedError:
+            continue
+        proper += 1
+        assert getattr(request, "axis", "z") == "z" or request.do == "status"
+    assert proper < 0.1 * len(lines)
+    assert len(set(lines)) > 2000
+
+
+def session(**changes: Any) -> Session:
+    def spell(kind: str, late: int) -> Spell:
+        lateness_s = np.full(1000, 1e-6)
+        lateness_s[:late] = 150e-6
+        return Spell(kind, lateness_s)
+
+    spells = (spell(QUIET, 10), spell(CROWD, 10), spell(BUSY, 20))
+    told = Told(connections=200, most_at_once=200, answers=9, fuzzed_bytes=10_000_000)
+    return replace(Session(spells * 2, told, 2e-4, 0, ()), **changes)
+
+
+def test_a_crowd_that_nobody_noticed_meets_the_target() -> None:
+    found = findings_of(session(), SocketOptions())
+    late = found.figures[0]
+    assert (late.value, late.peer_value, late.ratio, late.met) == (1.0, 1.0, 1.0, True)
+    assert not found.failed
+    rows = {row[0]: row for row in found.tables[0].rows}
+    assert rows[QUIET][1:5] == ("2,000", "1.000", "1.000, 1.000", "0.000")
+    assert rows[BUSY][2] == "2.000"
+
+
+def test_a_crowd_that_makes_ticks_late_is_told() -> None:
+    spells = list(session().spells)
+    spells[1] = Spell(CROWD, np.full(1000, 150e-6))
+    found = findings_of(session(spells=tuple(spells)), SocketOptions())
+    assert found.figures[0].met is False
+
+
+@pytest.mark.parametrize("changes", [{"rows_lost": 1}, {"troubles": ("axis x is fault",)}])
+def test_a_lost_row_or_an_axis_that_stopped_fails_the_bench(changes: dict[str, Any]) -> None:
+    assert findings_of(session(**changes), SocketOptions()).failed
+
+
+def test_the_command_takes_no_options_of_other_subjects() -> None:
+    app = typer.Typer()
+    app.command()(bench)
+    result = CliRunner().invoke(app, ["socket", "--cases", "3"])
+    assert isinstance(result.exception, UsageError)
+    assert "bench socket takes no option but" in str(result.exception)
+
+
+@pytest.mark.slow
+@pytest.mark.wall_clock
+def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the_disk() -> None:
+    options = SocketOptions(clients=60, fuzzed_bytes=200_000, spell_s=3.0, rounds=1)
+    shown = run_session(options, lambda _: None)
+    assert shown.troubles == ()
+    assert shown.rows_lost == 0
+    assert shown.told.fuzzed_bytes >= 200_000
+    assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, BUSY]
+    assert all(len(spell.lateness_s) > 5000 for spell in shown.spells)

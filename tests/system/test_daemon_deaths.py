@@ -1,0 +1,190 @@
+"""Processes that stand still or die together: nothing moves on, no row is lost, the next tells."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from buses_bench import BUSES, WATCHDOG_S, DeviceProcess, device_file, host_file
+from daemon_rig import Daemon, alive, bench_config, wait_until
+from recorded_ring import metadata_of
+
+from motorctl.flight import list_records
+from motorctl.log.folder import stored_logs
+from motorctl.log.sample import AxisState
+
+pytestmark = pytest.mark.wall_clock
+
+RATE_HZ = 400
+
+
+def loop_pid(daemon: Daemon) -> int:
+    pid: int = daemon.ask("status")["loop"]["pid"]
+    return pid
+
+
+def moving(daemon: Daemon) -> None:
+    daemon.ask("start", axis="x")
+    wait_until(lambda: abs(daemon.ask("status", axis="x")["axes"]["x"]["velocity_m_s"]) > 0.01)
+
+
+def start_anew(daemon: Daemon) -> str:
+    """Start the daemon again, and give what it said since."""
+    before = len(daemon.said)
+    daemon.process = daemon.launch()
+    daemon.wait_until_running()
+    assert {daemon.state(axis) for axis in ("x", "y")} == {"off"}
+    return daemon.said[before:]
+
+
+def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        time.sleep(1.0)
+        pid = loop_pid(daemon)
+        ticks = daemon.ask("status")["loop"]["ticks"]
+        os.kill(daemon.process.pid, signal.SIGKILL)
+        os.kill(pid, signal.SIGKILL)
+        daemon.process.wait()
+        wait_until(lambda: not alive(pid))
+        said = start_anew(daemon)
+        assert "did not end in order: its supervisor was killed" in said
+        assert "1 of earlier runs are unfinished" in said
+        assert "Traceback" not in said
+        assert daemon.end() == 0, daemon.said
+        first, second = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+        table = pq.read_table(first, columns=["tick", "x.state"])
+        assert table["tick"][-1].as_py() > ticks - RATE_HZ  # nothing older than a second is lost
+        assert table["x.state"][-1].as_py() == AxisState.RUNNING
+        assert (np.diff(table["tick"].to_numpy()) == 1).all()
+        assert pq.read_table(second, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
+
+
+@pytest.mark.slow
+def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog(
+    tmp_path: Path,
+) -> None:
+    bus = BUSES["serial exchange"]
+    with DeviceProcess(tmp_path, device_file(bus, 0)) as device:
+        config = host_file(bus, bus.driver(device.endpoint, 0))
+        with Daemon(tmp_path / "daemon", config) as daemon:
+            moving(daemon)
+            pid = loop_pid(daemon)
+            os.kill(daemon.process.pid, signal.SIGKILL)
+            os.kill(pid, signal.SIGKILL)
+            daemon.process.wait()
+            time.sleep(4 * WATCHDOG_S)
+        device.end()
+        assert device.report["watchdog_trips"] == 1
+
+
+@pytest.mark.slow
+def test_a_supervisor_that_stands_still_has_its_axes_ramped_down_and_wakes_to_tell(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        pid = loop_pid(daemon)
+        os.kill(daemon.process.pid, signal.SIGSTOP)
+        wait_until(lambda: not alive(pid))
+        os.kill(daemon.process.pid, signal.SIGCONT)
+        assert daemon.process.wait(60) == 1
+        assert "no sign of life from the supervisor" in daemon.said
+        assert "every axis was stopped" in daemon.said
+        assert "Traceback" not in daemon.said
+        # The ring held what nobody wrote: the log has the ramp to its end.
+        table = pq.read_table(daemon.log())
+        states = table["x.state"].to_numpy()
+        ramp = table["x.reference_velocity_m_s"].to_numpy()[states == AxisState.STOPPING]
+        assert abs(ramp[-1]) < 0.01
+        assert states[-1] in (AxisState.OFF, AxisState.FAULT)
+        assert (np.diff(table["tick"].to_numpy()) == 1).all()
+        assert "ended with: " in start_anew(daemon)
+
+
+@pytest.mark.slow
+def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path: Path) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        for _ in range(5):
+            os.kill(daemon.process.pid, signal.SIGSTOP)
+            time.sleep(0.2)
+            os.kill(daemon.process.pid, signal.SIGCONT)
+            time.sleep(0.3)
+        assert daemon.state("x") == "running"
+        assert daemon.end() == 0, daemon.said
+        ticks = pq.read_table(daemon.log(), columns=["tick"])["tick"].to_numpy()
+        assert (np.diff(ticks) == 1).all()
+
+
+@pytest.mark.slow
+def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_jolts_nothing(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        pid = loop_pid(daemon)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.4)
+        os.kill(pid, signal.SIGCONT)
+        wait_until(lambda: daemon.state("x") == "fault")
+        fault = daemon.ask("status")["axes"]["x"]["fault"]
+        assert fault["cause"] == "overrun"
+        assert "the loop was stalled for" in fault["message"]
+        assert loop_pid(daemon) == pid
+        daemon.ask_when_it_stands("reset", "x")
+        daemon.ask_when_it_stands("start", "x")
+        assert daemon.state("x") == "running"
+        assert daemon.end() == 0, daemon.said
+        table = pq.read_table(daemon.log())
+        ticks, states = table["tick"].to_numpy(), table["x.state"].to_numpy()
+        (pause,) = np.flatnonzero(np.diff(ticks) > 0.3 * RATE_HZ)
+        # The first tick after the pause is the one that disables.
+        assert states[pause] == AxisState.RUNNING
+        assert states[pause + 1] == AxisState.FAULT
+        assert table["x.command_v"][int(pause) + 1].as_py() == 0.0
+
+
+@pytest.mark.slow
+def test_an_edited_configuration_changes_nothing_until_the_next_start_which_says_what_changed(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle", keep_learned=True)) as daemon:
+        moving(daemon)
+        ran = daemon.config.read_text()
+        edited = ran.replace("ks_v_s_m: 30", "ks_v_s_m: 31")
+        daemon.config.write_text(edited)
+        wait_until(lambda: told(daemon) == "was changed")
+        daemon.config.unlink()
+        wait_until(lambda: told(daemon) == "was removed")
+        assert daemon.state("x") == "running"
+        daemon.ask("estop")
+        wait_until(lambda: bool(list_records(daemon.logs).records), 30)
+        daemon.config.write_text(edited)
+        assert daemon.end() == 0, daemon.said
+        assert "the machine goes on as it was configured then" in daemon.said
+        (record,) = list_records(daemon.logs).records
+        for metadata in (record.metadata, metadata_of(daemon.log())):
+            assert metadata["config"]["axes"]["y"]["gains"]["ks_v_s_m"] == 30.0
+        # And what was learned is cut short by a power cut, say.
+        learned = tmp_path / "state" / "motorctl" / "bench.json"
+        os.truncate(learned, learned.stat().st_size // 2)
+        said = start_anew(daemon)
+        assert "axes.y.gains.ks_v_s_m: 30.0 -> 31.0" in said
+        assert "did not end in order" not in said
+        assert said.count("learned parameters ignored: Invalid JSON") == 1
+        assert "Traceback" not in said
+        assert daemon.ask("status", axis="x")["axes"]["x"]["theta_hat"]["inertia"] == 0.19
+        assert told(daemon) is None
+
+
+def told(daemon: Daemon) -> str | None:
+    difference: str | None = daemon.ask("status")["daemon"]["config_difference"]
+    return difference
