@@ -129,3 +129,13 @@ def test_no_power_is_told_of_frequencies_that_a_slow_recording_has_not():
     told = diagnose_axis(data, C1)
     assert "20 Hz" not in " ".join((told.sentence, *told.notes))
     assert "below 2 Hz" in " ".join((told.sentence, *told.notes))
+
+
+def test_a_command_of_which_the_motion_explains_a_quarter_is_refused_as_that_of_no_drive():
+    data = joint()
+    rng = np.random.default_rng(9)
+    slow = np.convolve(rng.standard_normal(len(data.command)), np.ones(60) / 60.0, "same")
+    velocity = np.gradient(data.position, 1.0 / RATE_HZ)
+    other = replace(data, command=velocity / velocity.std() + 1.4 * slow / slow.std())
+    with pytest.raises(DataError, match="explains none of the acceleration"):
+        check_explains(other, make_signals(other, slope_s_m=900.0), C1)

@@ -78,9 +78,11 @@ WAVES_ENOUGH = 0.5
 cogging in slow motion. Larger refuses weak cogging, smaller lets wrong columns pass: six waves have
 much freedom. Chosen by hand: bare motors have 0.7 to 0.9."""
 REVERSED = 0.4
-"""The part that acceleration and friction must explain for their signs to be called reversed.
-Larger misses reversed commands of loaded axes, smaller accuses motion that the command hardly
-drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link that others drag 0.26."""
+"""The part that acceleration and friction must explain for their signs to be called reversed, or to
+count without a force of the place. Larger misses reversed commands of loaded axes, smaller accuses
+motion that the command hardly drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link
+that others drag 0.26, the angle that a servo is sent to 0.26; single moves of a real arm 0.5 to
+0.98."""
 DRIVES = 0.9
 """Part of another axis' command that this axis' motion must explain, for the two columns to be
 called exchanged. Larger misses exchanged columns of loaded axes, smaller accuses axes that merely
@@ -270,7 +272,7 @@ def check_explains(
     if nothing and not lenient and _waves_explain(plain) < WAVES_ENOUGH:
         raise DataError(
             f"{data.place}: the command explains none of the acceleration, and the motion "
-            f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
+            f"{100.0 * max(share, REVERSED):.0f} % of the command (at least "
             f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
             "of the same axis, in time with each other? Where other axes load this one, as in an "
             "arm, record them beside it"
@@ -344,7 +346,7 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
 
     Inertia, friction and any force of the place, such as gravity, may each outweigh the others. A
     force of the place knows nothing of places that held-out rows alone pass, so inertia and
-    friction are asked without one, too, where they take energy.
+    friction are asked without one, too, and believed where they explain as much as a sign needs.
     Reversed is a command whose friction would give energy and whose inertia, where it is seen,
     would be negative, if these two explain a good part of it that no force of the place explains.
     """
@@ -360,10 +362,11 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
         of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
         if explained > share:
             best, share = beside, explained
-    reversed_share = share - of_place > REVERSED
-    backwards = reversed_share and _drives_back(signals, motion, best, one_way=bool(dropped))
+    one_way = bool(dropped)
+    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, one_way)
     of_motion = 1.0 - float(held_out_sse(motion.problem).sum()) / whole
-    if of_motion > share and not _drives_back(signals, motion, motion.problem, bool(dropped)):
+    believed = of_motion > max(share, REVERSED)
+    if believed and not _drives_back(signals, motion, motion.problem, one_way):
         share = of_motion
     return share, backwards and _changes(signals.data)
 
