@@ -24,7 +24,7 @@ METADATA_VARIABLE = "motorctl"
 class MatTable(Table):
     """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
 
-    Columns of a matrix are ``name(:,k)``, k from 1.
+    Columns of a matrix are ``name(:,k)``, what cells hold is ``name{k}``, k from 1.
 
     A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
     """
@@ -55,12 +55,15 @@ class MatTable(Table):
 
 
 def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Return the numeric vectors in a variable; a struct has some in its fields."""
+    """Return the numeric vectors in a variable; a struct has some in its fields, a cell in it."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and value.size == 1:
         for field in value.dtype.names:
             yield from _vectors(f"{name}.{field}", value.ravel()[0][field])
+    elif value.dtype == object and value.size <= MOST_MATRIX_COLUMNS:
+        for k, cell in enumerate(value.ravel(order="F"), 1):
+            yield from _vectors(f"{name}{{{k}}}", cell)
     elif value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) == value.size:
         yield name, value.ravel()
     elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value):

@@ -66,6 +66,24 @@ def test_matlab_variables_may_carry_the_axis_in_their_name(tmp_path, names):
     assert axis.reference_velocity[-1] == N - 1
 
 
+def test_what_cells_of_matlab_hold_can_be_named_as_iddata_keeps_its_signals(tmp_path):
+    def cell(column):
+        held = np.empty((1, 1), dtype=object)
+        held[0, 0] = column[:, None]
+        return held
+
+    signals = {"OutputData": cell(np.arange(N) * 1e-3), "InputData": cell(np.arange(N) % 7 - 3.0)}
+    scipy.io.savemat(tmp_path / "a.mat", {"d": signals})
+    (tmp_path / "a.yaml").write_text(
+        "file: a.mat\nsample_rate_hz: 100\naxes:\n  x:\n"
+        "    position: {column: 'd.OutputData{1}', unit: m}\n"
+        "    command: {column: 'd.InputData{1}', unit: V}\n"
+    )
+    axis = read_recording(tmp_path / "a.yaml").axes["x"]
+    np.testing.assert_allclose(axis.position, np.arange(N) * 1e-3)
+    np.testing.assert_allclose(axis.command, np.arange(N) % 7 - 3.0)
+
+
 @pytest.mark.parametrize(
     ("delimiter", "decimal", "head"),
     [

@@ -10,6 +10,7 @@ from motorctl_benchmarks.real_machines.readers import (
     AR5,
     JOINT_FRICTION,
     LIGHT_ARMS,
+    SCHUNK,
     SURGICAL,
     UR10,
     XMATE,
@@ -129,5 +130,25 @@ def joint_friction(name: str) -> Read:
         rows = np.genfromtxt(path, delimiter=",", skip_header=1)[:, :5]
         rows = rows[np.isfinite(rows).all(axis=1)]
         return {"time_s": rows[:, 0], "position": rows[:, 1], "command": rows[:, 4]}
+
+    return read
+
+
+def schunk(move: int, number: int) -> Read:
+    """Return the reader of a joint of a light arm that makes one move of all joints, 250 Hz."""
+
+    def read(recordings: Path) -> Columns:
+        data = folder_of(recordings, SCHUNK) / "autoKoopman_codeocean" / "data"
+        folder = data / "Robot" / f"measurement_{move}"
+        names = ("time", "trajectory", "input")
+        time_s, motion, torque = (
+            np.loadtxt(folder / f"{name}.csv", delimiter=",") for name in names
+        )
+        rows = len(torque)  # one less than there are of the motion
+        return {
+            "time_s": time_s[:rows],
+            "position": motion[:rows, number - 1],
+            "command": torque[:, number - 1],
+        }
 
     return read

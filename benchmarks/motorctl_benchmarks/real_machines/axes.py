@@ -14,6 +14,7 @@ from motorctl_benchmarks.real_machines.arm_readers import (
     ar5,
     joint_friction,
     kinova,
+    schunk,
     surgical,
     surgical_yaw,
     ur5,
@@ -24,6 +25,9 @@ from motorctl_benchmarks.real_machines.lab_readers import (
     DRIVETRAIN_RUNS,
     FLYWHEEL_RUNS,
     discs,
+    milling_axis,
+    pulled_cylinder,
+    rod_motor,
     tendon_drive,
     twisted_strings,
 )
@@ -118,6 +122,10 @@ OF_LINKS = ("gravity", "position_force", "cross_axis", "flexible_mode")
 BENDING = ("flexible_mode", "cross_axis")
 ON_TENDONS = (*HANGING, "flexible_mode")
 """Both first joints of the instrument have an antiresonance at 2 to 2.4 Hz."""
+LATE_FORCE = ("input_lag", "input_delay")
+"""The measured force is 50 ms behind the motion."""
+CUTS = ("stribeck",)
+"""What friction leaves is the force of cutting; at low speed it is larger."""
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
 AXES: tuple[RealAxis, ...] = (
@@ -206,6 +214,13 @@ AXES: tuple[RealAxis, ...] = (
     *(RealAxis(f"tendon drive {k}", tendon_drive(k), "%", (), "turn") for k in (1, 3)),
     RealAxis("robot's wheels", DRIVETRAIN_RUNS, "V", position_unit="m"),
     RealAxis("robot's flywheel", FLYWHEEL_RUNS, "V"),
+    *(RealAxis(f"LWA joint {k}", schunk(80, k), "N*m", (*CARRIED, "cogging")) for k in range(1, 7)),
+    RealAxis("LWA joint 4, another move", schunk(84, 4), "N*m", (*CARRIED, "cogging")),
+    *(RealAxis(f"LWA joint {k}, a third move", schunk(18, k), "N*m", CARRIED) for k in (1, 4, 5)),
+    RealAxis("motor with a rod", rod_motor, "%"),
+    RealAxis("pulled cylinder, O-ring", pulled_cylinder("O-ring_5bar"), "N", LATE_FORCE, "mm"),
+    RealAxis("pulled cylinder, round seal", pulled_cylinder("Circle_7bar"), "N", LATE_FORCE, "mm"),
+    *(RealAxis(f"milling machine, {c}", milling_axis(c), "A", CUTS, "mm") for c in ("X", "Y")),
 )
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
 import numpy as np
 
+from motorctl.log.open_table import open_table
 from motorctl_benchmarks.real_machines.readers import (
+    CYLINDER,
     DISCS,
     DRIVETRAIN,
     EGG_LIFT,
     FLYWHEEL,
+    MILL,
     POSITION_SERVO,
     RACK,
+    ROD_MOTOR,
     TENDON_DRIVES,
     TWISTED_STRINGS,
     Columns,
@@ -117,3 +122,47 @@ def position_servo(recordings: Path) -> Columns:
     read = np.isfinite(angle) & np.isfinite(sent)
     time_s = np.arange(len(sent)) / 50.0
     return {"time_s": time_s[read], "position": angle[read], "command": sent[read]}
+
+
+def rod_motor(recordings: Path) -> Columns:
+    """Read a small motor that carries a rod by its middle, swept from 0.1 to 10 Hz, of 10 kHz."""
+    folder = folder_of(recordings, ROD_MOTOR) / "data" / "system_id_data"
+    columns = open_table(folder / "id_result_chirp_rod_05_01_10_1.mat").read(
+        ["output.pos_iddata.OutputData{1}", "output.pos_iddata.InputData{1}"]
+    )
+    position, duty = (column[::10] for column in columns.values())
+    return {
+        "time_s": np.arange(len(position)) / 1e3,
+        "position": position,
+        "command": 100.0 * duty,
+    }
+
+
+def pulled_cylinder(seal: str) -> Read:
+    """Return the reader of a printed pneumatic cylinder that a machine pulls and pushes, 100 Hz."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, CYLINDER) / "results_pneumatic-actuator" / "data"
+        rows = np.loadtxt(folder / "friction" / f"{seal}.csv")
+        return {"time_s": rows[:, 0] / 1e3, "position": rows[:, 4], "command": rows[:, 6]}
+
+    return read
+
+
+def milling_axis(letter: str) -> Read:
+    """Return the reader of an axis of a milling machine that cuts wax, 10 Hz, by its velocity.
+
+    Its position is rounded, to whole millimetres from 100 on.
+    """
+
+    def read(recordings: Path) -> Columns:
+        path = folder_of(recordings, MILL) / "data" / "experiment_11.csv"
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        return {
+            "time_s": np.arange(len(rows)) / 10.0,
+            "velocity": np.array([float(row[f"{letter}1_ActualVelocity"]) for row in rows]),
+            "command": np.array([float(row[f"{letter}1_CurrentFeedback"]) for row in rows]),
+        }
+
+    return read

@@ -57,6 +57,10 @@ RACK = "KonradMnich/friction-identification"
 DRIVETRAIN = "MiamiBeachBots/base-bot"
 FLYWHEEL = "calcmogul/SysIdOpt"
 POSITION_SERVO = "mauicv/servo-sysid"
+SCHUNK = "nikhilushinde/AutoKoopman"
+ROD_MOTOR = "Alex-Jagger/277_Assignments"
+CYLINDER = "EvaZillen/3D-printed-pneumatic-actuator"
+MILL = "ejhusom/cnc_milling_tool_wear"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -94,13 +98,18 @@ REPOSITORIES = (
     DRIVETRAIN,
     FLYWHEEL,
     POSITION_SERVO,
+    SCHUNK,
+    ROD_MOTOR,
+    CYLINDER,
+    MILL,
 )
 """On GitHub."""
 COMMITS = {
     BARE_MOTOR: "54611550c141fb024b663d1d17fc98dc2c5b7fd3",
     LINKS: "b30002b6f7fb9bb7d4410ab304c18fbcbbedcfd5",
+    SCHUNK: "3897268a9545555f8010b2b7ed913645fb87fc13",
 }
-"""Of those whose newest commit no longer has the recordings."""
+"""Of those whose newest commit has not the recordings."""
 
 
 def folder_of(recordings: Path, repository: str) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.signals import FEWEST_ROWS, Signals
 from motorctl.identify.columns.stretches import TRIM_PERIODS, Stretch
 
 PIECE_S = 3.0
@@ -57,6 +57,6 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
             inner[:trim] = False
             inner[len(inner) - trim :] = False
             kept.append(inner[: -(-len(stretches[-1].x) // d)])
-    if not stretches:  # few rows over a long time
+    if sum(int(k.sum()) for k in kept) < FEWEST_ROWS:  # it comes slowly, or hardly ever moves
         return signals
     return replace(signals.with_stretches(tuple(stretches)), kept=tuple(kept))

@@ -19,7 +19,7 @@ from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.fit.instruments import by_instruments
 from motorctl.identify.fit.judgement import check_direction, check_exchanged, judge
 from motorctl.identify.fit.least_squares import by_least_squares, physical_bounds, within
-from motorctl.identify.fit.regression_data import RegressionData, prepare
+from motorctl.identify.fit.regression_data import RegressionData, TooFewRowsError, prepare
 from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, RecordingFit
 from motorctl.identify.fit.settings import Estimator, FitOptions, Segment
 from motorctl.log import Recording
@@ -180,7 +180,7 @@ def _chosen(columns: RegressionData, segments: tuple[Segment, ...] | None) -> Re
     needed = ROWS_PER_PARAMETER * len(columns.model)
     if len(chosen.time_s) < needed:
         spans = ", ".join(f"{begin:g} to {end:g} s" for begin, end in segments or ())
-        raise DataError(
+        raise TooFewRowsError(
             f"{columns.data.place}: {len(chosen.time_s)} rows are left after filtering and "
             "decimation"
             + (f" in {spans}" if spans else "")

@@ -74,6 +74,10 @@ AT_ITS_TICK = sample_taps(0.0)
 """Each sample for itself, as columns of the motion are."""
 
 
+class TooFewRowsError(DataError):
+    """Filters and decimation leave too little of the recording to identify the model from."""
+
+
 @dataclass(frozen=True)
 class RegressionData(Rows[Array]):
     """Rows behind recursive filters and decimation; n parameters of a model."""
@@ -300,7 +304,7 @@ def prepare(data: Measured, model: EffectList, options: FitOptions) -> Regressio
         quiet = stretch.quiet[options.discard_start : len(stretch.quiet) - options.discard_end]
         picks.append(_picked(quiet, options, reach))
     if not stretches:
-        raise DataError(
+        raise TooFewRowsError(
             f"{data.place}: no usable stretch reaches {shortest * data.period_s:.3g} s, which a "
             f"filter at {options.filter_hz:g} Hz needs to settle: record longer without a gap, or "
             "choose a higher filter_hz"

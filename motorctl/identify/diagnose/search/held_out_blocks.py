@@ -166,6 +166,12 @@ def held_out_sse(problem: BlockedRegression) -> Array:
     return np.maximum(gram[:, -1, -1] - 2.0 * cross + fitted, 0.0)  # rounding
 
 
+def rests_of_folds(problem: BlockedRegression) -> Array:
+    """Return the products over what each fold is fitted to: the rows outside it, (folds, p, p)."""
+    folds = [problem.gram[k::FOLDS].sum(axis=0) for k in range(FOLDS)]
+    return np.asarray(problem.total - np.stack(folds))
+
+
 def fit_of_fold(problem: BlockedRegression, fold: int) -> BlockedFit:
     """Fit the blocks of one fold alone."""
     parts = tuple(part[fold::FOLDS] for part in problem.parts)

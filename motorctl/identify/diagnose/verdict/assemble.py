@@ -62,7 +62,7 @@ from motorctl.identify.diagnose.verdict.standing import standing
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
-from motorctl.identify.diagnose.verdict.verdict import LOW_HZ, Judged
+from motorctl.identify.diagnose.verdict.verdict import Judged, low_hz
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
 
@@ -144,7 +144,7 @@ def assemble(
     kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":
-        unknown = unknown_structure(judged, extra, values, kin, impossible)
+        unknown = unknown_structure(judged, low_hz(found), extra, values, kin, impossible)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,
@@ -358,8 +358,8 @@ def _notes(
         )
     if judged.verdict == "effect" and judged.coloured > 3.0:
         notes.append(
-            f"below {LOW_HZ:g} Hz the residual still has {judged.coloured:.1f} times the power "
-            "of the noise"
+            f"below {low_hz(found):.3g} Hz the residual still has {judged.coloured:.1f} times the "
+            "power of the noise"
         )
     forces = forces_of_position(effect.effect for effect in effects)
     if len(forces) > 1:

@@ -12,7 +12,6 @@ from motorctl.identify.diagnose.verdict.verdict import (
     BURST_HZ,
     BURSTS,
     COLOURED,
-    LOW_HZ,
     USUAL_POWER,
     Judged,
     depends_on,
@@ -40,6 +39,7 @@ def compensation(found: Found, judged: Judged) -> Compensation | None:
 
 def unknown_structure(
     judged: Judged,
+    below_hz: float,
     extra: Compensation | None,
     values: FittedModel,
     kin: DoubtedMember | None = None,
@@ -51,6 +51,8 @@ def unknown_structure(
     ----------
     judged
         What the verdict rests on.
+    below_hz
+        Below what frequency its power is told [Hz].
     extra
         A spline that compensates it.
     values
@@ -102,8 +104,8 @@ def unknown_structure(
     else:
         sentence = (
             f"the residual has {judged.coloured:.0f} times the power of the noise below "
-            f"{LOW_HZ:g} Hz (limit {COLOURED:g}), and no function of position, velocity or command "
-            "explains it"
+            f"{below_hz:.3g} Hz (limit {COLOURED:g}), and no function of position, velocity or "
+            "command explains it"
         )
     if extra is None:
         nothing = np.zeros(0)

@@ -234,6 +234,11 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
     return judged("effect", names, None)
 
 
+def low_hz(found: Found) -> float:
+    """Return below what frequency the residual's power is told: slow recordings end before."""
+    return min(LOW_HZ, found.final.regressors.signals.band_hz)
+
+
 def low_frequency_excess(found: Found) -> float:
     """Return the residual's power at low frequencies over what the noise model expects."""
     hypothesis = found.final
