@@ -170,7 +170,8 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
-        log = self._new_log()
+        # In a thread: the loop ticks already, and waits half a second for a sign of life.
+        log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()
         self._keeper.start(log)
