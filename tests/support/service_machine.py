@@ -57,7 +57,7 @@ def run(scratch: Path, out: Path, only: Sequence[str] = ()) -> list[dict[str, An
     for source in (ROOT, ROOT / "devices"):
         build = [sys.executable, "-c", BUILD, str(job / "wheels")]
         subprocess.run(build, cwd=source, check=True, capture_output=True)
-    result = here.run(job, scratch, LIMIT_S, before=COMPILING, systemd=True)
+    result = here.run(job, scratch, LIMIT_S, before=COMPILING, systemd=True, tell=_tell)
     shutil.copytree(result.folder, out, dirs_exist_ok=True)
     (out / "console.txt").write_text(result.console)
     lines = (out / "steps.jsonl").read_text().splitlines()
@@ -74,6 +74,10 @@ def names_of_steps() -> list[str]:
     (steps,) = (node.value for node in named if ast.unparse(node.target) == "THE_STEPS")
     assert steps is not None
     return [node.id for node in ast.walk(steps) if isinstance(node, ast.Name)]
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
 
 
 def _line(step: dict[str, Any]) -> str:

@@ -18,6 +18,8 @@ WORST_SECURITY = 3.0
 STARVED_S = 8.0
 MOVED = ("running", "idle")
 """Under way, or held at its end."""
+STRANGER = "203.0.113.7"
+"""A host of no private network; the machine itself, to whom it is given."""
 HARMLESS = ("no isolated CPU",)
 """What a machine of two processors cannot have of real time."""
 RECORDED: list[tuple[str, float]] = []
@@ -100,7 +102,7 @@ def started() -> str:
 
 
 def fenced_in() -> str:
-    """The daemon sees no homes, writes nothing but its own, opens no disk, listens on no port."""
+    """The daemon sees no home, writes nothing but its own, opens no disk, speaks to no stranger."""
     pid = LEFT.loop
     facts = Path(f"/proc/{pid}/status").read_text()
     for fact in (r"NoNewPrivs:\s1", r"Seccomp:\s2", r"CapBnd:\s0+\n"):
@@ -114,10 +116,22 @@ def fenced_in() -> str:
     # root itself among its processes: what the unit refuses to all of them
     group = shell(f"cut -d: -f3 /proc/{pid}/cgroup")
     join = f"echo $$ > /sys/fs/cgroup{group}/cgroup.procs"
-    for doing in ("head -c 1 /dev/vda", "busybox nc -l -p 4711"):
-        said = shell(f"{join}; {doing}", status=1)
+    send = "echo x > /dev/udp/{}/4711"
+    shell(f"ip address add {STRANGER} dev lo; {join}; {send.format('127.0.0.1')}")
+    refused = ["head -c 1 /dev/vda", send.format(STRANGER)]
+    ports = "TCP ports are not (this systemd has no BPF_FRAMEWORK)"
+    if "+BPF_FRAMEWORK" in shell("systemctl --version"):
+        refused.append("busybox nc -l -p 4711")
+        ports = "TCP ports are"
+    for doing in refused:
+        said = shell(f"{join}; {doing}", status=1, timeout_s=60)
         assert "not permitted" in said, said
-    return "no capability, no new privileges, seccomp; /home, /etc, disks and TCP ports are closed"
+    listening = shell("ss --no-header --listening --tcp --numeric")
+    assert not listening, listening
+    return (
+        "no capability, no new privileges, seccomp; /home, /etc, disks and public hosts are "
+        f"closed, {ports}; nothing listens on TCP"
+    )
 
 
 def driven() -> str:
