@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.error_text import in_words
@@ -157,8 +158,8 @@ class LoopProcess:
             process.kill()
         # It needs time to die, of a CPU that may be the very thing that it did not get.
         with contextlib.suppress(OSError):
-            for thread in os.listdir(f"/proc/{process.pid}/task"):
-                os.sched_setaffinity(int(thread), os.sched_getaffinity(0))
+            for thread in Path(f"/proc/{process.pid}/task").iterdir():
+                os.sched_setaffinity(int(thread.name), os.sched_getaffinity(0))
         try:
             process.wait(KILL_TIMEOUT_S)
         except subprocess.TimeoutExpired:
