@@ -211,6 +211,7 @@ def supervisor_frozen() -> str:
 
 
 def _struck(pid: int, number: int, within_s: float) -> str:
+    wait_for("the service", LEFT.ready)
     before = LEFT.restarts
     with watched(LEFT.bus) as seen:
         LEFT.begin_to_move()
@@ -251,6 +252,7 @@ def busy() -> str:
 
 def starved() -> str:
     """A program of the highest priority takes the loop's CPU: safe, ended, started anew."""
+    wait_for("the service", LEFT.ready)
     before = LEFT.restarts
     (cpu,) = os.sched_getaffinity(LEFT.loop)
     with watched(LEFT.bus) as seen:
