@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.error_text import in_words
@@ -23,6 +24,7 @@ _log = logging.getLogger("motorctl")
 
 STALL_S = 1.0
 """A running loop whose tick counter stands still for so long is dead."""
+KILL_TIMEOUT_S = 1.0
 SAFE_TIMEOUT_S = 2.0
 STOP_SLACK_S = 3.0
 
@@ -135,10 +137,12 @@ class LoopProcess:
         """
         if not self.alive and self.phase is Phase.STOPPED:
             return
-        if self._process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                self._process.kill()
-            self._process.wait()
+        if self._process is not None and not self._killed(self._process):
+            _log.error(
+                "the loop process was killed and is not gone after %g s: what keeps its CPU? "
+                "Its drivers are told to disable all the same",
+                KILL_TIMEOUT_S,
+            )
         for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
             problem = self._make_safe(name)
             if problem is None:
@@ -147,6 +151,20 @@ class LoopProcess:
                 )
             else:
                 _log.error("driver %s: its outputs may NOT be safe: %s", name, problem)
+
+    def _killed(self, process: subprocess.Popen[bytes]) -> bool:
+        """Kill the process and return whether it is gone; it never runs its own code again."""
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()
+        # It needs time to die, of a CPU that may be the very thing that it did not get.
+        with contextlib.suppress(OSError):
+            for thread in Path(f"/proc/{process.pid}/task").iterdir():
+                os.sched_setaffinity(int(thread.name), os.sched_getaffinity(0))
+        try:
+            process.wait(KILL_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
 
     def _make_safe(self, name: str) -> str | None:
         """Tell one driver to zero and disable its outputs; return why it may not have, or None.

@@ -35,8 +35,11 @@ class ServiceNotifier:
         self._send("STOPPING=1", f"STATUS={status}")
 
     def needs_time(self, seconds: float) -> None:
-        """Ask for more time to start or stop, counted from now."""
-        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}", "WATCHDOG=1")
+        """Ask for more time to start or stop, counted from now.
+
+        The watchdog is not fed: that would set it up again for a service that is stopping.
+        """
+        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def close(self) -> None:
         """Release the socket."""

@@ -128,10 +128,13 @@ class Supervisor:
                 wrong += not_stopped
         finally:
             self._report.stopping = True
+            # From here on no tick feeds the watchdog: what a dead loop leaves takes its time, too.
+            self._notifier.stopping("making outputs safe and closing the log")
             wrong += await _problems(asyncio.to_thread(self._loop.end))
             beating.cancel()
             died = "\n".join(wrong) if wrong and not orderly else None
-            wrong += await _problems(asyncio.to_thread(self._flight.finish, died))
+            finishing = asyncio.create_task(asyncio.to_thread(self._flight.finish, died))
+            wrong += await _problems(self._taking_time(finishing))
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
                 wrong += self._keep_learned()
@@ -182,7 +185,8 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
-        log = self._new_log()
+        # In a thread: the loop ticks already, and waits half a second for a sign of life.
+        log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()
         self._keeper.start(log)

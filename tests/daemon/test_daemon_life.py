@@ -163,6 +163,9 @@ def test_a_loop_that_stands_still_is_ended_and_starves_the_watchdog(tmp_path: Pa
             assert "WATCHDOG=1" in told
             pid = loop_pid(daemon)
             os.kill(pid, signal.SIGSTOP)
+            # So that systemd waits for the log to be closed, instead of for the watchdog's food.
+            while not manager.recv(4096).startswith(b"STOPPING=1\n"):
+                pass
             assert daemon.process.wait(60) == 1
             assert "the loop has not ticked for" in daemon.said
             assert not alive(pid)

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import logging
+import os
+import signal
+import subprocess
 import threading
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,3 +76,34 @@ def test_each_drivers_outputs_are_told_as_they_are(
         f"driver other: its outputs may NOT be safe: {cause}",
         "driver gantry: the supervisor told it to zero and disable its outputs",
     ]
+
+
+@pytest.fixture
+def immortal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[LoopProcess, int]]:
+    """A loop process that gets no CPU to die on, and its number."""
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    loop = LoopProcess(load(str(tmp_path / "bench.yaml")))
+    monkeypatch.setattr(subprocess.Popen, "kill", lambda process: process.send_signal(0))
+    loop.start({}, ())
+    deadline = time.monotonic() + 30.0
+    while not (pid := int(loop.memory.status["pid"][0])):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.kill(pid, signal.SIGSTOP)
+    yield loop, pid
+    monkeypatch.undo()
+    loop.end()
+    loop.close()
+
+
+def test_outputs_are_made_safe_though_the_killed_loop_gets_no_cpu_to_die_on(
+    immortal: tuple[LoopProcess, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    loop, pid = immortal
+    os.sched_setaffinity(pid, {min(os.sched_getaffinity(0))})
+    with caplog.at_level(logging.INFO, logger="motorctl"):
+        loop.end()
+    told = [record.getMessage() for record in caplog.records]
+    assert told[0].startswith("the loop process was killed and is not gone after 1 s")
+    assert told[1:] == ["driver gantry: the supervisor told it to zero and disable its outputs"]
+    assert os.sched_getaffinity(pid) == os.sched_getaffinity(0)

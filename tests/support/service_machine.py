@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ COMPILING = ". ./environment.sh && python3 warm.py"
 BUILD = "import sys; from hatchling.build import build_wheel; build_wheel(sys.argv[1])"
 
 
-def run(scratch: Path, out: Path) -> list[dict[str, Any]]:
+def run(scratch: Path, out: Path, only: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Run the story and return its steps; raises UnavailableError where there is no machine.
 
     Parameters
@@ -37,6 +38,8 @@ def run(scratch: Path, out: Path) -> list[dict[str, Any]]:
         An empty folder for what is needed meanwhile.
     out
         Where the transcript, the journals and the rest of the result go.
+    only
+        Names of steps: these, and what they need, are all that is run.
     """
     began = time.monotonic()
     here = machine()
@@ -48,11 +51,13 @@ def run(scratch: Path, out: Path) -> list[dict[str, Any]]:
         shutil.copy(SOCKETCAN / name, job)
     for name in ("daemon_rig.py", "real_time.py"):
         shutil.copy(ROOT / "tests/support" / name, job)
+    if only:
+        (job / "only").write_text("\n".join(only))
     add_checkout(job)  # for compiling only
     for source in (ROOT, ROOT / "devices"):
         build = [sys.executable, "-c", BUILD, str(job / "wheels")]
         subprocess.run(build, cwd=source, check=True, capture_output=True)
-    result = here.run(job, scratch, LIMIT_S, before=COMPILING, systemd=True)
+    result = here.run(job, scratch, LIMIT_S, before=COMPILING, systemd=True, tell=_tell)
     shutil.copytree(result.folder, out, dirs_exist_ok=True)
     (out / "console.txt").write_text(result.console)
     lines = (out / "steps.jsonl").read_text().splitlines()
@@ -65,9 +70,14 @@ def run(scratch: Path, out: Path) -> list[dict[str, Any]]:
 def names_of_steps() -> list[str]:
     """Return the names of all steps, in order, as the story lists them."""
     tree = ast.parse((STORY / "story.py").read_text())
-    (listed,) = (node.value for node in tree.body if isinstance(node, ast.AnnAssign))
-    assert listed is not None
-    return [node.id for node in ast.walk(listed) if isinstance(node, ast.Name)]
+    named = [node for node in tree.body if isinstance(node, ast.AnnAssign)]
+    (steps,) = (node.value for node in named if ast.unparse(node.target) == "THE_STEPS")
+    assert steps is not None
+    return [node.id for node in ast.walk(steps) if isinstance(node, ast.Name)]
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
 
 
 def _line(step: dict[str, Any]) -> str:
@@ -82,11 +92,13 @@ def main() -> int:
     """Run it and print the transcript; return 0 where every step was right."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/service_machine"))
-    out: Path = parser.parse_args().out
+    parser.add_argument("--only", nargs="+", default=(), choices=names_of_steps(), metavar="STEP")
+    asked = parser.parse_args()
+    out: Path = asked.out
     shutil.rmtree(out, ignore_errors=True)
     try:
         with tempfile.TemporaryDirectory() as scratch:
-            steps = run(Path(scratch), out)
+            steps = run(Path(scratch), out, asked.only)
     except UnavailableError as error:
         print(f"no virtual machine on this host: {error}", file=sys.stderr)
         return 2

@@ -7,7 +7,8 @@ import os
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,13 +47,14 @@ class Machine:
         limit_s: int,
         before: str | None = None,
         systemd: bool = False,
+        tell: Callable[[str], None] | None = None,
     ) -> Result:
         """Run `run.sh` of a job's folder, as root in `/job`, in a machine that is new each time.
 
         `before` is a shell command that runs in the machine's tree without the machine, at this
         host's full speed, for what is slow to compute; it finds the job in `/job` as well. With
         `systemd` the job is a service beside others, and may start the machine anew: `run.sh` is
-        then run again.
+        then run again. `tell` is given each line of the console as it comes.
         """
         packed, result_disk = scratch / "job.tar", scratch / "result.disk"
         with _locked(self._folder):
@@ -92,12 +94,15 @@ class Machine:
         ]
         for disk in disks:
             command += ["-drive", f"{disk},if=virtio,format=raw"]
-        try:
-            subprocess.run(command, check=True, timeout=limit_s + GRACE_S, capture_output=True)
-        except subprocess.TimeoutExpired as error:
-            raise TimeoutError(f"the machine did not end:\n{_read(console)}") from error
-        except subprocess.CalledProcessError as error:
-            raise RuntimeError(f"qemu: {error.stderr.decode()}") from error
+        with (scratch / "qemu").open("w+") as said:
+            process = subprocess.Popen(command, stdout=said, stderr=said)
+            try:
+                _follow(process, console, tell, limit_s + GRACE_S)
+            finally:
+                process.kill()
+                process.wait()
+        if process.returncode:
+            raise RuntimeError(f"qemu: {_read(scratch / 'qemu')}")
         return _result(result_disk, scratch, _read(console))
 
     def _prepare(self, job: Path, packed: Path, before: str | None) -> None:
@@ -148,6 +153,28 @@ def _locked(folder: Path) -> Iterator[None]:
     with (folder / "lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+def _follow(
+    process: subprocess.Popen[bytes],
+    console: Path,
+    tell: Callable[[str], None] | None,
+    limit_s: float,
+) -> None:
+    """Wait for the machine's end and hand on what it says; raises TimeoutError."""
+    told, deadline = 0, time.monotonic() + limit_s
+    ended = False
+    while not ended:
+        try:
+            process.wait(1.0)
+            ended = True
+        except subprocess.TimeoutExpired:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"the machine did not end:\n{_read(console)}") from None
+        whole = _read(console).splitlines()[: None if ended else -1]
+        for line in whole[told:] if tell is not None else ():
+            tell(line)
+        told = len(whole)
 
 
 def _result(disk: Path, scratch: Path, console: str) -> Result:

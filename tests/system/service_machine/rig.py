@@ -19,6 +19,10 @@ from transcript import RESULT
 
 MOTORCTL = "/opt/motorctl/bin/motorctl"
 BUSES = {"left": "vcan0", "right": "vcan1"}
+RATE_HZ = 50
+"""Two loops and two devices on two emulated processors, which may have less than a real one."""
+PAUSE_S = 0.9
+"""For so long it stands still at times, as the computer that emulates it has other work."""
 PATIENCE_S = 400.0
 """An emulated processor is slow."""
 DEVICE_WATCHDOG_S = loop_config.device_file()["watchdog_s"]
@@ -68,12 +72,15 @@ def write_files() -> None:
     """Write configurations and device files, and the unit of the devices."""
     for name, bus in BUSES.items():
         driver = loop_config.can_driver() | {"channel": bus}
-        machine = loop_config.config(driver) | {"name": name}
+        driver["late"] |= {"hold_ticks": RATE_HZ}
+        machine = loop_config.config(driver) | {"name": name, "rate_hz": RATE_HZ}
         machine["loop"] |= {"spin_s": 0.0}  # no emulated processor wakes up that exactly
+        for axis in machine["axes"].values():
+            axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
         Path(f"/job/{name}.yaml").write_text(json.dumps(machine, indent=1))
         device = loop_config.device_file()
         device["serve"]["can"]["channel"] = bus
-        device["rate_hz"] = loop_config.RATE_HZ
+        device["rate_hz"] = RATE_HZ
         Path(f"/job/device-{bus}.yaml").write_text(json.dumps(device))
     Path("/etc/systemd/system/device@.service").write_text(DEVICE_UNIT)
     # code that was compiled outside, for every processor

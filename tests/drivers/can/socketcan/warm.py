@@ -30,7 +30,7 @@ def main() -> None:
         _device(folder)
         sim = {"type": "sim", "preset": "published_gantry", "seed": 1}
         like = config({**sim, "late": can_driver()["late"]})
-        with Daemon(folder / "daemon", yaml.safe_dump(like)) as daemon:
+        with Daemon(folder / "daemon", yaml.safe_dump(like, sort_keys=False)) as daemon:
             for axis in "xy":
                 daemon.ask_when_it_stands("start", axis)
             time.sleep(1.0)
