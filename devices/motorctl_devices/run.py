@@ -75,10 +75,11 @@ def _serve(device: Device, ready: Callable[[str], None]) -> dict[str, Any]:
 
 
 def ask_for_priority() -> None:
-    """Ask for a real-time priority and locked memory, as firmware has them; go on without."""
+    """Ask for locked memory and a real-time priority, as firmware has them; go on without."""
+    # Memory first: with the priority it would keep a CPU from everybody while pages are fetched.
+    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
 
 
 def report(device: Device) -> dict[str, Any]:

@@ -39,8 +39,8 @@ def _without(serve: dict[str, Any], key: str) -> dict[str, Any]:
     [
         (device_data(TCP, rate_hz="fast"), "rate_hz", "should be a number"),
         (device_data(TCP, speed=1), "speed", "unknown key"),
-        (device_data({}), "serve", "one of can, serial and modbus"),
-        (device_data({**TCP, "serial": {}}), "serve", "one of can, serial and modbus"),
+        (device_data({}), "serve", "one of can, canopen, serial and modbus"),
+        (device_data({**TCP, "serial": {}}), "serve", "one of can, canopen, serial and modbus"),
         (device_data(TCP, gantry={"preset": "moon"}), "gantry.preset", "published_gantry"),
         (
             device_data(TCP, gantry={"plants": {0: {"mass": 1}}}),
