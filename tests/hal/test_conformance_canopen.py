@@ -105,6 +105,7 @@ class TestCommandsAtSync(DriverConformance):
             yield rig
 
 
+@pytest.mark.slow
 class TestCommandsOnArrival(DriverConformance):
     @pytest.fixture
     def rig(self):
