@@ -1,4 +1,4 @@
-"""Many exchanges with each driver leave no memory behind: a minute each, however busy it is.
+"""Many exchanges with each driver leave no memory behind: half a minute each, however busy it is.
 
 A million are asked for with `--driver-exchanges`, as docs/drivers/your_own.md shows.
 """
@@ -15,7 +15,7 @@ from test_conformance_sim import SimRig
 from motorctl.hal import Driver
 from motorctl.hal.conformance import DriverConformance, Rig
 
-EXCHANGES = 200_000
+EXCHANGES = 100_000
 
 
 class HurriedCanRig(FdRig):

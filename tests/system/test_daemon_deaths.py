@@ -67,6 +67,44 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
         assert pq.read_table(second, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
 
 
+@pytest.mark.parametrize(
+    "kills",
+    [
+        pytest.param(6, marks=pytest.mark.slow),
+        pytest.param(200, marks=[pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(3600)]),
+    ],
+)
+def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
+    tmp_path: Path, kills: int
+) -> None:
+    """The supervisor alone, or the loop with it; the next start makes a log of what is left."""
+    random = np.random.default_rng(1)
+    ticks_at_kill = []
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        for kill in range(kills):
+            moving(daemon)
+            time.sleep(random.uniform(0.0, 2.0))
+            pid = loop_pid(daemon)
+            ticks_at_kill.append(daemon.ask("status")["loop"]["ticks"])
+            os.kill(daemon.process.pid, signal.SIGKILL)
+            if random.random() < 0.5:
+                os.kill(pid, signal.SIGKILL)
+            daemon.process.wait()
+            wait_until(lambda pid=pid: not alive(pid))
+            assert "did not end in order" in start_anew(daemon), kill
+        assert daemon.end() == 0, daemon.said
+    *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+    lost_s = []
+    for path, ticks in zip(killed, ticks_at_kill, strict=True):
+        found = pq.read_table(path, columns=["tick"])["tick"].to_numpy()
+        assert (np.diff(found) == 1).all(), path
+        lost_s.append(max(0.0, (ticks - found[-1]) / RATE_HZ))
+    print(
+        f"{kills} kills: at most {max(lost_s):.2f} s lost, {np.median(lost_s):.2f} s in the median"
+    )
+    assert max(lost_s) < 1.0
+
+
 @pytest.mark.slow
 def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog(
     tmp_path: Path,
