@@ -16,7 +16,7 @@ from recorded_ring import metadata_of
 
 from motorctl.flight import list_records
 from motorctl.log.folder import stored_logs
-from motorctl.log.sample import AxisState
+from motorctl.log.sample import AxisState, SampleFlag
 
 pytestmark = pytest.mark.wall_clock
 
@@ -31,6 +31,14 @@ def loop_pid(daemon: Daemon) -> int:
 def moving(daemon: Daemon) -> None:
     daemon.ask("start", axis="x")
     wait_until(lambda: abs(daemon.ask("status", axis="x")["axes"]["x"]["velocity_m_s"]) > 0.01)
+
+
+def no_row_is_missing(log: Path) -> None:
+    """A busy computer may make the loop skip a period; the row after it says so."""
+    table = pq.read_table(log, columns=["tick", "x.flags"])
+    gap = np.diff(table["tick"].to_numpy()) != 1
+    skipped = table["x.flags"].to_numpy()[1:] & SampleFlag.SKIPPED > 0
+    assert not (gap & ~skipped).any(), log
 
 
 def start_anew(daemon: Daemon) -> str:
@@ -63,7 +71,7 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
         table = pq.read_table(first, columns=["tick", "x.state"])
         assert table["tick"][-1].as_py() > ticks - RATE_HZ  # nothing older than a second is lost
         assert table["x.state"][-1].as_py() == AxisState.RUNNING
-        assert (np.diff(table["tick"].to_numpy()) == 1).all()
+        no_row_is_missing(first)
         assert pq.read_table(second, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
 
 
@@ -96,9 +104,9 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
     *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
     lost_s = []
     for path, ticks in zip(killed, ticks_at_kill, strict=True):
-        found = pq.read_table(path, columns=["tick"])["tick"].to_numpy()
-        assert (np.diff(found) == 1).all(), path
-        lost_s.append(max(0.0, (ticks - found[-1]) / RATE_HZ))
+        no_row_is_missing(path)
+        last = pq.read_table(path, columns=["tick"])["tick"][-1].as_py()
+        lost_s.append(max(0.0, (ticks - last) / RATE_HZ))
     print(
         f"{kills} kills: at most {max(lost_s):.2f} s lost, {np.median(lost_s):.2f} s in the median"
     )
@@ -143,7 +151,7 @@ def test_a_supervisor_that_stands_still_has_its_axes_ramped_down_and_wakes_to_te
         ramp = table["x.reference_velocity_m_s"].to_numpy()[states == AxisState.STOPPING]
         assert abs(ramp[-1]) < 0.01
         assert states[-1] in (AxisState.OFF, AxisState.FAULT)
-        assert (np.diff(table["tick"].to_numpy()) == 1).all()
+        no_row_is_missing(daemon.log())
         assert "ended with: " in start_anew(daemon)
 
 
@@ -158,8 +166,7 @@ def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path
             time.sleep(0.3)
         assert daemon.state("x") == "running"
         assert daemon.end() == 0, daemon.said
-        ticks = pq.read_table(daemon.log(), columns=["tick"])["tick"].to_numpy()
-        assert (np.diff(ticks) == 1).all()
+        no_row_is_missing(daemon.log())
 
 
 @pytest.mark.slow
