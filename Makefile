@@ -29,7 +29,7 @@ test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
 	$(BIN)/python -m pytest -m 'slow and wall_clock and not long'
 
-# The service in a virtual machine: a quarter of an hour, more on a busy computer.
+# The service in a virtual machine: nine minutes once it is built, more on a busy computer.
 vm: $(STAMP)
 	PYTHONPATH=tests/support $(BIN)/python -m service_machine --out out/service_machine
 
