@@ -39,14 +39,19 @@ DIFF = """\
 
 
 def test_options_that_are_words_or_lists_are_told_on_terminal_and_page(tmp_path):
-    diagnosis = bench.recording(x=bench.axis_diagnosis("hard_stop", "cogging"))
+    diagnosis = bench.recording(
+        x=bench.axis_diagnosis("hard_stop", "cross_axis", "stribeck", "cogging")
+    )
     console = Console(width=100, record=True, file=io.StringIO())
     print_diagnosis(console, diagnosis, {})
     told = console.export_text()
     page = Page(write_report(tmp_path, diagnosis)[0].read_text()).text
-    for name, words in (("side", "lower"), ("orders", "1, 2")):
+    for name, words in (("side", "lower"), ("axes", "y")):
         assert f"{name} = {words}" in told
         assert f"{name} {words}" in page
+    assert "amplitude_1 = " in told
+    for said_already in ("orders = ", "sign_shape = "):
+        assert said_already not in told
 
 
 class Page(HTMLParser):

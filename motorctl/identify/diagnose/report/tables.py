@@ -22,6 +22,7 @@ from motorctl.identify.diagnose.report.parameter_text import (
 )
 from motorctl.identify.diagnose.result import AxisDiagnosis
 from motorctl.model import Effect
+from motorctl.model.sign_function import SlopeOptions
 
 NO_VALUE = "–"
 SPLINES = ("knot_", "height_")
@@ -111,7 +112,7 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
     """Return name, value and, where that is known, force of what was found of an effect.
 
     Amplitude and phase stand for sine and cosine, and one line for all coefficients of a spline.
-    Options that are no numbers, such as the side of a stop or the orders of a wave, come last.
+    Options that are no numbers, such as the side of a stop, come last where they say what is new.
     """
     shown = {
         name: value
@@ -126,9 +127,11 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
             name = name.removesuffix("_rad")  # noqa: PLW2901
             told = Value(math.degrees(value.value), math.degrees(value.std_error), "°").told()
         rows.append((name, told, "" if force is None else force.told()))
+    usual = SlopeOptions().model_dump(mode="json").items()
     for name, option in option_document(effect).items():
         parts = option if isinstance(option, list) else ["yes" if option is True else option]
-        if parts and (option is True or isinstance(option, str | list)):
+        known = all(f"amplitude_{part}" in values for part in parts) or (name, option) in usual
+        if (option is True or isinstance(option, str | list)) and not known:
             rows.append((name, ", ".join(map(str, parts)), ""))
     return _splines_in_one(rows, shown)
 
