@@ -7,8 +7,8 @@ from typing import Any
 
 from motorctl.hal import Status
 from motorctl_devices.can_bus import FD_LENGTHS, CanBus, Frame
+from motorctl_devices.can_endpoint import CanEndpoint
 from motorctl_devices.can_layout import FLAG_NAMES, FrameLayout, Meant, SyncShape
-from motorctl_devices.endpoint import Endpoint
 from motorctl_devices.line import flip_bits
 from motorctl_devices.machine import Machine
 from motorctl_devices.schedule import NEVER, NS, Fault
@@ -17,7 +17,7 @@ FLAGS = {name: int(Status[name.upper()]) for name in FLAG_NAMES}
 FOREIGN = (0x001, 0x002, 0x003, 0x004)
 
 
-class CanNode(Endpoint[Frame]):
+class CanNode(CanEndpoint):
     """Answers SYNC with its state, or sends it by its own clock; obeys command frames."""
 
     def __init__(
@@ -30,8 +30,8 @@ class CanNode(Endpoint[Frame]):
         rate_hz: float,
         fd: bool,
     ) -> None:
-        super().__init__(machine, faults)
-        self._bus, self._fd = bus, fd
+        super().__init__(machine, faults, bus)
+        self._fd = fd
         self._period_ns = round(NS / rate_hz)
         self._sync = None if sync is None else (sync.id, sync.extended)
         self._commands = {_key(layout): layout for layout in found if layout.command}
@@ -41,35 +41,6 @@ class CanNode(Endpoint[Frame]):
         self._foreign = next(number for number in FOREIGN if number not in known)
         self._level = [0.0] * machine.channels
         self._enable = [False] * machine.channels
-
-    @property
-    def address(self) -> str:
-        """Return interface and channel."""
-        return self._bus.address
-
-    def open(self) -> None:
-        """Get on the bus. Raises RunError."""
-        self._bus.open()
-        self.booted()
-
-    def close(self) -> None:
-        """Leave the bus."""
-        self._bus.close()
-
-    def filenos(self) -> list[int]:
-        """Return the file descriptors to wait on."""
-        number = self._bus.fileno()
-        return [number] if number >= 0 else []
-
-    def unplug(self) -> None:
-        """Leave the bus; a serial adapter's port goes away."""
-        super().unplug()
-        self._bus.close()
-
-    def plug(self) -> None:
-        """Come back to the bus. Raises RunError."""
-        super().plug()
-        self._bus.open()
 
     def died(self) -> None:
         """Forget commands and samples."""
@@ -82,12 +53,6 @@ class CanNode(Endpoint[Frame]):
         """Start to send, where no SYNC asks for it."""
         if self._sync is None:
             self.due_ns = self.now_ns
-
-    def hear(self, ready: Sequence[int]) -> None:
-        """Take the frames that came."""
-        if self._bus.fileno() in ready:
-            for frame in self._bus.receive():
-                self.heard(frame)
 
     def answer(self, message: Frame) -> None:
         """Answer SYNC, obey commands, ignore what is for others."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from motorctl.hal import Status
 from motorctl_devices.can_bus import CanBus, Frame
+from motorctl_devices.can_endpoint import CanEndpoint
 from motorctl_devices.canopen_drive import OFF, Drive
 from motorctl_devices.canopen_shape import DriveShape
-from motorctl_devices.endpoint import Endpoint
 from motorctl_devices.line import flip_bits
 from motorctl_devices.machine import Machine
 from motorctl_devices.schedule import NEVER, Fault
@@ -44,44 +44,14 @@ class _Node:
         self.host_due_ns = NEVER
 
 
-class CanopenDrives(Endpoint[Frame]):
+class CanopenDrives(CanEndpoint):
     """Answers SDO and SYNC, obeys NMT and PDOs, and switches off where the host falls silent."""
 
     def __init__(
         self, machine: Machine, faults: Sequence[Fault], bus: CanBus, shapes: Sequence[DriveShape]
     ) -> None:
-        super().__init__(machine, faults)
-        self._bus = bus
+        super().__init__(machine, faults, bus)
         self._nodes = [_Node(shape) for shape in shapes]
-
-    @property
-    def address(self) -> str:
-        """Return interface and channel."""
-        return self._bus.address
-
-    def open(self) -> None:
-        """Get on the bus. Raises RunError."""
-        self._bus.open()
-        self.booted()
-
-    def close(self) -> None:
-        """Leave the bus."""
-        self._bus.close()
-
-    def filenos(self) -> list[int]:
-        """Return the file descriptors to wait on."""
-        number = self._bus.fileno()
-        return [number] if number >= 0 else []
-
-    def unplug(self) -> None:
-        """Leave the bus."""
-        super().unplug()
-        self._bus.close()
-
-    def plug(self) -> None:
-        """Come back to the bus. Raises RunError."""
-        super().plug()
-        self._bus.open()
 
     def died(self) -> None:
         """Forget everything, as without power."""
@@ -94,12 +64,6 @@ class CanopenDrives(Endpoint[Frame]):
         """Tell that every drive has started."""
         for node in self._nodes:
             self._tell(HEARTBEAT + node.drive.number, bytes([BOOT_UP]))
-
-    def hear(self, ready: Sequence[int]) -> None:
-        """Take the frames that came."""
-        if self._bus.fileno() in ready:
-            for frame in self._bus.receive():
-                self.heard(frame)
 
     def answer(self, message: Frame) -> None:
         """Do what a frame asks for; frames for others are ignored."""
