@@ -122,15 +122,22 @@ def test_a_process_that_is_killed_while_it_makes_a_log_costs_nothing(
     assert "recovered" not in metadata_of(logs[0])
 
 
-def test_a_process_that_stands_still_while_it_makes_a_log_holds_up_neither_rows_nor_the_end(
-    bench: Ring, tmp_path: Path
-) -> None:
+def with_its_maker_stopped(bench: Ring, folder: Path) -> tuple[RotatingLog, Conversion, int]:
+    """Record until a log is made of what is closed, and have the process that makes it stand."""
     conversion = Conversion()
-    log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
+    log = rotating(folder, settings(rotate=MINUTES), conversion.add)
     recorded(bench, log, 1.5)
     conversion.look()
     assert conversion._process is not None
-    os.kill(conversion._process.pid, signal.SIGSTOP)
+    pid = conversion._process.pid
+    os.kill(pid, signal.SIGSTOP)
+    return log, conversion, pid
+
+
+def test_a_process_that_stands_still_while_it_makes_a_log_holds_up_neither_rows_nor_the_end(
+    bench: Ring, tmp_path: Path
+) -> None:
+    log, conversion, _ = with_its_maker_stopped(bench, tmp_path)
     recorded(bench, log, 1.5)
     conversion.look()
     assert conversion.current is not None
@@ -145,14 +152,9 @@ def test_a_process_that_stands_still_while_it_makes_a_log_holds_up_neither_rows_
 def test_a_process_that_stood_still_and_goes_on_makes_its_log_all_the_same(
     bench: Ring, tmp_path: Path
 ) -> None:
-    conversion = Conversion()
-    log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
-    recorded(bench, log, 1.5)
-    conversion.look()
-    assert conversion._process is not None
-    os.kill(conversion._process.pid, signal.SIGSTOP)
+    log, conversion, pid = with_its_maker_stopped(bench, tmp_path)
     recorded(bench, log, 0.1)
-    os.kill(conversion._process.pid, signal.SIGCONT)
+    os.kill(pid, signal.SIGCONT)
     wait_until(lambda: done(conversion))
     assert conversion.failure is None
     log.close({})
