@@ -23,11 +23,13 @@ demo: $(STAMP)
 
 test: $(STAMP) lint
 	$(BIN)/python -m pytest -n auto --dist loadfile -m 'not slow and not wall_clock'
-	$(BIN)/python -m pytest -m 'not slow and wall_clock'
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow and wall_clock(lanes=2)'
+	$(BIN)/python -m pytest -m 'not slow and wall_clock and not wall_clock(lanes=2)'
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock'
-	$(BIN)/python -m pytest -m 'slow and wall_clock and not long'
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'slow and wall_clock(lanes=2) and not long'
+	$(BIN)/python -m pytest -m 'slow and wall_clock and not wall_clock(lanes=2) and not long'
 
 # The service in a virtual machine: nine minutes once it is built, more on a busy computer.
 vm: $(STAMP)

@@ -20,7 +20,7 @@ from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
 from motorctl.daemon.supervisor import NICENESS
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 
 @pytest.fixture(scope="module")

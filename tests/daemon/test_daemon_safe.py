@@ -19,7 +19,7 @@ from motorctl.config import load
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl_sim import SimDriver
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 released = threading.Event()
 

@@ -26,7 +26,7 @@ from motorctl_devices.line import Line, flip_bits
 from motorctl_devices.orders import FaultOrder
 from motorctl_devices.schedule import Schedule
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 SERIAL: dict[str, Any] = {"serial": {}}

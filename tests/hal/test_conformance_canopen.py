@@ -13,7 +13,7 @@ from motorctl.hal import Channel
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_canopen import CanopenDriver
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 NUMBERS = itertools.count()
 

@@ -17,7 +17,7 @@ from slcan_peer import SlcanPeer
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 STALE = int(Status.STALE)
 WAIT_S = 0.2

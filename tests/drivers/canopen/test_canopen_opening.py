@@ -10,7 +10,7 @@ from canopen_peer import Drive
 
 from motorctl.errors import RunError
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = pytest.mark.wall_clock(lanes=2)
 
 NOT_MAPPABLE, NO_OBJECT, WRONG_STATE = 0x06040041, 0x06020000, 0x08000022
 

@@ -19,9 +19,12 @@ from motorctl.identify.diagnose.verdict.recording_checks import check_explains
 from motorctl.identify.fit.recording import fit_axis
 
 
-@pytest.fixture(scope="module", params=SHAPES)
+@pytest.fixture(
+    scope="module",
+    params=[SHAPES[0], *(pytest.param(shape, marks=pytest.mark.slow) for shape in SHAPES[1:])],
+)
 def run(request):
-    """A sound recording by another author's plant."""
+    """A sound recording by another author's plant, whatever the shape of its friction."""
     return OtherPlant(shape=request.param, width_m_s=2e-3).run(seed=3, duration_s=12.0)
 
 
