@@ -31,9 +31,6 @@ class Frame(NamedTuple):
 class CanBus(ABC):
     """Frames in and out, without waiting."""
 
-    sent_no_room = 0
-    """Frames that found no room to be sent."""
-
     @property
     @abstractmethod
     def address(self) -> str:
@@ -134,11 +131,9 @@ class LibraryBus(CanBus):
             is_fd=frame.fd,
             bitrate_switch=frame.fd,
         )
-        try:
+        with contextlib.suppress(can.CanError):  # there was no room for it
             if self._bus is not None:
                 self._bus.send(message, timeout=0)
-        except can.CanError:
-            self.sent_no_room += 1
 
 
 def _receive(bus: can.BusABC) -> can.Message | None:
@@ -259,9 +254,7 @@ class SlcanAdapter(CanBus):
         if frame.extended:
             letter, place = letter.upper(), f"{frame.identifier:08X}"
         code = FD_LENGTHS.index(len(frame.data))
-        before = self._port.lost_bytes
         self._port.write(f"{letter}{place}{code:X}{frame.data.hex().upper()}\r".encode())
-        self.sent_no_room += self._port.lost_bytes > before
 
     def _obey(self, line: bytes) -> Frame | None:
         text = line.decode("ascii").lstrip("\n\a")

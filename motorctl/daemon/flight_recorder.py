@@ -10,7 +10,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -84,7 +84,6 @@ class FlightRecorder:
         self._seen: dict[str, tuple[int, float]] = {}
         self._incident: _Incident | None = None
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="flight-recorder")
-        self._writing: Future[None] | None = None
 
     def watch(self) -> None:
         """Look for new faults and write the record of those whose time has come; takes no time."""
@@ -131,7 +130,7 @@ class FlightRecorder:
 
     def _hand_over(self, incident: _Incident, loop_ended: str | None = None) -> None:
         self._incident = None
-        self._writing = self._writer.submit(self._write, incident.faults, loop_ended)
+        self._writer.submit(self._write, incident.faults, loop_ended)
 
     def _write(self, faults: Mapping[str, dict[str, Any]], loop_ended: str | None) -> None:
         try:
