@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # Tests start hundreds of interpreters: without bytecode each would compile every source again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow vm campaign lint setup clean
+.PHONY: demo test test-slow vm arm campaign lint setup clean
 
 setup: $(STAMP)
 
@@ -34,6 +34,10 @@ test-slow: $(STAMP)
 # The service in a virtual machine: nine minutes once it is built, more on a busy computer.
 vm: $(STAMP)
 	PYTHONPATH=tests/support $(BIN)/python -m service_machine --out out/service_machine
+
+# The compiled loop on an emulated 64-bit ARM processor: minutes, more the first time.
+arm: $(STAMP)
+	PYTHONPATH=tests/support $(BIN)/python -m arm_processor
 
 # Faults x states x machines x controllers; `make campaign SIZE=full` is the one in docs/campaign.md.
 SIZE ?= small

@@ -128,24 +128,28 @@ class Machine:
 def machine() -> Machine:
     """Return the machine, built now if that was not done before; raises UnavailableError."""
     recipe.check_host()
+    return Machine(kept_build("machine", recipe.key(), recipe.build))
+
+
+def kept_build(what: str, key: str, build: Callable[[Path], None]) -> Path:
+    """Return the folder that `build` has filled, now or earlier; older ones of its kind go."""
     base = os.environ.get("XDG_CACHE_HOME")
     cache = (Path(base) if base else Path.home() / ".cache") / "motorctl-tests"
     cache.mkdir(parents=True, exist_ok=True)
-    name = f"machine-{recipe.key()}"
-    folder = cache / name
+    folder = cache / f"{what}-{key}"
     with _locked(cache):
         if not folder.exists():
-            for old in cache.glob("machine-*"):
+            for old in cache.glob(f"{what}-*"):
                 shutil.rmtree(old)
-            draft = cache / f"machine-draft-{os.getpid()}"
+            draft = cache / f"{what}-draft-{os.getpid()}"
             draft.mkdir()
             try:
-                recipe.build(draft)
+                build(draft)
             except BaseException:
                 shutil.rmtree(draft, ignore_errors=True)
                 raise
             draft.rename(folder)
-    return Machine(folder)
+    return folder
 
 
 @contextmanager

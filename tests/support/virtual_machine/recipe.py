@@ -12,6 +12,7 @@ import sys
 import tomllib
 import urllib.error
 import urllib.request
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from virtual_machine.initrd import make_initrd
@@ -69,7 +70,12 @@ def check_host() -> None:
     """Raise UnavailableError where this host cannot run the machine."""
     if platform.machine() != "x86_64" or sys.platform != "linux":
         raise UnavailableError(f"the machine is an x86_64 one, this is {platform.machine()}")
-    missing = [f"{tool} (Debian: {have})" for tool, have in TOOLS.items() if not _which(tool)]
+    check_tools(TOOLS)
+
+
+def check_tools(packages: Mapping[str, str]) -> None:
+    """Raise UnavailableError where a Debian package is not installed, or without root."""
+    missing = [f"{tool} (Debian: {have})" for tool, have in packages.items() if not _which(tool)]
     if missing:
         raise UnavailableError(f"not installed: {', '.join(missing)}")
     if os.geteuid() != 0:
@@ -84,20 +90,24 @@ def mirror() -> str:
         for line in text.splitlines():
             found = re.search(r"https?://\S+/debian(?=/?(\s|$))", line)
             if found and not line.lstrip().startswith("#"):
-                return found.group()
+                return _reached(found.group())
     raise UnavailableError("the host's apt sources name no Debian mirror")
+
+
+def _reached(source: str) -> str:
+    try:
+        urllib.request.urlopen(f"{source}/dists/{SUITE}/Release", timeout=20).close()
+    except (urllib.error.URLError, TimeoutError) as error:
+        raise UnavailableError(f"no network to {source}: {error}") from error
+    return source
 
 
 def build(folder: Path) -> None:
     """Make `tree`, `vmlinuz`, `initrd` and `image` in a folder. Raises UnavailableError."""
     source = mirror()
-    try:
-        urllib.request.urlopen(f"{source}/dists/{SUITE}/Release", timeout=20).close()
-    except (urllib.error.URLError, TimeoutError) as error:
-        raise UnavailableError(f"no network to {source}: {error}") from error
     tree, kernel = folder / "tree", folder / "kernel"
     include = f"--include={','.join(PACKAGES)}"
-    _run("debootstrap", "--variant=minbase", include, SUITE, tree, source)
+    run("debootstrap", "--variant=minbase", include, SUITE, tree, source)
     _add_kernel(tree, kernel)
     for path in (tree / "var/cache/apt/archives").glob("*.deb"):
         path.unlink()
@@ -105,7 +115,7 @@ def build(folder: Path) -> None:
     (vmlinuz,) = (kernel / "boot").glob("vmlinuz-*")
     shutil.move(vmlinuz, folder / "vmlinuz")
     shutil.rmtree(kernel)
-    _add_wheels(tree)
+    _add_environment(tree)
     for name, place in PROGRAMS.items():
         shutil.copy(HERE / name, tree / place)
         (tree / place).chmod(0o755)
@@ -113,14 +123,14 @@ def build(folder: Path) -> None:
     in_tree(tree, "systemctl", "enable", JOB_UNIT)
     (tree / "job").mkdir()
     image = folder / "image"
-    _run("truncate", "-s", IMAGE_SIZE, image)
-    _run("mkfs.ext4", "-q", "-F", "-d", tree, image)
+    run("truncate", "-s", IMAGE_SIZE, image)
+    run("mkfs.ext4", "-q", "-F", "-d", tree, image)
 
 
 def in_tree(tree: Path, *command: str | Path, **environment: str) -> str:
     """Run a program of the machine's, without the machine, on this kernel; give what it said."""
     usual = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8", "HOME": "/root"}
-    return _run("chroot", tree, *command, environment={**usual, **environment})
+    return run("chroot", tree, *command, environment={**usual, **environment})
 
 
 def _add_kernel(tree: Path, kernel: Path) -> None:
@@ -128,7 +138,7 @@ def _add_kernel(tree: Path, kernel: Path) -> None:
     name = re.findall(r"Depends: (linux-image-\S+)", said)[0]
     in_tree(tree, "sh", "-c", f"cd /tmp && apt-get download -q {name}")
     (package,) = (tree / "tmp").glob("linux-image-*.deb")
-    _run("dpkg", "-x", package, kernel)
+    run("dpkg", "-x", package, kernel)
     package.unlink()
     (modules,) = (kernel / "lib/modules").iterdir()
     there = tree / "lib/modules" / modules.name
@@ -139,17 +149,21 @@ def _add_kernel(tree: Path, kernel: Path) -> None:
     in_tree(tree, "depmod", modules.name)
 
 
-def _add_wheels(tree: Path) -> None:
-    python = f"--python-version={PYTHON}"
-    kinds = [f"--platform={name}" for name in PLATFORMS]
-    target = ("--target", tree / "opt/packages")
-    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", *target, python)
+def add_wheels(target: Path, platforms: Sequence[str], wanted: Sequence[str]) -> None:
+    """Unpack wheels of another platform into a folder. Raises UnavailableError."""
+    kinds = [f"--platform={name}" for name in platforms]
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-compile")
+    what = (f"--python-version={PYTHON}", *kinds, "--only-binary=:all:", *wanted)
     try:
-        _run(*pip, *kinds, "--only-binary=:all:", *requirements())
+        run(*pip, "--target", target, *what)
     except RuntimeError as error:
         if "connection" in str(error).lower():
             raise UnavailableError(f"no network to PyPI: {str(error)[-300:]}") from error
         raise
+
+
+def _add_environment(tree: Path) -> None:
+    add_wheels(tree / "opt/packages", PLATFORMS, requirements())
     # an environment that has them, for a job that installs motorctl's own wheel
     in_tree(tree, "python3", "-m", "venv", ENVIRONMENT)
     (site,) = (tree / ENVIRONMENT.lstrip("/")).glob("lib/python*/site-packages")
@@ -157,7 +171,8 @@ def _add_wheels(tree: Path) -> None:
     in_tree(tree, "python3", "-m", "compileall", "-q", "-j", "2", "/opt/packages", ENVIRONMENT)
 
 
-def _run(*command: str | Path, environment: dict[str, str] | None = None) -> str:
+def run(*command: str | Path, environment: dict[str, str] | None = None) -> str:
+    """Run a program and return what it said; raises RuntimeError with that where it fails."""
     words = [str(word) for word in command]
     done = subprocess.run(
         words,

@@ -1,0 +1,1 @@
+"""A 64-bit ARM processor, emulated program by program, for tests of the compiled loop on it."""
