@@ -15,7 +15,7 @@ from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.verdict.late_command import late_command
-from motorctl.identify.diagnose.verdict.recording_checks import check_explains
+from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.identify.fit.recording import fit_axis
 
 

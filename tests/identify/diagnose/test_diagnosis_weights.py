@@ -20,7 +20,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.parameters import theta_of, values_of
 from motorctl.identify.diagnose.search.simpler import simplest_first
-from motorctl.identify.diagnose.verdict.recording_checks import check_explains
+from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.model import effect_class, make_effect
 
 ARM = OtherPlant(
