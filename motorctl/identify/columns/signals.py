@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
+from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra, Spectrum
 from motorctl.identify.columns.measured import Measured
@@ -237,28 +237,22 @@ class Signals(Rows[Spectrum]):
         seen = acceleration if uses_acceleration(effect) else None
         return self._kept((form_key(effect), d), form, seen)
 
-    def command(self, path: CommandPath) -> Array:
-        """Return the command that acts behind a path, (1, m)."""
-        return self.rows_of(self._kept(("command", path), lambda: self._acting(None, path)))
-
-    def input(self, effect: Effect, path: CommandPath, *, keep: bool = False) -> Array:
-        """Return the columns of an input effect at the rows, (p, m)."""
+    def input(self, effect: Effect | None, path: CommandPath, *, keep: bool = False) -> Array:
+        """Return the columns of an input effect at the rows, (p, m), or the command's, (1, m)."""
 
         def form() -> Spectra:
-            return self._acting(effect, path)
+            columns = []
+            for s in self.stretches:
+                parts = held_parts(s.command, path, self.period_s)
+                acting = [
+                    (w, u[None] if effect is None else s.columns(effect, None, u)) for w, u in parts
+                ]
+                columns.append(np.asarray(sum(weight * column for weight, column in acting)))
+            return self.spectra(columns)
 
-        return self.rows_of(self._kept((form_key(effect), path), form) if keep else form())
-
-    def _acting(self, effect: Effect | None, path: CommandPath) -> Spectra:
-        """Return the spectra of the command that acts behind a path, or of an effect of it."""
-        columns = []
-        for s in self.stretches:
-            parts = held_parts(s.command, path, self.period_s)
-            acting = [
-                (w, u[None] if effect is None else s.columns(effect, None, u)) for w, u in parts
-            ]
-            columns.append(np.asarray(sum(weight * column for weight, column in acting)))
-        return self.spectra(columns)
+        if not keep:
+            return self.rows_of(form())
+        return self.kept_rows((None if effect is None else form_key(effect), path), form)
 
     def measurement_spectra(self, effect: Effect, *, keep: bool = False) -> Spectra:
         """Return what an error of the measured position adds to its acceleration: the spectra.
@@ -306,11 +300,6 @@ class Signals(Rows[Spectrum]):
         """Return the same rows behind a plain low pass, for errors that people compare."""
         band = min(band_hz, self.band_hz)
         return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
-
-    def history_spectra(self, shifts: Sequence[int]) -> Spectra:
-        """Return the spectra of the command so many samples later."""
-        columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
-        return self.spectra(columns)
 
     def formed(self, columns: Array, step: int = 1) -> Spectrum:
         """Return the spectrum of columns of one stretch up to the rate of the rows, unfiltered."""
