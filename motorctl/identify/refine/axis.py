@@ -13,7 +13,8 @@ from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Axis, Estimate, Machine
 from motorctl.errors import DataError
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.admissible import admissible
 from motorctl.identify.refine.carry_over import CarriedModel, carry_over

@@ -13,7 +13,8 @@ from other_plant import OtherPlant
 from scipy import signal
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.forms import Form
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks

@@ -11,7 +11,8 @@ from scipy.ndimage import uniform_filter1d
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import acceleration_noise_rms
-from motorctl.identify.columns.signals import Signals, spans_of
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.search.forms import all_lines
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedRegression,
