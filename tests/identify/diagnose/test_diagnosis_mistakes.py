@@ -126,6 +126,15 @@ def test_an_axis_that_follows_softly_has_no_wrong_unit(bandwidth_hz):
     check_columns(OtherPlant(bandwidth_hz=bandwidth_hz).run(seed=3, duration_s=12.0))
 
 
+def test_exchanged_position_and_command_are_told(run):
+    exchanged = replace(
+        run, position=run.command, command=run.position, reference=None, reference_velocity=None,
+        saturated=None, resolution=None,
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"command seem to be exchanged: .* (9\d|100) % of"):
+        heard(exchanged)
+
+
 @pytest.mark.parametrize("late_ms", [3.0, 6.0, 10.0])
 def test_a_late_command_is_told_with_its_time(run, late_ms):
     samples = round(late_ms * 1e-3 * run.sample_rate_hz)
