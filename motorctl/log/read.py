@@ -23,7 +23,7 @@ from motorctl.log.description import (
     read_description,
 )
 from motorctl.log.open_table import open_table
-from motorctl.log.recording import AxisRecording, Recording, read_only
+from motorctl.log.recording import AxisRecording, Recording
 from motorctl.log.table import Array, Table
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
 
@@ -39,6 +39,7 @@ _FINITE = {
 }
 _FLOATS = {"velocity": "velocity_m_s", "virtual_command": "virtual_command_v", "d0_hat": "d0_hat_v"}
 _CODES = ("state", "fault", "flags")
+_OF_TICK = ("lateness_s", "turnaround_s")  # fields of Recording
 
 
 def read_recording(path: str | os.PathLike[str], *, gaps: Gaps = "fill") -> Recording:
@@ -91,25 +92,26 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
         [columns[axis + _POSITION] for axis in axes],
     )
     described = _mapping(config.get("axes"))
+    of_tick = {name: grid.measured(columns[name]) for name in _OF_TICK if name in columns}
     finite = [n for n in columns if n.partition(".")[2] in _FINITE.values()]
     notes = (*grid.notes, *_blank_notes(columns, finite))
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,
-        time_s=read_only(grid.time_s),
+        time_s=grid.time_s,
         axes={
             axis: _axis(table, columns, axis, grid, _mapping(described.get(axis))) for axis in axes
         },
         metadata=table.metadata,
-        lateness_s=_measured(grid, columns.get("lateness_s")),
-        turnaround_s=_measured(grid, columns.get("turnaround_s")),
+        lateness_s=of_tick.get("lateness_s"),
+        turnaround_s=of_tick.get("turnaround_s"),
         rows_filled=grid.rows_filled,
         notes=notes,
     )
 
 
 def _wanted(table: Table, axes: list[str]) -> list[str]:
-    wanted = ["time_s", "tick", "lateness_s", "turnaround_s"]
+    wanted = ["time_s", "tick", *_OF_TICK]
     for axis in axes:
         signals = (*_FINITE.values(), *_FLOATS.values(), *_CODES)
         wanted += [f"{axis}.{signal}" for signal in signals]
@@ -126,18 +128,18 @@ def _axis(
     for field, signal in _FINITE.items():
         if (values := columns.pop(f"{axis}.{signal}", None)) is not None:
             values, blank = table.without_blanks(f"{axis}.{signal}", values)
-            found[field] = read_only(grid.floats(values, held=field == "command"))
+            found[field] = grid.floats(values, held=field == "command")
             blanks.append(blank)
     for field, signal in _FLOATS.items():
         if (values := columns.pop(f"{axis}.{signal}", None)) is not None:
-            found[field] = read_only(grid.floats(values))
+            found[field] = grid.floats(values)
     for code in _CODES:
         if (values := columns.pop(f"{axis}.{code}", None)) is not None:
             table.require_finite(f"{axis}.{code}", values)
-            found[code] = read_only(grid.integers(values))
+            found[code] = grid.integers(values)
     start = f"{axis}.{THETA}_"
     theta = {
-        name.removeprefix(start): read_only(grid.floats(columns.pop(name)))
+        name.removeprefix(start): grid.floats(columns.pop(name))
         for name in [name for name in columns if name.startswith(start)]
     }
     resolution = _number(_mapping(config.get("encoder")).get("resolution_m"))
@@ -174,7 +176,7 @@ def _read_described(path: Path, description: Description) -> Recording:
     return Recording(
         source=str(path),
         sample_rate_hz=grid.sample_rate_hz,
-        time_s=read_only(grid.time_s),
+        time_s=grid.time_s,
         axes={
             name: _described_axis(table, columns, name, axis, grid)
             for name, axis in description.axes.items()
@@ -207,9 +209,9 @@ def _described_axis(
         position = np.asarray(cumulative_trapezoid(position, seconds, initial=0))
     return AxisRecording(
         name=name,
-        position=read_only(position),
-        command=read_only(taken(axis.command, held=True)),
-        reference=None if reference is None else read_only(taken(reference)),
+        position=position,
+        command=taken(axis.command, held=True),
+        reference=None if reference is None else taken(reference),
         position_unit=motion.base_unit,
         command_unit=axis.command.base_unit,
         force_per_command=axis.force_per_command.known if axis.force_per_command else None,
@@ -244,10 +246,6 @@ def _require_within(path: Path, part: str, span: tuple[float, float], grid: Grid
             f"{path}: segments.{part}: [{span[0]:g}, {span[1]:g}] s reaches beyond the recording, "
             f"which lasts from {first:g} to {last:g} s"
         )
-
-
-def _measured(grid: Grid, values: Array | None) -> Array | None:
-    return None if values is None else read_only(grid.measured(values))
 
 
 def _mapping(value: object) -> Mapping[str, Any]:

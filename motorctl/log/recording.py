@@ -62,6 +62,10 @@ class AxisRecording:
     resolution: float | None = None
     """One count of the encoder in `position_unit`, where it is known."""
 
+    def __post_init__(self) -> None:
+        """Protect the arrays against changes."""
+        _protect(*vars(self).values(), *self.theta_hat.values())
+
     @property
     def following_error(self) -> Array | None:
         """e = position - reference; None where no reference is known."""
@@ -92,6 +96,10 @@ class Recording:
     notes: tuple[str, ...] = ()
     """What a reader of results should know about how the file was read."""
 
+    def __post_init__(self) -> None:
+        """Protect the arrays against changes."""
+        _protect(*vars(self).values())
+
     @property
     def period_s(self) -> float:
         """The time between two samples."""
@@ -111,7 +119,8 @@ class Recording:
         return slice(int(first), int(last))
 
 
-def read_only(values: NDArray[Any]) -> NDArray[Any]:
-    """Protect an array against changes and return it."""
-    values.flags.writeable = False
-    return values
+def _protect(*values: object) -> None:
+    """Make arrays read-only."""
+    for each in values:
+        if isinstance(each, np.ndarray):
+            each.flags.writeable = False

@@ -44,11 +44,6 @@ from motorctl.loop.missed_samples import (
 from motorctl.loop.reference import UNDECIDED, brake, follow, hold_where_it_is, start_from_motion
 from motorctl.loop.states import TOLD, Event, State, is_enabled, is_off, is_stopping, take
 
-HOMING = int(State.HOMING)
-FOLLOWING = int(State.FOLLOWING)
-LAW_BEGINS = int(Event.LAW_BEGINS)
-AT_REST = int(Event.AT_REST)
-
 LAW_SATURATED = int(LawFlag.SATURATED)
 LAW_ADAPTED = int(LawFlag.ADAPTED)
 LAW_PROJECTED = int(LawFlag.PROJECTED)
@@ -66,11 +61,7 @@ LEFT_OUT = int(SampleFlag.LEFT_OUT)
 BETWEEN = int(SampleFlag.BETWEEN)
 STALE = int(Status.STALE)
 UNTRUSTED = ENCODER_LOST | COMMUNICATION_LOST
-NOT_FOLLOWING = (
-    int(FaultCause.FOLLOWING_ERROR),
-    int(FaultCause.SATURATION),
-    int(FaultCause.OVERRUN),
-)
+NOT_FOLLOWING = (FaultCause.FOLLOWING_ERROR, FaultCause.SATURATION, FaultCause.OVERRUN)
 DEVICE_LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 DEVICE_LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
 DEVICE_HOME_SWITCH = int(Status.HOME_SWITCH)
@@ -243,7 +234,7 @@ def axis_reference(
 
     elapsed counts the periods since the last tick: 1, or more after an overrun.
     """
-    if axis.state == HOMING:
+    if axis.state == State.HOMING:
         # The index mark's count, read relative to the last raw count: it may have wrapped. Not
         # relative to the position, which may be a prediction.
         back = counter_step(settings, axis.raw_counts, raw_index)
@@ -257,10 +248,10 @@ def axis_reference(
             axis.reference_m += shift
             begin_watching(axis)
             set_soft_limits(settings, axis)
-    elif axis.state == FOLLOWING:
+    elif axis.state == State.FOLLOWING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
     elif is_stopping(axis) and brake(settings, axis, elapsed):
-        take(axis, AT_REST)
+        take(axis, Event.AT_REST)
     elif waits_for_power(axis):
         hold_where_it_is(axis)
     if is_enabled(axis):
@@ -338,7 +329,7 @@ def axis_step(
             if axis.fresh:
                 start_law(feedforward, advance_context, law_settings, law, t, axis.position_m)
                 axis.fresh = 0
-                take(axis, LAW_BEGINS)
+                take(axis, Event.LAW_BEGINS)
             elif passed > 1:
                 carry_over_gap(
                     advance_context,

@@ -17,26 +17,7 @@ from motorctl.loop.shared import MAILBOX_SIZE
 from motorctl.loop.states import allows, is_off, take
 from motorctl.loop.vocabulary import Reply, Verb
 
-START = int(Verb.START)
-STOP = int(Verb.STOP)
-HOME = int(Verb.HOME)
-FOLLOW = int(Verb.FOLLOW)
-RESET = int(Verb.RESET)
-ESTOP = int(Verb.ESTOP)
-SHUTDOWN = int(Verb.SHUTDOWN)
-
-BEGINNINGS = (START, HOME, FOLLOW)
-
-OK = int(Reply.OK)
-WRONG_STATE = int(Reply.WRONG_STATE)
-NOT_HOMED = int(Reply.NOT_HOMED)
-NOT_AT_START = int(Reply.NOT_AT_START)
-STILL_FAULTY = int(Reply.STILL_FAULTY)
-NOT_POWERED = int(Reply.NOT_POWERED)
-NO_HOMING = int(Reply.NO_HOMING)
-LATE = int(Reply.LATE)
-CAUSE_LASTS = int(Reply.CAUSE_LASTS)
-
+BEGINNINGS = (Verb.START, Verb.HOME, Verb.FOLLOW)
 AT_START_M = 1e-6
 """How near the reference must be to a program's start."""
 
@@ -60,17 +41,17 @@ def take_commands(
     first, last = status[0].mail_taken, load_acquire(status[0], "mail_head")
     for number in range(first, last):
         command = mailbox[number % MAILBOX_SIZE]
-        if command.verb == SHUTDOWN:
+        if command.verb == Verb.SHUTDOWN:
             watch.shutdown = 1
             for i in range(axes.size):
                 stop(axes[i])
-            answer = OK
-        elif command.verb == ESTOP:
+            answer = Reply.OK
+        elif command.verb == Verb.ESTOP:
             for i in range(axes.size):
                 emergency_stop(axes[i], t)
-            answer = OK
+            answer = Reply.OK
         elif not 0 <= command.axis < axes.size or (watch.shutdown and command.verb in BEGINNINGS):
-            answer = WRONG_STATE
+            answer = Reply.WRONG_STATE
         else:
             i = command.axis
             answer = _obey(command, settings[i], axes[i], segments[i], tick, t)
@@ -79,58 +60,58 @@ def take_commands(
 
 
 @inner_kernel
-def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: float) -> int:
+def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: float) -> Reply:
     """Carry out what the table of states allows, and answer.
 
     A verb has the number of its event in the table.
     """
     verb = command.verb
-    if verb == STOP:
-        return OK if stop(axis) else WRONG_STATE
-    if verb == HOME and settings.absolute:
-        return NO_HOMING
-    if verb in (START, HOME):
+    if verb == Verb.STOP:
+        return Reply.OK if stop(axis) else Reply.WRONG_STATE
+    if verb == Verb.HOME and settings.absolute:
+        return Reply.NO_HOMING
+    if verb in (Verb.START, Verb.HOME):
         answer = check_readiness(settings, axis)
-        if answer != OK:
+        if answer != Reply.OK:
             return answer
-    if verb not in (START, HOME, FOLLOW, RESET) or not allows(axis, verb):
-        return WRONG_STATE
-    if verb in (HOME, FOLLOW) and not has_power(axis):
-        return NOT_POWERED
-    if verb == RESET:
+    if verb not in (Verb.START, Verb.HOME, Verb.FOLLOW, Verb.RESET) or not allows(axis, verb):
+        return Reply.WRONG_STATE
+    if verb in (Verb.HOME, Verb.FOLLOW) and not has_power(axis):
+        return Reply.NOT_POWERED
+    if verb == Verb.RESET:
         if is_unwell(settings, axis):
-            return STILL_FAULTY
+            return Reply.STILL_FAULTY
         if is_hot(settings, axis) or is_too_fast(settings, axis):
-            return CAUSE_LASTS
+            return Reply.CAUSE_LASTS
         axis.fault = 0
-    elif verb == FOLLOW:
+    elif verb == Verb.FOLLOW:
         answer = _begin_program(command, axis, segments, tick)
-        if answer != OK:
+        if answer != Reply.OK:
             return answer
     else:
         if is_off(axis):
             _switch_on(settings, axis)
-        if verb == HOME:
+        if verb == Verb.HOME:
             begin_homing(settings, axis)
     take(axis, verb)
-    return OK
+    return Reply.OK
 
 
 @inner_kernel
-def _begin_program(command: Any, axis: Any, segments: Any, tick: int) -> int:
+def _begin_program(command: Any, axis: Any, segments: Any, tick: int) -> Reply:
     if not 0 <= command.slot < len(segments):
-        return WRONG_STATE
+        return Reply.WRONG_STATE
     if not axis.homed:
-        return NOT_HOMED
+        return Reply.NOT_HOMED
     if 0 < command.tick < tick:
-        return LATE
+        return Reply.LATE
     first = segments[command.slot][0].c[0]
     if abs(first - axis.reference_m) > AT_START_M:
-        return NOT_AT_START
+        return Reply.NOT_AT_START
     axis.slot, axis.start_tick = command.slot, max(command.tick, tick)
     axis.segment, axis.segment_time_s = 0, 0.0
     axis.program = command.program
-    return OK
+    return Reply.OK
 
 
 @inner_kernel

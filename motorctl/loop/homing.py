@@ -12,8 +12,6 @@ from motorctl.loop.guards.reactions import trip
 from motorctl.loop.reference import ramp
 from motorctl.loop.states import Event, take
 
-HOMED = int(Event.HOMED)
-HOMING_FAILED = int(FaultCause.HOMING_FAILED)
 HOME_SWITCH = int(Status.HOME_SWITCH)
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 
@@ -47,7 +45,7 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
         axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0
     )
     if axis.phase_ticks > settings.homing_ticks or blocked:
-        trip(axis, HOMING_FAILED, float(axis.phase), 0.0, t)
+        trip(axis, FaultCause.HOMING_FAILED, float(axis.phase), 0.0, t)
         return False
     # A narrow switch may have been run over while stopping: it has to be met again first.
     if axis.phase in (RETREAT, LATCH_EDGE) and pressed:
@@ -85,6 +83,6 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
     elif ramp(settings, axis, 0.0, elapsed):
         axis.shift_m += settings.home_position_m - axis.latched_m
         axis.homed = 1
-        take(axis, HOMED)
+        take(axis, Event.HOMED)
         return True
     return False

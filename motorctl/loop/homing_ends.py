@@ -17,8 +17,6 @@ from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTL
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import State
 
-HOMING = int(State.HOMING)
-CAUSE_NOT_SQUARE = int(FaultCause.NOT_SQUARE)
 HOME_SWITCH = int(Status.HOME_SWITCH)
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 NO_PHASE = -1
@@ -66,7 +64,7 @@ def joined_marks(
     """
     first, second = dual.first, dual.second
     either = HOME_SWITCH if first.pressed or second.pressed else 0
-    if axis.state != HOMING:
+    if axis.state != State.HOMING:
         dual.phase = NO_PHASE
         return either
     phase = axis.phase
@@ -108,12 +106,12 @@ def _check_apart(settings: Any, axis: Any, dual: Any, t: float) -> None:
             return
         apart = _apart_m(settings, dual)
         if abs(apart) > allowed:
-            trip(axis, CAUSE_NOT_SQUARE, apart, allowed, t)
+            trip(axis, FaultCause.NOT_SQUARE, apart, allowed, t)
     elif first.done or second.done:
         gone = abs(axis.position_m - dual.apart_from_m)
         allowed += abs(settings.square_offset_m)
         if gone > allowed:
-            trip(axis, CAUSE_NOT_SQUARE, gone, allowed, t)
+            trip(axis, FaultCause.NOT_SQUARE, gone, allowed, t)
     else:
         dual.apart_from_m = axis.position_m
 
@@ -133,7 +131,7 @@ def settle_ends(settings: Any, axis: Any, dual: Any) -> None:
     After the axis' own step of homing. From here on the skew counts from square, and the skew loop
     leads the ends there.
     """
-    if axis.state == HOMING:
+    if axis.state == State.HOMING:
         dual.squared = 0
         if axis.phase == SETTLE and dual.phase == LATCH_EDGE:
             axis.latched_m = 0.5 * (dual.first.latched_m + dual.second.latched_m) + axis.shift_m

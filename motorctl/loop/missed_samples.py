@@ -18,8 +18,6 @@ from motorctl.loop.axis_records import (
 from motorctl.loop.guards.encoder import count_is_ambiguous
 from motorctl.loop.states import State, is_enabled
 
-HOMING = int(State.HOMING)
-
 
 @inner_kernel(error_model="numpy")
 def predict_motion(
@@ -97,7 +95,7 @@ def may_be_doubted(settings: Any, axis: Any, elapsed: int) -> bool:
     """
     longest = min(MOST_DOUBTED_TICKS, settings.hold_ticks)
     seldom = axis.doubt_level <= MOST_DOUBT and axis.doubted_ticks == 0
-    known = axis.trust_ticks == 0 and axis.state != HOMING
+    known = axis.trust_ticks == 0 and axis.state != State.HOMING
     return seldom and known and elapsed <= longest  # type: ignore[no-any-return]
 
 

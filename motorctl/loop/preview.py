@@ -8,9 +8,6 @@ from motorctl.kernels import inner_kernel
 from motorctl.loop.states import State, is_stopping
 from motorctl.motion import advance, evaluate, velocity_ramp_step
 
-HOMING = int(State.HOMING)
-FOLLOWING = int(State.FOLLOWING)
-
 
 @inner_kernel
 def fill_motion(
@@ -53,7 +50,7 @@ def _look_ahead(
     that comes from outside, such as a stop, is not known before it comes.
     """
     x, v, a = axis.reference_m, axis.reference_velocity_m_s, axis.reference_acceleration_m_s2
-    if ahead_s > 0.0 and axis.state == FOLLOWING:
+    if ahead_s > 0.0 and axis.state == State.FOLLOWING:
         table, count = segments[axis.slot], counts[axis.slot]
         passed_s = ahead_s - max(axis.start_tick - tick, 0) * tick_s
         if passed_s > 0.0:
@@ -61,7 +58,7 @@ def _look_ahead(
             x, v, a = evaluate(table, count, index, time_s)
             if done:
                 v, a = 0.0, 0.0
-    elif ahead_s > 0.0 and (axis.state == HOMING or is_stopping(axis)):
+    elif ahead_s > 0.0 and (axis.state == State.HOMING or is_stopping(axis)):
         v, a, dx = velocity_ramp_step(
             v, a, axis.ramp_velocity_m_s, axis.ramp_acceleration_m_s2, axis.ramp_jerk_m_s3, ahead_s
         )

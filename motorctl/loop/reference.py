@@ -8,8 +8,6 @@ from motorctl.kernels import inner_kernel
 from motorctl.loop.states import Event, take
 from motorctl.motion import advance, evaluate, velocity_ramp_distance, velocity_ramp_step
 
-PROGRAM_ENDS = int(Event.PROGRAM_ENDS)
-
 UNDECIDED, GENTLE, HARD = 0, 1, 2
 
 
@@ -103,7 +101,7 @@ def follow(settings: Any, axis: Any, segments: Any, counts: Any, tick: int, elap
     axis.reference_velocity_m_s = v
     axis.reference_acceleration_m_s2 = a
     if done:
-        take(axis, PROGRAM_ENDS)
+        take(axis, Event.PROGRAM_ENDS)
         axis.slot, axis.program = -1, 0
         axis.reference_velocity_m_s = 0.0
         axis.reference_acceleration_m_s2 = 0.0

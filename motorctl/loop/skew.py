@@ -18,8 +18,6 @@ from motorctl.loop.guards.skew import check_skew
 from motorctl.loop.homing_ends import settle_ends
 from motorctl.loop.states import is_enabled
 
-CAUSE_NOT_A_NUMBER = int(FaultCause.NOT_A_NUMBER)
-
 
 @inner_kernel
 def guide_skew(
@@ -73,7 +71,7 @@ def hold_skew(
         dual.error_m = error
         du = -settings.ks_v_s_m * p - dual.d_v
         if not math.isfinite(du):
-            trip(axis, CAUSE_NOT_A_NUMBER, 0.0, limit, t)
+            trip(axis, FaultCause.NOT_A_NUMBER, 0.0, limit, t)
             dual.command_v = 0.0
             return
         dual.command_v = min(max(du, -limit), limit)

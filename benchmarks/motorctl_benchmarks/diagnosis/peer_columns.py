@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.measured import with_others
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis

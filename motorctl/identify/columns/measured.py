@@ -180,20 +180,16 @@ def _picked(data: Measured, rows: NDArray[np.int64]) -> Measured:
     return replace(data, **columns)
 
 
-def beside(data: Measured, others: Mapping[str, Measured]) -> dict[str, Measured]:
-    """Return the other axes that move, at the times of `data`: they may have another rate."""
-    moving = {name: other for name, other in others.items() if np.ptp(other.position) > 0.0}
-    return {name: _at_times(other, data.time_s) for name, other in moving.items()}
-
-
 def with_others(recording: Recording, axis: str) -> Measured:
     """Take one axis out of a recording, and those that move beside it. Raises UsageError."""
     data = measured(recording, axis)
-    others = {name: measured(recording, name) for name in recording.axes if name != axis}
-    return replace(data, others=beside(data, others))
+    others = (measured(recording, name) for name in recording.axes if name != axis)
+    beside = {o.axis: _at_times(o, data.time_s) for o in others if np.ptp(o.position) > 0.0}
+    return replace(data, others=beside)
 
 
 def _at_times(other: Measured, time_s: Array) -> Measured:
+    """Return an axis at the times of another, which may have another rate."""
     if np.array_equal(other.time_s, time_s):
         return other
     nearest = np.clip(np.searchsorted(other.time_s, time_s), 0, len(other.time_s) - 1)

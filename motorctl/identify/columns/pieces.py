@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from motorctl.identify.columns.signals import FEWEST_ROWS, Signals
-from motorctl.identify.columns.stretches import TRIM_PERIODS, Stretch
+from motorctl.identify.columns.stretches import TRIM_PERIODS
 
 PIECE_S = 3.0
 """Length of the pieces that stand for a long recording [s]. Larger sees fewer places, smaller loses
@@ -42,17 +42,7 @@ def shortened(signals: Signals, longest_s: float) -> Signals:
             if count % every:
                 continue
             rows = slice(first * d, (first + length) * d)  # all of what is shorter
-            stretches.append(
-                Stretch(
-                    s.time_s[rows],
-                    s.position[rows],
-                    s.x[rows],
-                    s.v[rows],
-                    s.command[rows],
-                    {name: motion[rows] for name, motion in s.others.items()},
-                    s.quiet[rows],
-                )
-            )
+            stretches.append(s.part(rows))
             inner = used[first : first + length].copy()
             inner[:trim] = False
             inner[len(inner) - trim :] = False

@@ -48,21 +48,16 @@ class Rows(ABC, Generic[Formed]):
         """Return the rows, (p, m), of columns of every stretch."""
 
     @abstractmethod
-    def command(self, path: CommandPath) -> Array:
-        """Return the command that acts behind a path, (1, m)."""
-
-    @abstractmethod
-    def input(self, effect: Effect, path: CommandPath, *, keep: bool = False) -> Array:
+    def input(self, effect: Effect | None, path: CommandPath, *, keep: bool = False) -> Array:
         """Return the columns of an input effect, (p, m), of the command that acts behind a path.
 
-        keep has them kept, for a form that will be asked for again.
+        Without an effect it is that command itself, (1, m). keep has them kept, for a form that
+        will be asked for again.
         """
 
     def inputs(self, effects: Sequence[Effect], path: CommandPath, *, keep: bool = False) -> Array:
         """Return the command and the columns of input effects at the rows, (1 + p, m)."""
-        return np.concatenate(
-            [self.command(path), *(self.input(effect, path, keep=keep) for effect in effects)]
-        )
+        return np.concatenate([self.input(each, path, keep=keep) for each in (None, *effects)])
 
     def state(
         self, effect: Effect, acceleration: Sequence[Array] | None = None, step: int = 1
@@ -108,4 +103,4 @@ class Rows(ABC, Generic[Formed]):
             for effect in model.effects
             if effect.parameters
         ]
-        return np.concatenate(columns), self.command(path)[0]
+        return np.concatenate(columns), self.input(None, path, keep=True)[0]

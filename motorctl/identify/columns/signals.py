@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts, later
+from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra, Spectrum
 from motorctl.identify.columns.measured import Measured
@@ -28,7 +28,6 @@ from motorctl.identify.columns.position_noise import (
     velocity_noise_rms,
 )
 from motorctl.identify.columns.repetition import period_of
-from motorctl.identify.columns.reversals import slow_reversal
 from motorctl.identify.columns.rows import Rows
 from motorctl.identify.columns.stretches import (
     COUNTS_PER_PERIOD,
@@ -42,7 +41,7 @@ from motorctl.identify.columns.stretches import (
     quiet_velocity,
     smoothed,
 )
-from motorctl.model import Effect, Spans
+from motorctl.model import Effect
 from motorctl.model.columns import form_key, uses_acceleration
 
 Array = NDArray[np.float64]
@@ -79,8 +78,6 @@ loses recordings with many gaps. Chosen by hand."""
 FEWEST_ROWS = 100
 """Fewest rows in motion with which diagnosis begins. Smaller names effects from next to nothing,
 larger refuses short recordings. Chosen by hand."""
-UNIFORM = math.sqrt(12.0)
-"""Count of an encoder over the rms of its rounding error: that of a uniform distribution."""
 MOST_GAINS = 64
 """Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
 forms them again. Chosen by hand."""
@@ -237,28 +234,22 @@ class Signals(Rows[Spectrum]):
         seen = acceleration if uses_acceleration(effect) else None
         return self._kept((form_key(effect), d), form, seen)
 
-    def command(self, path: CommandPath) -> Array:
-        """Return the command that acts behind a path, (1, m)."""
-        return self.rows_of(self._kept(("command", path), lambda: self._acting(None, path)))
-
-    def input(self, effect: Effect, path: CommandPath, *, keep: bool = False) -> Array:
-        """Return the columns of an input effect at the rows, (p, m)."""
+    def input(self, effect: Effect | None, path: CommandPath, *, keep: bool = False) -> Array:
+        """Return the columns of an input effect at the rows, (p, m), or the command's, (1, m)."""
 
         def form() -> Spectra:
-            return self._acting(effect, path)
+            columns = []
+            for s in self.stretches:
+                parts = held_parts(s.command, path, self.period_s)
+                acting = [
+                    (w, u[None] if effect is None else s.columns(effect, None, u)) for w, u in parts
+                ]
+                columns.append(np.asarray(sum(weight * column for weight, column in acting)))
+            return self.spectra(columns)
 
-        return self.rows_of(self._kept((form_key(effect), path), form) if keep else form())
-
-    def _acting(self, effect: Effect | None, path: CommandPath) -> Spectra:
-        """Return the spectra of the command that acts behind a path, or of an effect of it."""
-        columns = []
-        for s in self.stretches:
-            parts = held_parts(s.command, path, self.period_s)
-            acting = [
-                (w, u[None] if effect is None else s.columns(effect, None, u)) for w, u in parts
-            ]
-            columns.append(np.asarray(sum(weight * column for weight, column in acting)))
-        return self.spectra(columns)
+        if not keep:
+            return self.rows_of(form())
+        return self.kept_rows((None if effect is None else form_key(effect), path), form)
 
     def measurement_spectra(self, effect: Effect, *, keep: bool = False) -> Spectra:
         """Return what an error of the measured position adds to its acceleration: the spectra.
@@ -306,11 +297,6 @@ class Signals(Rows[Spectrum]):
         """Return the same rows behind a plain low pass, for errors that people compare."""
         band = min(band_hz, self.band_hz)
         return replace(self, response=low_pass_response(band), band_hz=band, _gains={})
-
-    def history_spectra(self, shifts: Sequence[int]) -> Spectra:
-        """Return the spectra of the command so many samples later."""
-        columns = [np.stack([later(s.command, shift) for shift in shifts]) for s in self.stretches]
-        return self.spectra(columns)
 
     def formed(self, columns: Array, step: int = 1) -> Spectrum:
         """Return the spectrum of columns of one stretch up to the rate of the rows, unfiltered."""
@@ -426,31 +412,4 @@ def make_signals(
         trim=trim,
         repeats_s=period_of(max((s.v for s in stretches), key=len), data.period_s),
         quiet_hz=quiet_hz,
-    )
-
-
-def spans_of(signals: Signals) -> Spans:
-    """Return what the rows of the signals span."""
-    x = np.concatenate([s.x for s in signals.stretches])
-    v = np.concatenate([s.v for s in signals.stretches])
-    a = np.gradient(v, signals.period_s)
-    others = signals.stretches[0].others
-    resolution = signals.data.resolution
-    turns = [
-        slow_reversal(s.x, signals.position_noise_rms, signals.period_s) for s in signals.stretches
-    ]
-    ways = {bool(s.x[-1] > s.x[0]) for s in signals.stretches}
-    return Spans(
-        position_m=(float(x.min()), float(x.max())),
-        speed_m_s=float(np.percentile(np.abs(v), 99.5)),
-        acceleration_m_s2=float(np.percentile(np.abs(a), 99.5)),
-        command_v=signals.largest_command,
-        time_s=(float(signals.stretches[0].time_s[0]), float(signals.stretches[-1].time_s[-1])),
-        period_s=signals.period_s,
-        band_hz=signals.band_hz,
-        resolution_m=max(resolution or 0.0, UNIFORM * signals.position_noise_rms),
-        other_axes=tuple(others),
-        rotary=signals.data.position_unit == "rad",
-        reversal_m_s2=min(filter(None, turns), default=0.0),
-        one_way=len(ways) == 1 and not any(turns),
     )

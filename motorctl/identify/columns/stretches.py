@@ -89,6 +89,11 @@ class Stretch:
     quiet: Array
     """The velocity that friction depends on."""
 
+    def part(self, rows: slice) -> Stretch:
+        """Return some of the samples."""
+        own = {name: signal[rows] for name, signal in vars(self).items() if name != "others"}
+        return Stretch(**own, others={name: motion[rows] for name, motion in self.others.items()})
+
     def columns(
         self,
         effect: Effect,

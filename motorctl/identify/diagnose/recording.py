@@ -27,12 +27,12 @@ from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
+from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.late_command import late_command
-from motorctl.identify.diagnose.verdict.recording_checks import (
+from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_explains,
     check_magnitude,
     check_motion,
-    too_plain,
 )
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording

@@ -23,6 +23,7 @@ from motorctl.identify.fit.regression_data import RegressionData, TooFewRowsErro
 from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, RecordingFit
 from motorctl.identify.fit.settings import Estimator, FitOptions, Segment
 from motorctl.log import Recording
+from motorctl.log.recording import Part
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -137,7 +138,7 @@ def fit_axis(
     everything = prepare(data, model, options or FitOptions())
     options = everything.options
     columns = _chosen(everything, options.fit_segments)
-    bandwidth = _correlated_rows(columns)
+    bandwidth = math.ceil(SHORTEST_CORRELATION_S / columns.row_period_s)
     found = by_least_squares(columns, bandwidth)
     check_direction(data, everything.model, found.problem, found.solution, bandwidth)
     instruments = by_instruments(columns, found.estimate, bandwidth)
@@ -170,9 +171,8 @@ def fit_axis(
     return judge(fit, found)
 
 
-def _described(recording: Recording, part: str) -> tuple[Segment, ...] | None:
-    found = [segment for name, segment in recording.segments.items() if name == part]
-    return tuple(found) or None
+def _described(recording: Recording, part: Part) -> tuple[Segment, ...] | None:
+    return (recording.segments[part],) if part in recording.segments else None
 
 
 def _chosen(columns: RegressionData, segments: tuple[Segment, ...] | None) -> RegressionData:
@@ -187,10 +187,6 @@ def _chosen(columns: RegressionData, segments: tuple[Segment, ...] | None) -> Re
             + f"; {len(columns.model)} parameters need at least {needed}: record longer"
         )
     return chosen
-
-
-def _correlated_rows(columns: RegressionData) -> int:
-    return math.ceil(SHORTEST_CORRELATION_S / columns.row_period_s)
 
 
 def _preferred(

@@ -160,22 +160,24 @@ class RegressionData(Rows[Array]):
         """Return the columns of a state effect, (p, m)."""
         return self._once(form_key(effect), lambda: self.over(effect, acceleration, step))
 
-    def command(self, path: CommandPath) -> Array:
-        """Return the command that acts behind a path, (1, m)."""
-        return self._aligned("command", lambda s: s.command[None], path)
-
-    def input(self, effect: Effect, path: CommandPath, *, keep: bool = True) -> Array:
-        """Return the columns of an input effect, (p, m)."""
-        key = form_key(effect)
-        if not effect.varies:
-            return self._aligned(key, lambda s: s.columns(effect), path)
+    def input(self, effect: Effect | None, path: CommandPath, *, keep: bool = True) -> Array:
+        """Return the columns of an input effect, (p, m), or the command, (1, m)."""
+        key = None if effect is None else form_key(effect)
+        taps = taps_of(self.options, path.delay_s / self.period_s)
+        if effect is None or not effect.varies:
+            # alignment is linear, as the filter is: the filtered columns serve for every delay
+            if key not in self._held:
+                columns = (
+                    s.command[None] if effect is None else s.columns(effect) for s in self.stretches
+                )
+                self._held[key] = [self.formed(each) for each in columns]
+            return self.rows_of(self._held[key], taps)
 
         def behind(lag: int) -> Iterator[Array]:
             for s in self.stretches:
                 yield self.formed(s.columns(effect, None, later(s.command, lag)))
 
         # the command acts late, but at the place where the axis is then
-        taps = taps_of(self.options, path.delay_s / self.period_s)
         parts = [
             weight * self._once((key, lag), partial(behind, lag))
             for lag, weight in zip(taps.lags.tolist(), taps.weights, strict=True)
@@ -186,12 +188,6 @@ class RegressionData(Rows[Array]):
         if key not in self._rows:
             self._rows[key] = self.rows_of(form())
         return self._rows[key]
-
-    def _aligned(self, key: Hashable, of: Callable[[Stretch], Array], path: CommandPath) -> Array:
-        """Return columns of the command behind a delay: alignment is linear, as the filter is."""
-        if key not in self._held:
-            self._held[key] = [self.formed(of(s)) for s in self.stretches]
-        return self.rows_of(self._held[key], taps_of(self.options, path.delay_s / self.period_s))
 
     def _settled(self, samples: Array) -> slice:
         assert self.options.discard_start is not None

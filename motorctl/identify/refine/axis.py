@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Axis, Estimate, Machine
 from motorctl.errors import DataError
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.admissible import admissible
 from motorctl.identify.refine.carry_over import CarriedModel, carry_over
@@ -217,21 +218,13 @@ def _with_estimates(
 ) -> tuple[WantedEffect, ...]:
     left = iter(estimates)
     return tuple(
-        WantedEffect(
-            part.effect,
-            tuple(next(left) for _ in part.estimates),
-            part.type,
-            part.above,
-            part.option_errors,
-        )
-        for part in wanted
+        replace(part, estimates=tuple(next(left) for _ in part.estimates)) for part in wanted
     )
 
 
 def _absent(estimate: Estimate) -> Estimate:
     """Let a parameter start at zero, or as near to it as its bounds allow."""
-    nearest = min(max(0.0, estimate.lower), estimate.upper)
-    return Estimate(nearest, estimate.lower, estimate.upper, estimate.covariance)
+    return replace(estimate, initial=min(max(0.0, estimate.lower), estimate.upper))
 
 
 def _error_of(wanted: tuple[WantedEffect, ...], found: AxisDiagnosis) -> float:

@@ -11,11 +11,6 @@ from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.reactions import react, trip
 from motorctl.loop.states import State
 
-FAULT = int(State.FAULT)
-CAUSE_NOT_A_NUMBER = int(FaultCause.NOT_A_NUMBER)
-CAUSE_SATURATION = int(FaultCause.SATURATION)
-CAUSE_THERMAL = int(FaultCause.THERMAL)
-
 
 @inner_kernel
 def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> float:
@@ -24,8 +19,8 @@ def checked_voltage(settings: Any, axis: Any, u: float, v: float, t: float) -> f
     v is the virtual command that u was found for.
     """
     if not (math.isfinite(u) and math.isfinite(v)):
-        trip(axis, CAUSE_NOT_A_NUMBER, 0.0, settings.max_voltage_v, t)
-    if axis.state == FAULT:
+        trip(axis, FaultCause.NOT_A_NUMBER, 0.0, settings.max_voltage_v, t)
+    if axis.state == State.FAULT:
         return 0.0
     return min(max(u, -settings.max_voltage_v), settings.max_voltage_v)  # type: ignore[no-any-return]
 
@@ -47,14 +42,14 @@ def check_command(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     if settings.saturation_ticks and axis.saturated_ticks > settings.saturation_ticks:
         passed_s = axis.saturated_ticks * settings.period_s
         allowed_s = settings.saturation_ticks * settings.period_s
-        react(settings, axis, CAUSE_SATURATION, passed_s, allowed_s, t)
+        react(settings, axis, FaultCause.SATURATION, passed_s, allowed_s, t)
     limit_v = settings.continuous_voltage_v
     if limit_v > 0.0 and axis.heat_v2 > limit_v * limit_v:
-        react(settings, axis, CAUSE_THERMAL, math.sqrt(axis.heat_v2), limit_v, t)
+        react(settings, axis, FaultCause.THERMAL, math.sqrt(axis.heat_v2), limit_v, t)
 
 
 @inner_kernel
 def is_hot(settings: Any, axis: Any) -> bool:
     """Return whether the motor has not cooled down enough since it was too warm."""
     cool_v = COOLED_RATIO * settings.continuous_voltage_v
-    return axis.fault == CAUSE_THERMAL and axis.heat_v2 > cool_v * cool_v  # type: ignore[no-any-return]
+    return axis.fault == FaultCause.THERMAL and axis.heat_v2 > cool_v * cool_v  # type: ignore[no-any-return]

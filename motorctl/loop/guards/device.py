@@ -20,13 +20,6 @@ FIRST_END, SECOND_END = 1 << 29, 1 << 30
 """As well, in a dual drive: which end reports a fault, or brings no sample."""
 ENDS = FIRST_END | SECOND_END
 
-CAUSE_ENCODER_LOST = int(FaultCause.ENCODER_LOST)
-CAUSE_AMPLIFIER = int(FaultCause.AMPLIFIER)
-CAUSE_COMMUNICATION = int(FaultCause.COMMUNICATION)
-CAUSE_NO_NEW_SAMPLE = int(FaultCause.NO_NEW_SAMPLE)
-CAUSE_OVERRUN = int(FaultCause.OVERRUN)
-CAUSE_ESTOP = int(FaultCause.ESTOP)
-
 
 @inner_kernel
 def forget_place(settings: Any, axis: Any) -> None:
@@ -43,13 +36,13 @@ def check_device(axis: Any, t: float) -> None:
     """Trip on what the driver reports."""
     status = axis.status
     if status & ENCODER_LOST:
-        trip(axis, CAUSE_ENCODER_LOST, float(status), 0.0, t)
+        trip(axis, FaultCause.ENCODER_LOST, float(status), 0.0, t)
     elif status & COMMUNICATION_LOST:
-        trip(axis, CAUSE_COMMUNICATION, float(status), 0.0, t)
+        trip(axis, FaultCause.COMMUNICATION, float(status), 0.0, t)
     elif status & HARDWARE_ESTOP:
-        trip(axis, CAUSE_ESTOP, float(status), 0.0, t)
+        trip(axis, FaultCause.ESTOP, float(status), 0.0, t)
     elif status & AMPLIFIER_FAULT:
-        trip(axis, CAUSE_AMPLIFIER, float(status), 0.0, t)
+        trip(axis, FaultCause.AMPLIFIER, float(status), 0.0, t)
 
 
 @inner_kernel
@@ -60,10 +53,10 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """
     stopped = elapsed - 1
     if is_overdue(settings, axis) and stopped > 0 and elapsed > settings.hold_ticks:
-        trip(axis, CAUSE_OVERRUN, float(stopped), float(settings.hold_ticks), t)
+        trip(axis, FaultCause.OVERRUN, float(stopped), float(settings.hold_ticks), t)
     elif is_overdue(settings, axis):
         without = float(ticks_without(axis))
-        trip(axis, CAUSE_NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
+        trip(axis, FaultCause.NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)
 
 
 @inner_kernel

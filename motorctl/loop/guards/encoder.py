@@ -11,11 +11,6 @@ from motorctl.loop.axis_records import OVERSPEED_RATIO
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.states import is_off
 
-CAUSE_ENCODER_JUMP = int(FaultCause.ENCODER_JUMP)
-CAUSE_ENCODER_STUCK = int(FaultCause.ENCODER_STUCK)
-CAUSE_ENCODER_NOISE = int(FaultCause.ENCODER_NOISE)
-CAUSE_OVERRUN = int(FaultCause.OVERRUN)
-
 
 @inner_kernel
 def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> bool:
@@ -51,9 +46,9 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
         quarter_m = 0.25 * settings.counter_span * abs(settings.metres_per_count)
         longest = quarter_m / (fastest * settings.period_s)
         if settings.counter_span and elapsed > 1 and elapsed >= longest:
-            trip(axis, CAUSE_OVERRUN, elapsed - 1.0, float(int(longest)), t)
+            trip(axis, FaultCause.OVERRUN, elapsed - 1.0, float(int(longest)), t)
         else:
-            trip(axis, CAUSE_ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
+            trip(axis, FaultCause.ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
     axis.homed = settings.absolute
 
 
@@ -85,10 +80,10 @@ def check_encoder(settings: Any, axis: Any, t: float) -> None:
     elif settings.stuck_distance_m > 0.0:
         moved = abs(axis.reference_m - axis.stuck_reference_m)
         if moved > settings.stuck_distance_m:
-            trip(axis, CAUSE_ENCODER_STUCK, moved, settings.stuck_distance_m, t)
+            trip(axis, FaultCause.ENCODER_STUCK, moved, settings.stuck_distance_m, t)
     if settings.noise_rms_m > 0.0 and axis.reference_velocity_m_s == 0.0:
         # In motion, a sample that is late by a part of a period would look like noise.
         bend_m = axis.bend_counts * settings.metres_per_count
         axis.bend_m2 += settings.noise_share * (bend_m * bend_m - axis.bend_m2)
         if axis.bend_m2 > settings.noise_rms_m**2:
-            trip(axis, CAUSE_ENCODER_NOISE, axis.bend_m2**0.5, settings.noise_rms_m, t)
+            trip(axis, FaultCause.ENCODER_NOISE, axis.bend_m2**0.5, settings.noise_rms_m, t)

@@ -12,10 +12,6 @@ from motorctl.loop.guards.reactions import react, trip
 
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
-CAUSE_FOLLOWING_ERROR = int(FaultCause.FOLLOWING_ERROR)
-CAUSE_SOFT_LIMIT = int(FaultCause.SOFT_LIMIT)
-CAUSE_OVERSPEED = int(FaultCause.OVERSPEED)
-CAUSE_LIMIT_SWITCH = int(FaultCause.LIMIT_SWITCH)
 
 
 @inner_kernel
@@ -29,7 +25,7 @@ def still_moves(settings: Any, axis: Any) -> bool:
 def is_too_fast(settings: Any, axis: Any) -> bool:
     """Return whether an axis that tripped on its speed still has it."""
     fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
-    return axis.fault == CAUSE_OVERSPEED and abs(axis.velocity_m_s) > fastest  # type: ignore[no-any-return]
+    return axis.fault == FaultCause.OVERSPEED and abs(axis.velocity_m_s) > fastest  # type: ignore[no-any-return]
 
 
 @inner_kernel
@@ -65,17 +61,17 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
         axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
     if axis.fast_count >= OVERSPEED_TICKS:
-        react(settings, axis, CAUSE_OVERSPEED, v, fastest, t)
+        react(settings, axis, FaultCause.OVERSPEED, v, fastest, t)
     if axis.homed:
         _tighten_soft_limits(settings, axis)
         if x < axis.soft_low_m:
-            react(settings, axis, CAUSE_SOFT_LIMIT, x, axis.soft_low_m, t)
+            react(settings, axis, FaultCause.SOFT_LIMIT, x, axis.soft_low_m, t)
         elif x > axis.soft_high_m:
-            react(settings, axis, CAUSE_SOFT_LIMIT, x, axis.soft_high_m, t)
+            react(settings, axis, FaultCause.SOFT_LIMIT, x, axis.soft_high_m, t)
     if axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0:
-        react(settings, axis, CAUSE_LIMIT_SWITCH, x, settings.travel_low_m, t)
+        react(settings, axis, FaultCause.LIMIT_SWITCH, x, settings.travel_low_m, t)
     elif axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0:
-        react(settings, axis, CAUSE_LIMIT_SWITCH, x, settings.travel_high_m, t)
+        react(settings, axis, FaultCause.LIMIT_SWITCH, x, settings.travel_high_m, t)
     error = x - axis.reference_m
     allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
         axis.reference_velocity_m_s
@@ -83,6 +79,6 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0
     if axis.error_count > settings.error_ticks:
         if axis.fault:  # a ramp that is not followed either is none
-            trip(axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
+            trip(axis, FaultCause.FOLLOWING_ERROR, error, allowed, t)
         else:
-            react(settings, axis, CAUSE_FOLLOWING_ERROR, error, allowed, t)
+            react(settings, axis, FaultCause.FOLLOWING_ERROR, error, allowed, t)

@@ -9,9 +9,6 @@ from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.reactions import react_to_others
 from motorctl.loop.states import State
 
-FOLLOWING = int(State.FOLLOWING)
-CAUSE_PARTNER = int(FaultCause.PARTNER)
-
 
 @inner_kernel
 def stop_partners(settings: Any, axes: Any, t: float) -> None:
@@ -29,7 +26,7 @@ def stop_partners(settings: Any, axes: Any, t: float) -> None:
             for j in range(axes.size):
                 partner = axes[j]
                 if j != i and partner.fault == 0 and _are_partners(settings, axes, i, j):
-                    react_to_others(settings[j], partner, CAUSE_PARTNER, float(i), t)
+                    react_to_others(settings[j], partner, FaultCause.PARTNER, float(i), t)
 
 
 @inner_kernel
@@ -37,5 +34,5 @@ def _are_partners(settings: Any, axes: Any, i: int, j: int) -> bool:
     """Return whether axis j stops when axis i trips: of one group, or on one program."""
     if settings[i].group != 0 and settings[i].group == settings[j].group:
         return True
-    together = settings[i].stops_with_program and axes[j].state == FOLLOWING
+    together = settings[i].stops_with_program and axes[j].state == State.FOLLOWING
     return together and axes[i].program != 0 and axes[i].program == axes[j].program  # type: ignore[no-any-return]

@@ -9,12 +9,6 @@ from motorctl.log.sample import FaultCause
 from motorctl.loop.reference import UNDECIDED
 from motorctl.loop.states import Event, is_powered, take
 
-STOP = int(Event.STOP)
-ESTOP = int(Event.ESTOP)
-QUICK_STOP = int(Event.QUICK_STOP)
-TRIP = int(Event.TRIP)
-CAUSE_ESTOP = int(FaultCause.ESTOP)
-
 
 @inner_kernel
 def react(settings: Any, axis: Any, cause: int, value: float, limit: float, t: float) -> None:
@@ -31,7 +25,7 @@ def quick_stop(axis: Any, cause: int, value: float, limit: float, t: float) -> N
 
     An ordinary stop that is under way becomes one for this cause.
     """
-    if take(axis, QUICK_STOP):
+    if take(axis, Event.QUICK_STOP):
         axis.brake = UNDECIDED
         axis.slot = -1
         _note(axis, cause, value, limit, t)
@@ -57,7 +51,7 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 
     An axis that is being stopped for a cause has that one already.
     """
-    if take(axis, TRIP):
+    if take(axis, Event.TRIP):
         _let_go(axis, cause, value, limit, t)
 
 
@@ -65,8 +59,8 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 def emergency_stop(axis: Any, t: float) -> None:
     """Put the axis into FAULT because somebody said so, whatever it does."""
     before = axis.state
-    if take(axis, ESTOP) and axis.state != before:
-        _let_go(axis, CAUSE_ESTOP, 0.0, 0.0, t)
+    if take(axis, Event.ESTOP) and axis.state != before:
+        _let_go(axis, FaultCause.ESTOP, 0.0, 0.0, t)
 
 
 @inner_kernel
@@ -80,7 +74,7 @@ def _let_go(axis: Any, cause: int, value: float, limit: float, t: float) -> None
 def stop(axis: Any) -> bool:
     """Let an enabled axis ramp down and switch off, as it was told to; False: its state refuses."""
     before = axis.state
-    if not take(axis, STOP):
+    if not take(axis, Event.STOP):
         return False
     if axis.state != before:
         axis.brake = UNDECIDED

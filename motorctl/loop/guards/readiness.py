@@ -11,12 +11,6 @@ from motorctl.loop.guards.motion import still_moves
 from motorctl.loop.states import Event, State, is_off, take
 from motorctl.loop.vocabulary import Reply
 
-READY = int(Event.READY)
-NOT_READY = int(Event.NOT_READY)
-OK = int(Reply.OK)
-STILL_FAULTY = int(Reply.STILL_FAULTY)
-STILL_MOVING = int(Reply.STILL_MOVING)
-SWITCHED_ON = int(State.SWITCHED_ON)
 UNPOWERED = int(Status.UNPOWERED)
 
 
@@ -27,16 +21,16 @@ def is_unwell(settings: Any, axis: Any) -> bool:
 
 
 @inner_kernel
-def check_readiness(settings: Any, axis: Any) -> int:
+def check_readiness(settings: Any, axis: Any) -> Reply:
     """Let the state of an axis that is off say whether it may be enabled; return OK, or why not."""
     if not is_off(axis):
-        return OK
-    answer = OK
+        return Reply.OK
+    answer = Reply.OK
     if is_unwell(settings, axis):
-        answer = STILL_FAULTY
+        answer = Reply.STILL_FAULTY
     elif still_moves(settings, axis):
-        answer = STILL_MOVING
-    take(axis, READY if answer == OK else NOT_READY)
+        answer = Reply.STILL_MOVING
+    take(axis, Event.READY if answer == Reply.OK else Event.NOT_READY)
     return answer
 
 
@@ -49,4 +43,4 @@ def has_power(axis: Any) -> bool:
 @inner_kernel
 def waits_for_power(axis: Any) -> bool:
     """Return whether an axis was started whose amplifier is still on its way to be on."""
-    return axis.state == SWITCHED_ON and not has_power(axis)
+    return axis.state == State.SWITCHED_ON and not has_power(axis)

@@ -8,7 +8,6 @@ from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.reactions import react, trip
 
-CAUSE_SKEW = int(FaultCause.SKEW)
 LET_GO_RATIO = 2.0
 """A ramp on which the skew grows to this many times its limit is broken off."""
 
@@ -23,8 +22,8 @@ def check_skew(settings: Any, dual_settings: Any, axis: Any, dual: Any, t: float
     skew, limit = dual.skew_m - dual.reference_m, settings.skew_limit_m
     most = max(limit, dual_settings.max_out_of_square_m)
     if axis.fresh and dual.squared and abs(dual.skew_m) > most:
-        trip(axis, CAUSE_SKEW, dual.skew_m, most, t)
+        trip(axis, FaultCause.SKEW, dual.skew_m, most, t)
     elif abs(skew) > LET_GO_RATIO * limit:
-        trip(axis, CAUSE_SKEW, skew, limit, t)
+        trip(axis, FaultCause.SKEW, skew, limit, t)
     elif abs(skew) > limit:
-        react(settings, axis, CAUSE_SKEW, skew, limit, t)
+        react(settings, axis, FaultCause.SKEW, skew, limit, t)

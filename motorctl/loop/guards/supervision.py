@@ -12,9 +12,6 @@ from motorctl.loop.axis_records import HOST_FROZEN_BIT
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.reactions import quick_stop, react_to_others, trip
 
-SUPERVISOR_LOST = int(FaultCause.SUPERVISOR_LOST)
-OVERRUN = int(FaultCause.OVERRUN)
-
 WATCH = np.dtype(
     [
         ("silent_limit", "i8"),  # ticks without a beat; 0: there is no supervisor
@@ -48,7 +45,7 @@ def supervise(
             watch.orphaned = 1
             watch.shutdown = 1
             for i in range(axes.size):
-                react_to_others(settings[i], axes[i], SUPERVISOR_LOST, 0.0, t)
+                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, 0.0, t)
     skipped = elapsed - 1
     if overran:
         status.overruns += 1
@@ -61,7 +58,7 @@ def supervise(
         if watch.bucket >= watch.bucket_size:
             watch.bucket = 0
             for i in range(axes.size):
-                react_to_others(settings[i], axes[i], OVERRUN, 0.0, t)
+                react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, t)
 
 
 @inner_kernel
@@ -70,6 +67,6 @@ def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     skipped = elapsed - 1
     if skipped > settings.frozen_ticks:
         if settings.quick_stops >> HOST_FROZEN_BIT & 1:
-            quick_stop(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+            quick_stop(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)
         else:
-            trip(axis, OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+            trip(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from other_plant import OtherPlant
 
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.report.json_document import axis_document
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis

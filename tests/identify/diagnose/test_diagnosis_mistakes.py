@@ -15,7 +15,7 @@ from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.verdict.late_command import late_command
-from motorctl.identify.diagnose.verdict.recording_checks import check_explains
+from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.identify.fit.recording import fit_axis
 
 
@@ -127,6 +127,15 @@ def test_a_position_in_another_unit_than_its_reference_is_told(run, factor, told
 @pytest.mark.parametrize("bandwidth_hz", [0.5, 2.0, 8.0])
 def test_an_axis_that_follows_softly_has_no_wrong_unit(bandwidth_hz):
     check_columns(OtherPlant(bandwidth_hz=bandwidth_hz).run(seed=3, duration_s=12.0))
+
+
+def test_exchanged_position_and_command_are_told(run):
+    exchanged = replace(
+        run, position=run.command, command=run.position, reference=None, reference_velocity=None,
+        saturated=None, resolution=None,
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"command seem to be exchanged: .* (9\d|100) % of"):
+        heard(exchanged)
 
 
 @pytest.mark.parametrize("late_ms", [3.0, 6.0, 10.0])

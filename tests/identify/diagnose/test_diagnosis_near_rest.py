@@ -9,8 +9,8 @@ import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
 
-from motorctl.identify.columns.reversals import slow_reversal
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import slow_reversal, spans_of
 from motorctl.identify.columns.stretches import Stretch, sticks
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import reshaped

@@ -18,7 +18,7 @@ from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.columns.signals import FEWEST_ROWS, make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
-from motorctl.identify.diagnose.verdict.recording_checks import check_explains
+from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 
 RATE_HZ = 250.0
 INERTIA, VISCOUS, COULOMB, WEIGHT = 0.8, 10.0, 0.6, 1.5

@@ -11,7 +11,8 @@ from scipy.signal import lfilter
 
 from motorctl.identify.columns.command_timing import CommandPath, held_parts
 from motorctl.identify.columns.measured import Measured
-from motorctl.identify.columns.signals import low_pass_response, make_signals, spans_of
+from motorctl.identify.columns.signals import low_pass_response, make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.columns.stretches import smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import (
     FOLDS,

@@ -13,14 +13,15 @@ from other_plant import OtherPlant
 from scipy import signal
 
 from motorctl.errors import DataError
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.forms import Form
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.parameters import theta_of, values_of
 from motorctl.identify.diagnose.search.simpler import simplest_first
-from motorctl.identify.diagnose.verdict.recording_checks import check_explains
+from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.model import effect_class, make_effect
 
 ARM = OtherPlant(

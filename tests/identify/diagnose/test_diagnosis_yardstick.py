@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from other_plant import OtherPlant
 
-from motorctl.identify.columns.signals import make_signals, spans_of
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search import search
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks

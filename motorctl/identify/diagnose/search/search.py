@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.pieces import shortened
-from motorctl.identify.columns.signals import Signals, spans_of
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.search.acceptance import (
     AS_WELL,
     LEAST_GAIN,

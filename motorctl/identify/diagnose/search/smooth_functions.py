@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.command_timing import later
 from motorctl.identify.columns.kept_spectra import Spectra
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch
@@ -73,17 +74,20 @@ class SmoothFunctions:
         return self.signals.kept_rows(("smooth", name), lambda: self._formed(name))
 
     def _formed(self, name: str) -> Spectra:
+        stretches, d = self.signals.stretches, self.signals.decimation
         if name == "history":
-            return self.signals.history_spectra(self._shifts())
-        d = self.signals.decimation
-        return self.signals.spectra([self._of(name, s, d) for s in self.signals.stretches], d)
+            shifts = self._shifts()
+            return self.signals.spectra(
+                [np.stack([later(s.command, shift) for shift in shifts]) for s in stretches]
+            )
+        return self.signals.spectra([self._of(name, s, d) for s in stretches], d)
 
     def _shifts(self) -> list[int]:
         """Return delays [samples] from one sample to about a twentieth of a second."""
         last = HISTORY_S / self.signals.period_s
         first = np.arange(1, min(6, int(last) + 2))
-        later = np.arange(6.0, last, max(1.0, 0.35 / self.signals.band_hz / self.signals.period_s))
-        return [int(k) for k in np.unique(np.concatenate([first, later]).astype(int))]
+        rest = np.arange(6.0, last, max(1.0, 0.35 / self.signals.band_hz / self.signals.period_s))
+        return [int(k) for k in np.unique(np.concatenate([first, rest]).astype(int))]
 
     def _of(self, name: str, s: Stretch, d: int) -> Array:
         x, v, t = s.x[::d], s.v[::d], s.time_s[::d]

@@ -1,9 +1,8 @@
-"""Recordings that cannot be what they are said to be: told plainly, before anything is named."""
+"""Whether a command drives the motion beside it, and the motion shows enough to tell by what."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,8 @@ from scipy.ndimage import uniform_filter1d
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import acceleration_noise_rms
-from motorctl.identify.columns.signals import Signals, make_signals, spans_of
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.search.forms import all_lines
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedRegression,
@@ -25,32 +25,10 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
-from motorctl.identify.fit.judgement import (
-    ForceOfPlaceError,
-    NothingExplainedError,
-    ReversedSignError,
-)
-from motorctl.identify.fit.recording import fit_axis
-from motorctl.identify.fit.regression_data import TooFewRowsError
 from motorctl.model import EffectList, basic_effects
 
 Array = NDArray[np.float64]
 
-FASTEST = {"m": 50.0, "rad": 20_000.0}
-"""Speeds [unit/s] beyond those of any machine of the kind: a position in a wrong unit. Larger
-overlooks millimetres taken for metres, smaller refuses fast machines. Chosen by hand."""
-HARDEST = {"m": 3_000.0, "rad": 1e7}
-"""Accelerations [unit/s^2] beyond those of any machine of the kind. Larger overlooks wrong units,
-smaller refuses hard machines. Chosen by hand."""
-SMALLEST = {"m": 2e-6, "rad": 2e-6}
-"""Travel [unit] that no motion can be told from. Larger refuses fine stages, smaller takes noise
-for motion. Chosen by hand."""
-LARGEST = 1e9
-"""Magnitude of any number in a recording, in its own unit, beyond which it is that of no machine.
-Larger lets damaged files pass, smaller refuses encoders in counts. Chosen by hand."""
-SHORTEST_S = 1.0
-"""Shortest motion that is diagnosed [s]. Smaller leaves no blocks to hold out, larger refuses short
-tests. Chosen by hand."""
 HELD = 0.003
 """Spread of the command over its mean, below which it does not drive the motion. Larger refuses
 lifts that carry much and move slowly, smaller takes a held torque for a drive. Chosen by hand."""
@@ -65,32 +43,12 @@ hand."""
 LASTS_S = 0.05
 """Time that a speed of a motion one way lasts at least [s]. Larger misses quick changes, smaller
 counts ripple. Chosen by hand: the ripple of a geared joint is a fifth of that."""
-EXPLAINS_ENOUGH = 0.5
-"""Share of the squared acceleration that is left, above the noise, up to which the command drives
-the position. Larger lets wrong columns pass, smaller asks `fit` about good ones. Chosen by hand."""
-MOVED_ENOUGH = 0.2
-"""Part of the command, on rows held out, that acceleration, friction and a force of the place must
-explain where the command explains little of the acceleration. Larger refuses loaded joints, smaller
-lets wrong columns pass. Chosen by hand: joints of real arms have 0.28 to 0.99, the command of
-another joint less than 0."""
-WAVES_ENOUGH = 0.5
-"""The same that waves over position must explain beside these, where nothing else does: a motor's
-cogging in slow motion. Larger refuses weak cogging, smaller lets wrong columns pass: six waves have
-much freedom. Chosen by hand: bare motors have 0.7 to 0.9."""
 REVERSED = 0.4
 """The part that acceleration and friction must explain for their signs to be called reversed, or to
 count without a force of the place. Larger misses reversed commands of loaded axes, smaller accuses
 motion that the command hardly drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link
 that others drag 0.26, the angle that a servo is sent to 0.26; single moves of a real arm 0.5 to
 0.98."""
-DRIVES = 0.9
-"""Part of another axis' command that this axis' motion must explain, for the two columns to be
-called exchanged. Larger misses exchanged columns of loaded axes, smaller accuses axes that merely
-move in time with each other. Chosen by hand: a real arm's joints reach 0.75 so, and 0.98 with the
-right command."""
-OWN_DRIVES = 0.5
-"""Part of its own command from which an axis is not suspected of that. Larger suspects loaded axes,
-smaller misses exchanged columns. Chosen by hand."""
 INERTIA_SEEN = 0.1
 """Part of the command that inertia must ask for, for its sign to count. Larger judges by friction
 alone, smaller by an inertia that unknown forces make. Chosen by hand."""
@@ -98,63 +56,18 @@ CHANGES = 0.1
 """Changes of the command, over its rms, from which it may be called reversed: a torque that is held
 tells nothing of a sign. Larger misses reversed commands of loaded axes, smaller judges noise.
 Chosen by hand."""
-CLEARLY_OUTWEIGHS = 30.0
-"""The same, at which no narrower band is looked for: below it, much of the command answers to the
-noise. Larger hides fast effects, smaller lets noise judge. Chosen by hand."""
 OUTWEIGHS = 3.0
 """Power of the acceleration over that of its noise, at least. Larger refuses gentle motion behind
 coarse encoders, smaller reads noise as motion. Chosen by hand."""
+CLEARLY_OUTWEIGHS = 30.0
+"""The same, at which no narrower band is looked for: below it, much of the command answers to the
+noise. Larger hides fast effects, smaller lets noise judge. Chosen by hand."""
 NARROWEST_HZ = 4.0
 """Narrowest band in which motion is looked for [Hz]. Larger refuses gentle motion behind coarse
 encoders, smaller leaves no rows. Chosen by hand."""
 BAND_STEP = 0.7
 """Factor from one band that is tried to the next. Nearer to 1 takes time, smaller narrows more than
 is needed. Chosen by hand: half an octave."""
-EXPLAINS_NOTHING = 0.9
-"""Share of the squared acceleration that is left beyond which the command has nothing to do with
-the motion. Larger lets wrong columns pass, smaller refuses machines with large unknown forces.
-Chosen by hand."""
-
-
-def check_magnitude(data: Measured) -> None:
-    """Raise DataError where a column has values that no machine has in any unit."""
-    columns = {"position": data.position, "command": data.command}
-    if data.reference is not None:
-        columns["reference"] = data.reference
-    for name, column in columns.items():
-        largest = float(np.nanmax(np.abs(column[data.usable])))
-        if largest > LARGEST:
-            raise DataError(
-                f"{data.place}: {name} reaches {largest:.3g}; no machine exceeds {LARGEST:g} in "
-                "any unit: check the column and its scale"
-            )
-
-
-def check_motion(data: Measured, signals: Signals) -> None:
-    """Raise DataError where travel, speed or acceleration is that of no machine."""
-    unit = data.position_unit
-    x = np.concatenate([s.x for s in signals.stretches])
-    v = np.concatenate([s.v for s in signals.stretches])
-    speed = float(np.percentile(np.abs(v), 99.0))
-    change = np.gradient(v, signals.period_s)
-    acceleration = float(np.percentile(np.abs(change), 99.0))
-    duration = sum(len(s.x) for s in signals.stretches) * signals.period_s
-    if duration < SHORTEST_S:
-        raise DataError(
-            f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
-            "hold a part of it out and test on it: record a longer motion"
-        )
-    if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
-        raise DataError(
-            f"{data.place}: it moves at {speed:.3g} {unit}/s and {acceleration:.3g} {unit}/s^2, "
-            f"beyond {FASTEST[unit]:g} {unit}/s or {HARDEST[unit]:g} {unit}/s^2: is the position "
-            f"in {unit}, and the sample rate {data.sample_rate_hz:g} Hz?"
-        )
-    if float(np.ptp(x)) < SMALLEST[unit]:
-        raise DataError(
-            f"{data.place}: it moves over only {float(np.ptp(x)):.3g} {unit}; at least "
-            f"{SMALLEST[unit]:g} {unit} are needed: is the position in {unit}?"
-        )
 
 
 def too_plain(signals: Signals) -> str | None:
@@ -204,114 +117,7 @@ def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
     return changes
 
 
-def check_explains(
-    data: Measured,
-    signals: Signals,
-    model: EffectList,
-    lenient: bool = False,
-    others: Mapping[str, Measured] | None = None,
-) -> Hypothesis:
-    """Raise DataError where the command does not drive the position, or not in this direction.
-
-    Parameters
-    ----------
-    data, signals
-        The axis, as measured and as rows.
-    model
-        The declared effects.
-    lenient
-        Of a motion too plain to tell, no more is asked than that nothing speaks of a usual mistake.
-    others
-        Axes that were recorded beside it and may load it: then no more is asked either.
-
-    Returns
-    -------
-    Hypothesis
-        The declared model over the widest band in which the acceleration stands clear of the
-        encoder's noise.
-
-    Raises
-    ------
-    DataError
-        Naming the mistake, or what to record.
-    """
-    plain = _above_noise(data, signals)
-    blocks = make_blocks(plain.rows, plain.row_period_s)
-    hypothesis = Hypothesis(Regressors(plain, model, blocks))
-    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
-    noise = _noise_sse(plain)
-    left = hypothesis.solution.sse - noise
-    if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
-        return hypothesis
-    share, backwards = _moved_by(plain)
-    if backwards:  # said of a selection, it must hold of the whole recording
-        _, backwards = _moved_by(_above_noise(data, make_signals(data)))
-    if share < OWN_DRIVES:
-        _check_own_command(data, others or {})
-        _check_direction_of(data)
-    if share > MOVED_ENOUGH and not backwards:
-        return hypothesis
-    if backwards:
-        raise DataError(
-            f"{data.place}: with this command friction would give energy, and inertia be negative "
-            "or too small to be seen: the sign of one of the two is reversed; reverse it in the "
-            "recording"
-        )
-    lenient = lenient or bool(others)
-    nothing = left > EXPLAINS_NOTHING * (total - noise)
-    try:
-        fit_axis(data, model)  # knows the usual mistakes, such as exchanged columns
-    except ForceOfPlaceError:
-        pass  # that is what diagnosis is asked for
-    except ReversedSignError:
-        pass  # said of inertia alone, which may explain next to nothing
-    except TooFewRowsError:
-        pass  # its own filters need more of them than there are: it says nothing of this axis
-    except NothingExplainedError:
-        nothing = True
-    if nothing and not lenient and _waves_explain(plain) < WAVES_ENOUGH:
-        raise DataError(
-            f"{data.place}: the command explains none of the acceleration, and the motion "
-            f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
-            f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
-            "of the same axis, in time with each other? Where other axes load this one, as in an "
-            "arm, record them beside it"
-        )
-    return hypothesis
-
-
-def _check_own_command(data: Measured, others: Mapping[str, Measured]) -> None:
-    """Raise DataError where another axis' command is the one that drives this position."""
-    for name, other in others.items():
-        exchanged = replace(data, command=other.command)
-        share, backwards = _moved_by(_above_noise(data, make_signals(exchanged)))
-        if share > DRIVES and not backwards:
-            raise DataError(
-                f"{data.place}: its own command does not drive it, but that of axis {name} does: "
-                f"the motion explains {100.0 * share:.0f} % of it; exchange the two columns"
-            )
-
-
-def _check_direction_of(data: Measured) -> None:
-    """Raise DataError where the command is a magnitude, whose direction is another column."""
-    used = data.command[data.usable]
-    if float(used.min()) < 0.0 < float(used.max()) or not _changes(data):
-        return
-    stretches = make_signals(data).stretches
-    time_s = np.concatenate([s.time_s for s in stretches])
-    velocity = np.concatenate([s.v for s in stretches])
-    way = np.sign(np.interp(data.time_s, time_s, velocity))
-    directed = replace(data, command=data.command * way)
-    share, backwards = _moved_by(_above_noise(directed, make_signals(directed)))
-    if share > DRIVES and not backwards:
-        raise DataError(
-            f"{data.place}: the command never changes its sign, though the axis moves both ways; "
-            f"with the sign of its velocity the motion explains {100.0 * share:.0f} % of it: it is "
-            "a magnitude, and its direction stands in another column; give it that sign"
-        )
-
-
-def _above_noise(data: Measured, signals: Signals) -> Signals:
+def above_noise(data: Measured, signals: Signals) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
     Where that is not the whole one: the noise of the acceleration grows with the fifth power of the
@@ -322,7 +128,7 @@ def _above_noise(data: Measured, signals: Signals) -> Signals:
     while band_hz >= min(NARROWEST_HZ, signals.band_hz):
         plain = signals.plain(band_hz)
         left = plain.acceleration()
-        ratio = float(left @ left) / _noise_sse(plain)
+        ratio = float(left @ left) / noise_sse(plain)
         if ratio >= CLEARLY_OUTWEIGHS:
             return plain
         if enough is None and ratio >= OUTWEIGHS:
@@ -336,12 +142,12 @@ def _above_noise(data: Measured, signals: Signals) -> Signals:
     )
 
 
-def _noise_sse(plain: Signals) -> float:
+def noise_sse(plain: Signals) -> float:
     """Return the squared acceleration that the position's noise alone would have in the rows."""
     return acceleration_noise_rms(plain.position_noise, plain.band_hz) ** 2 * plain.rows
 
 
-def _moved_by(signals: Signals) -> tuple[float, bool]:
+def moved_by(signals: Signals) -> tuple[float, bool]:
     """Return what the motion explains of the command on rows held out, and whether it is reversed.
 
     Inertia, friction and any force of the place, such as gravity, may each outweigh the others. A
@@ -368,7 +174,7 @@ def _moved_by(signals: Signals) -> tuple[float, bool]:
     believed = of_motion > max(share, REVERSED)
     if believed and not _drives_back(signals, motion, motion.problem, one_way):
         share = of_motion
-    return share, backwards and _changes(signals.data)
+    return share, backwards and command_changes(signals.data)
 
 
 def _drives_back(
@@ -403,13 +209,13 @@ def _of_command(signals: Signals, model: EffectList) -> tuple[Hypothesis, Array,
     return motion, command, max(float(np.sum((command - command.mean()) ** 2)), 1e-300)
 
 
-def _changes(data: Measured) -> bool:
+def command_changes(data: Measured) -> bool:
     """Return whether the command does more than hold."""
     used = data.command[data.usable]
     return float(np.std(used)) > CHANGES * float(np.sqrt(np.mean(used**2)))
 
 
-def _waves_explain(signals: Signals) -> float:
+def waves_explain(signals: Signals) -> float:
     """Return the part of the command, on rows held out, that friction and waves explain together.
 
     A wave is known from one pass over a part of the travel, where a spline knows nothing of the
