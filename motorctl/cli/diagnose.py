@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from motorctl.cli.recording_argument import RecordingParts, WholeRun
+
 EXAMPLE = (
     "Example: motorctl diagnose run.parquet --out report    or: "
     "motorctl diagnose emps.yaml --evaluate pulses.yaml --out report"
@@ -22,10 +24,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _diagnose(
-    recording: Annotated[
-        Path,
-        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
-    ],
+    recording: RecordingParts,
     model: Annotated[
         str | None,
         typer.Option(help="C1, C2 or a configuration; else what the log declares, or C1."),
@@ -41,6 +40,7 @@ def _diagnose(
         Path | None,
         typer.Option(metavar="DIR", help="Where report, pictures and programs go; else none."),
     ] = None,
+    whole_run: WholeRun = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
@@ -58,7 +58,7 @@ def _diagnose(
     config = None if model in (None, "C1", "C2") else model
     with showing_stages() as progress:
         progress("reading", 0.0)
-        read = read_recording(recording, gaps="keep")
+        read = read_recording(recording, gaps="keep", whole_run=whole_run)
         test = None if evaluate is None else read_recording(evaluate, gaps="keep")
         models = declared_models(read, model, axis)
         machine = machine_of(read, model)
