@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from motorctl.cli.recording_argument import RecordingParts, WholeRun
+from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
 
 EXAMPLE = (
     "Example: motorctl fit run.parquet --model C2    or: "
@@ -44,21 +44,24 @@ def _fit(
         ),
     ] = None,
     whole_run: WholeRun = False,
+    allow_code: AllowCode = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Identify the declared model: parameters, standard errors, input delay and error."""
+    from motorctl.config.chosen_code import allowed_by
     from motorctl.identify.fit.declared_models import declared_models
     from motorctl.identify.fit.recording import fit_recording
     from motorctl.identify.fit.report import fit_document, print_fit
     from motorctl.identify.fit.settings import load_settings
     from motorctl.log import read_recording
 
+    may_run = allowed_by(allow_code or ())
     options = None if settings is None else load_settings(settings)
     with _progress() as progress:
         task = progress.add_task("reading")
         read = read_recording(recording, gaps="keep", whole_run=whole_run)
         other = None if evaluate is None else read_recording(evaluate, gaps="keep")
-        models = declared_models(read, model, axis)
+        models = declared_models(read, model, axis, may_run)
         found = fit_recording(
             read,
             models,

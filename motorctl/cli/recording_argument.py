@@ -19,3 +19,11 @@ RecordingParts = Annotated[
 WholeRun = Annotated[
     bool, typer.Option("--whole-run", help="A log stands for all logs of its run in its folder.")
 ]
+AllowCode = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="MODULE",
+        help="Import this module, or this package, where the log's configuration names effects in "
+        "it. As often as needed.",
+    ),
+]
