@@ -38,6 +38,7 @@ OBSERVERS_COMMANDS = (StatusCommand, EmergencyStopCommand)
 BACKLOG = 1024
 """Connections that wait to be accepted; a client that comes later is turned away by the kernel."""
 ACCEPTED_AT_ONCE = 16
+ACCEPT_AGAIN_S = 1.0
 SLICE_S = 0.005
 """For so long requests are answered before whoever came meanwhile is heard; as long a pause
 follows, so that a flood takes half of the supervisor's time at most."""
@@ -66,19 +67,26 @@ class ControlServer:
         self._waiting = asyncio.Event()
         self._stopped_s: dict[Connection, float] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+        self._coming: set[socket.socket] = set()
+        """Accepted, and not admitted yet."""
+        self._trying_again: asyncio.TimerHandle | None = None
 
     async def start(self) -> None:
         """Begin to accept."""
         self._control.socket.listen(BACKLOG)
-        asyncio.get_running_loop().add_reader(self._control.socket, self._accept)
+        self._listen()
         self._begin(self._take_turns())
 
     async def close(self) -> None:
         """Drop every client and stop accepting."""
+        if self._trying_again is not None:
+            self._trying_again.cancel()
         asyncio.get_running_loop().remove_reader(self._control.socket)
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        for connected in self._coming:
+            connected.close()
         for connection in tuple(self._connections):
             connection.drop()
         await asyncio.sleep(0)  # in which they are told
@@ -92,15 +100,23 @@ class ControlServer:
         for _ in range(ACCEPTED_AT_ONCE):
             try:
                 connected, _address = self._control.socket.accept()
-            except BlockingIOError:
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
                 return
-            except OSError as error:  # no descriptors left: the others go on
+            except OSError as error:  # no descriptors left: those who are here go on
                 _log.warning("control socket: nobody can be accepted: %s", error.strerror)
+                events = asyncio.get_running_loop()
+                events.remove_reader(self._control.socket)
+                self._trying_again = events.call_later(ACCEPT_AGAIN_S, self._listen)
                 return
             connected.setblocking(False)
+            self._coming.add(connected)
             self._begin(self._admit(connected))
 
+    def _listen(self) -> None:
+        asyncio.get_running_loop().add_reader(self._control.socket, self._accept)
+
     async def _admit(self, connected: socket.socket) -> None:
+        self._coming.discard(connected)
         try:
             peer = peer_of(connected)
         except OSError:
@@ -160,8 +176,12 @@ class ControlServer:
             began = time.monotonic()
             while (self._urgent or self._turns) and time.monotonic() - began < SLICE_S:
                 connection = (self._urgent or self._turns).popleft()
-                if not connection.ended:
-                    await self._take_turn(connection)
+                try:
+                    if not connection.ended:
+                        await self._take_turn(connection)
+                except Exception:  # a mistake of ours must not silence the others
+                    _log.exception("control socket: a request failed")
+                    connection.drop()
             if self._urgent or self._turns:
                 await asyncio.sleep(min(time.monotonic() - began, LONGEST_PAUSE_S))
             else:

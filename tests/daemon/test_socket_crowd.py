@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +181,76 @@ def test_a_client_that_has_said_all_gets_its_answers(path: Path) -> None:
         one.shutdown(socket.SHUT_WR)
         found = one.makefile("rb").readlines()
     assert sorted(json.loads(line)["id"] for line in found) == [1, 2, 2]
+
+
+def test_a_mistake_with_one_request_silences_nobody_else(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken(_line: bytes) -> Request:
+        raise ZeroDivisionError("a mistake of ours")
+
+    with ExitStack() as end:
+        with monkeypatch.context() as patch:
+            patch.setattr(server_module, "parse_request", broken)
+            one = connected(path, end)
+            one.sendall(b'{"id":1,"do":"status"}\n')
+            assert one.recv(100) == b""
+        with Client(path) as client:
+            assert client.ask("status") == {"did": "status"}
+    assert "a mistake of ours" in caplog.text
+
+
+def test_a_daemon_without_descriptors_accepts_again_later(
+    path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    resource = pytest.importorskip("resource")
+    monkeypatch.setattr(server_module, "ACCEPT_AGAIN_S", 0.05)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with ExitStack() as end:
+        waiting = end.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        waiting.settimeout(20)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (waiting.fileno() + 1, hard))
+        try:
+            taken = []
+            with suppress(OSError):
+                while True:
+                    taken.append(os.dup(waiting.fileno()))
+            waiting.connect(str(path))
+            waiting.sendall(b'{"id":1,"do":"status"}\n')
+            time.sleep(0.2)
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            for number in taken:
+                os.close(number)
+        assert answer(waiting)["ok"]
+    assert 1 <= caplog.text.count("nobody can be accepted") < 20
+
+
+def test_a_client_waits_while_too_many_others_are_not_accepted_yet(tmp_path: Path) -> None:
+    with ExitStack() as end:
+        busy = end.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        busy.bind(str(tmp_path / "s.sock"))
+        busy.listen(0)
+        before = 0
+        with pytest.raises(BlockingIOError):
+            for before in range(1000):
+                other = end.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+                other.setblocking(False)
+                other.connect(str(tmp_path / "s.sock"))
+
+        def accept() -> None:
+            time.sleep(0.1)
+            for _ in range(before + 1):
+                last, _address = busy.accept()
+                end.enter_context(last)
+            last.recv(1000)
+            last.sendall(b'{"id":1,"ok":true,"did":"estop"}\n')
+
+        accepting = threading.Thread(target=accept)
+        accepting.start()
+        with Client(tmp_path / "s.sock") as client:
+            assert client.ask("estop") == {"did": "estop"}
+        accepting.join()
 
 
 @given(st.lists(st.tuples(st.integers(0, 20), st.booleans()), max_size=800))
