@@ -48,9 +48,9 @@ def open_recorded(paths: Sequence[str | os.PathLike[str]], whole_run: bool = Fal
     (file,) = files
     if file.is_dir():
         return _of_folder(file)
-    if not file.exists() and file.parent.is_dir():
-        if file.suffix == "" or file.name in _runs_in(file.parent):
-            return _of_run(file.parent, file.name)
+    named = not file.exists() and file.parent.is_dir()
+    if named and (file.suffix == "" or file.name in _runs_in(file.parent)):
+        return _of_run(file.parent, file.name)
     table = open_table(file)
     if not whole_run:
         return table
