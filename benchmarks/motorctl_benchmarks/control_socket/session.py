@@ -213,9 +213,11 @@ def _stops(options: SocketOptions, folder: Path) -> tuple[tuple[float, ...], lis
     """
     socket, stops_s, wrong = folder / "motorctl.sock", [], []
     with ThreadPoolExecutor(1) as beside:
+        end = time.monotonic() + options.spell_s
         crowd = beside.submit(_crowd, options, folder, -1)
         time.sleep(SETTLE_S)
-        while not crowd.done():
+        # Not in the tail, when some still have bytes to send and the others are gone.
+        while not crowd.done() and time.monotonic() < end:
             began = time.monotonic()
             try:
                 with Client(socket) as client:
