@@ -1,8 +1,14 @@
 """What all tests share."""
 
+import os
+import tempfile
+
 import pauses
 import pytest
 import real_time
+
+_state = tempfile.TemporaryDirectory(prefix="motorctl-state-")
+os.environ["XDG_STATE_HOME"] = _state.name  # what tests learn or choose is nobody's
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

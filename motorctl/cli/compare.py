@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from motorctl.cli.recording_argument import WholeRun
 from motorctl.errors import UsageError
 
 
@@ -20,7 +21,10 @@ def register(app: typer.Typer) -> None:
 
 def _compare(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RECORDING…", help="Logs or foreign recordings.")
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING…", help="Logs, foreign recordings, or folders and names of runs."
+        ),
     ],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where pictures go; none without it.")
@@ -31,6 +35,7 @@ def _compare(
             metavar="S", help="The motion's period, where neither log nor motion shows it."
         ),
     ] = None,
+    whole_run: WholeRun = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Measure every recording: eM, eF, L2[e], uM, and the first one's ratio to each other."""
@@ -45,7 +50,7 @@ def _compare(
     read = []
     with showing_progress("reading the recordings") as progress:
         for i, path in enumerate(recordings):
-            read.append(read_recording(path, gaps="keep"))
+            read.append(read_recording(path, gaps="keep", whole_run=whole_run))
             progress((i + 1) / len(recordings))
     comparison = compare(read, period)
     pictures = plot_comparison(comparison, out) if out else []

@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+
 EXAMPLE = (
     "Example: motorctl diagnose run.parquet --out report    or: "
     "motorctl diagnose emps.yaml --evaluate pulses.yaml --out report"
@@ -22,10 +24,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _diagnose(
-    recording: Annotated[
-        Path,
-        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
-    ],
+    recording: RecordingParts,
     model: Annotated[
         str | None,
         typer.Option(help="C1, C2 or a configuration; else what the log declares, or C1."),
@@ -41,32 +40,46 @@ def _diagnose(
         Path | None,
         typer.Option(metavar="DIR", help="Where report, pictures and programs go; else none."),
     ] = None,
+    whole_run: WholeRun = False,
+    allow_code: AllowCode = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
     from motorctl.cli.stages import showing_stages
+    from motorctl.config.chosen_code import allowed_by
     from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.json_document import diagnosis_document
     from motorctl.identify.diagnose.report.next_steps import next_steps, write_programs
     from motorctl.identify.diagnose.report.page import write_report
     from motorctl.identify.diagnose.report.terminal import print_diagnosis
-    from motorctl.identify.fit.declared_models import declared_models, machine_of
+    from motorctl.identify.fit.declared_models import (
+        declared_models,
+        machine_of,
+        untried_effects,
+    )
     from motorctl.identify.same_axis import check_belongs
     from motorctl.log import read_recording
     from motorctl.model.catalog import failed_effects
 
+    may_run = allowed_by(allow_code or ())
     config = None if model in (None, "C1", "C2") else model
     with showing_stages() as progress:
         progress("reading", 0.0)
-        read = read_recording(recording, gaps="keep")
+        read = read_recording(recording, gaps="keep", whole_run=whole_run)
         test = None if evaluate is None else read_recording(evaluate, gaps="keep")
-        models = declared_models(read, model, axis)
-        machine = machine_of(read, model)
+        models = declared_models(read, model, axis, may_run)
+        machine = machine_of(read, model, may_run)
         if machine is not None:
             check_belongs(read, machine, models)
         further = [] if machine is None else list(machine.further_effects.values())
         found = diagnose_recording(read, models, progress, test, further)
         untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
+        if config is None:
+            untried += [
+                f"{name} was not tried, though the log's configuration names it: allow its module "
+                "with --allow-code"
+                for name in untried_effects(read, machine)
+            ]
         found = replace(found, notes=(*found.notes, *untried))
         programs, files = {}, []
         if out is not None:

@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+
 EXAMPLE = (
     "Example: motorctl fit run.parquet --model C2    or: "
     "motorctl fit emps.yaml --model C1 --settings janot2019 --evaluate pulses.yaml"
@@ -23,10 +25,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _fit(
-    recording: Annotated[
-        Path,
-        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
-    ],
+    recording: RecordingParts,
     model: Annotated[
         str | None,
         typer.Option(help="C1, C2 or a configuration; else what the log declares, or C1."),
@@ -44,21 +43,25 @@ def _fit(
             "janot2019; or a YAML file with some of those keys.",
         ),
     ] = None,
+    whole_run: WholeRun = False,
+    allow_code: AllowCode = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Identify the declared model: parameters, standard errors, input delay and error."""
+    from motorctl.config.chosen_code import allowed_by
     from motorctl.identify.fit.declared_models import declared_models
     from motorctl.identify.fit.recording import fit_recording
     from motorctl.identify.fit.report import fit_document, print_fit
     from motorctl.identify.fit.settings import load_settings
     from motorctl.log import read_recording
 
+    may_run = allowed_by(allow_code or ())
     options = None if settings is None else load_settings(settings)
     with _progress() as progress:
         task = progress.add_task("reading")
-        read = read_recording(recording, gaps="keep")
+        read = read_recording(recording, gaps="keep", whole_run=whole_run)
         other = None if evaluate is None else read_recording(evaluate, gaps="keep")
-        models = declared_models(read, model, axis)
+        models = declared_models(read, model, axis, may_run)
         found = fit_recording(
             read,
             models,

@@ -10,10 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motorctl.cli.recording_argument import WholeRun
+
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.log.info import LogInfo
 
 LogFile = Annotated[Path, typer.Argument(metavar="FILE", show_default=False)]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE...",
+        help="A log; or several of one run, a folder of them, or the run's name.",
+        show_default=False,
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 
 
@@ -34,11 +44,13 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="log", help="Look into a log, export it, recover it after a crash.")
 
 
-def _info(file: LogFile, as_json: AsJson = False) -> None:
-    """Show what is in a log, in an unfinished one or in a foreign recording."""
-    from motorctl.log.info import describe
+def _info(files: LogFiles, whole_run: WholeRun = False, as_json: AsJson = False) -> None:
+    """Show what is in a log, in an unfinished one, in a foreign recording or in a whole run."""
+    from motorctl.log.info import describe, describe_run
+    from motorctl.log.run_parts import is_run
 
-    info = describe(file)
+    run = is_run(files, whole_run)
+    info = describe_run(files, whole_run) if run else describe(files[0])
     if as_json:
         print(json.dumps(dataclasses.asdict(info)))
     else:
@@ -46,17 +58,18 @@ def _info(file: LogFile, as_json: AsJson = False) -> None:
 
 
 def _export(
-    file: LogFile,
+    files: LogFiles,
     to: Annotated[Target, typer.Option(help="The format.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="The new file; else beside the log.")] = None,
+    whole_run: WholeRun = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a log as CSV, as MAT, or as Parquet that any program reads."""
+    """Write a log, or a run as one file, as CSV, as MAT, or as Parquet that any program reads."""
     from motorctl.cli.progress import showing_progress
     from motorctl.log.export import export
 
     with showing_progress(f"writing {to.value}") as progress:
-        target = export(file, to.value, out, progress)
+        target = export(files, to.value, out, progress, whole_run)
     print(json.dumps({"out": str(target)}) if as_json else target)
 
 
@@ -120,7 +133,9 @@ def _part(metadata: dict[str, Any]) -> list[str]:
             for key, word in (("predecessor", "after"), ("successor", "before"))
             if metadata.get(key)
         ]
-        told.append(", ".join([f"  part {metadata['part']} of the run {metadata['run']}", *around]))
+        parts = metadata["part"]
+        which = f"parts {parts[0]} to {parts[-1]}" if isinstance(parts, list) else f"part {parts}"
+        told.append(", ".join([f"  {which} of the run {metadata['run']}", *around]))
     if (pauses := metadata.get("pauses")) and pauses["count"]:
         times = f"{pauses['count']} times, {pauses['seconds']:.6g} s in all"
         told.append(f"  paused {times}: {pauses['while']}")

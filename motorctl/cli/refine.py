@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.recording_argument import RecordingParts, WholeRun
+
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
     from motorctl.identify.diagnose.result import RecordingDiagnosis
     from motorctl.identify.refine.refinement import Refinement
@@ -23,10 +25,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _refine(
-    recording: Annotated[
-        Path,
-        typer.Argument(help="A log, a CSV, Parquet or MAT file, or its YAML description."),
-    ],
+    recording: RecordingParts,
     config: Annotated[
         str, typer.Option(help="The configuration to refine: a file, or a shipped one's name.")
     ],
@@ -37,6 +36,7 @@ def _refine(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where the diagnosis' report goes.")
     ] = None,
+    whole_run: WholeRun = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Diagnose a recording; write a configuration with the effects that its model lacks.
@@ -61,7 +61,7 @@ def _refine(
     machine, _ = load_machine(config)
     with showing_stages() as progress:
         progress("reading", 0.0)
-        read = read_recording(recording, gaps="keep")
+        read = read_recording(recording, gaps="keep", whole_run=whole_run)
         names = list(read.axes) if axis is None else [axis]
         require_same_machine(read, machine, names)
         models = {name: machine.axes[name].declared for name in names}

@@ -9,13 +9,14 @@ from typing import Any
 from motorctl.config.axis_keys import ConfigurationKeys, Controller
 from motorctl.config.axis_model import read_further_effects
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
+from motorctl.config.chosen_code import MayRun, remember
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.groups import check_groups
 from motorctl.config.guard_rules import check_heat
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
-from motorctl.config.named_code import AllowedCode, refused_code
+from motorctl.config.named_code import AllowedCode, named_code, refused_code
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
 from motorctl.config.recording_rules import RecordingRate, check_recording, recording_rate
@@ -43,7 +44,8 @@ def load(
     hardware
         Without it the drivers are left out, so that they need not be installed: for analysis.
     allowed_code
-        What of the code that the file names may be imported; None: all of it.
+        What of the code that the file names may be imported; None: all of it, and it is kept in
+        mind as the user's choice, so that logs that name it may be read (`chosen_code`).
 
     Returns
     -------
@@ -59,11 +61,19 @@ def load(
     document = read_document(source)
     if allowed_code is not None:
         document.refuse(refused_code(document, allowed_code))
-    return _build(document, source, source.parent.resolve(), controller, hardware=hardware)
+    named = named_code(document)
+    machine = _build(document, source, source.parent.resolve(), controller, hardware=hardware)
+    if allowed_code is None:
+        remember(named)
+    return machine
 
 
 def load_resolved(
-    resolved: Mapping[str, Any], source: str | Path = "resolved", *, hardware: bool = False
+    resolved: Mapping[str, Any],
+    source: str | Path = "resolved",
+    *,
+    hardware: bool = False,
+    may_run: MayRun | None = None,
 ) -> Machine:
     """Build the machine again from its plain data `Machine.resolved`, as logs hold it.
 
@@ -76,6 +86,9 @@ def load_resolved(
     hardware
         Without it the drivers are left out, so that they need not be installed, and so are programs
         whose files of points are gone; whether an axis can follow the others is not asked again.
+    may_run
+        Asked of all code that the data name whether it may be imported; None: all may. Further
+        effects that may not are left out, any other is a problem.
 
     Returns
     -------
@@ -90,7 +103,30 @@ def load_resolved(
     document = Document(str(source), decode(resolved))
     if not hardware:
         _drop_lost_points(document)
+    if may_run is not None:
+        _refuse_code(document, may_run, hardware)
     return _build(document, Path(source), Path.cwd(), None, hardware=hardware)
+
+
+def _refuse_code(document: Document, may_run: MayRun, hardware: bool) -> None:
+    """Raise where data name code that may not be imported; leave out what is not needed of it."""
+    problems = []
+    for code in named_code(document):
+        if (code.kind == "driver" and not hardware) or may_run(code):
+            continue
+        if code.key[0] == "further_effects":
+            del document.data["further_effects"][code.key[1]]
+            continue
+        place = f" ({code.file})" if code.file else ""
+        problems.append(
+            document.problem(
+                code.key,
+                f"'{code.target}'{place} is code that is not run because a log names it: whoever "
+                f"trusts it says so with --allow-code {code.module}, or names a configuration of "
+                "their own with --model",
+            )
+        )
+    document.refuse(problems)
 
 
 def _build(

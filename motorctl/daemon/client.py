@@ -16,6 +16,7 @@ from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 
 ANSWER_TIMEOUT_S = 30.0
+CONNECT_TIMEOUT_S = 5.0
 PATIENCE_S: dict[str, float] = {Code.NOT_READY: 120.0, Code.STILL_MOVING: 5.0}
 """How long a loop may compile, and an unpowered axis come to rest, until a client gives up."""
 READY_POLL_S = 0.1
@@ -44,11 +45,24 @@ class Client:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(ANSWER_TIMEOUT_S)
         try:
-            self._socket.connect(str(self.path))
+            self._connect()
         except OSError as error:
             self._socket.close()
             raise _unreachable(self.path, error) from error
         self._lines = self._socket.makefile("rb")
+
+    def _connect(self) -> None:
+        """Connect; while too many others wait to be accepted, try again."""
+        deadline = time.monotonic() + CONNECT_TIMEOUT_S
+        while True:
+            try:
+                self._socket.connect(str(self.path))
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(POLL_S)
+            else:
+                return
 
     def __enter__(self) -> Self:
         return self
@@ -185,4 +199,6 @@ def _unreachable(path: Path, error: OSError) -> MotorctlError:
         )
     if isinstance(error, PermissionError):
         return RunError(f"{path}: permission denied: only root and the socket's group may connect")
+    if isinstance(error, BlockingIOError):
+        return RunError(f"the daemon on {path} accepts nobody for {CONNECT_TIMEOUT_S:g} s")
     return UsageError(f"{path}: {error.strerror or error}")

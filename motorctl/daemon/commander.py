@@ -85,6 +85,8 @@ class Commander:
         self._history: deque[dict[str, Any]] = deque(maxlen=MOST_MOTIONS)
         self._waiting: dict[str, Program] = {}
         """Axes that were started and whose program begins when its other axes are, too."""
+        self._stopping: int | None = None
+        """Number of the last emergency stop that was ordered."""
         # A trajectory is written into the slot that is not in use: one writer at a time.
         self._ordering = asyncio.Lock()
 
@@ -117,7 +119,7 @@ class Commander:
             # As long as anything may move: also on the way down, when all else is refused.
             self._must_tick()
             self._waiting.clear()
-            await self._order(Verb.ESTOP, self._names[0])
+            await self._stop_all_at_once()
             return {"axes": self._names}
         if request.axis not in self._names:
             raise self._unknown(request.axis)
@@ -307,6 +309,15 @@ class Commander:
             if state is AxisState.FAULT or time.monotonic() > began + allowed_s:
                 raise self._refusal(Verb.START, name, Reply.WRONG_STATE)
             await asyncio.sleep(POLL_S)
+
+    async def _stop_all_at_once(self) -> None:
+        """Order an emergency stop; who asks while one is on its way to the loop shares it."""
+        number = self._stopping
+        if number is None or self._memory.reply(number) is not None:
+            number = self._stopping = self._post(Verb.ESTOP, self._names[0])
+        reply = await self._reply(number)
+        if reply is not Reply.OK:
+            raise self._refusal(Verb.ESTOP, self._names[0], reply)
 
     async def _order(self, verb: Verb, name: str) -> None:
         reply = await self._reply(self._post(verb, name))

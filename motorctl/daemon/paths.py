@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 from motorctl.errors import UsageError
+from motorctl.state_folder import state_folder
 
 SOCKET_NAME = "motorctl.sock"
 SYSTEM_FOLDER = Path("/run/motorctl")
@@ -43,16 +44,9 @@ def client_socket() -> Path:
 
 def state_file(machine: str) -> Path:
     """Return the file that keeps what a machine has learned."""
-    return _state_folder() / f"{machine}.json"
+    return state_folder() / f"{machine}.json"
 
 
 def run_file(machine: str) -> Path:
     """Return the file that says what became of a machine's last run."""
-    return _state_folder() / "runs" / f"{machine}.json"
-
-
-def _state_folder() -> Path:
-    if directory := os.environ.get("STATE_DIRECTORY"):  # set by systemd
-        return Path(directory.split(":")[0])
-    base = os.environ.get("XDG_STATE_HOME")
-    return (Path(base) if base else Path.home() / ".local" / "state") / "motorctl"
+    return state_folder() / "runs" / f"{machine}.json"

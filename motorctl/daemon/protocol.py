@@ -38,11 +38,15 @@ class Code(StrEnum):
     NOT_READY = "not_ready"
     """The loop does not tick yet, but is about to."""
     STOPPING = "stopping"
+    OVERTAKEN = "overtaken"
+    """An emergency stop came in before the request had its turn."""
     LOOP_SILENT = "loop_silent"
     INTERNAL = "internal"
 
 
-FAILURES = frozenset({Code.NOT_READY, Code.STOPPING, Code.LOOP_SILENT, Code.INTERNAL})
+FAILURES = frozenset(
+    {Code.NOT_READY, Code.STOPPING, Code.OVERTAKEN, Code.LOOP_SILENT, Code.INTERNAL}
+)
 """Refusals that are no mistake of whoever asked."""
 
 

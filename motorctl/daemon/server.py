@@ -1,4 +1,9 @@
-"""Serve the control socket: a bad client is told so or dropped, and nobody else notices."""
+"""Serve the control socket: a bad client is told so or dropped, and nobody else notices.
+
+Requests are answered in turns, one of each client, for some milliseconds at a time. An emergency
+stop has no turn: it is carried out when its bytes come. So what it waits for is one such while and
+the reading of what came with it, however many others ask.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +11,16 @@ import asyncio
 import logging
 import socket
 import time
-from collections import Counter
+from collections import deque
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
-from motorctl.daemon.access import ControlSocket, Role, peer_of
+from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
+from motorctl.daemon.connection import Connection
+from motorctl.daemon.places import Place, Places
 from motorctl.daemon.protocol import (
-    MAX_LINE_BYTES,
     Code,
     EmergencyStopCommand,
     RefusedError,
@@ -23,59 +31,97 @@ from motorctl.daemon.protocol import (
     refusal,
     request_id,
 )
-from motorctl.daemon.request_pace import RequestPace
 
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
 
 OBSERVERS_COMMANDS = (StatusCommand, EmergencyStopCommand)
-MAX_CLIENTS_A_USER = 32
-LINE_TIMEOUT_S = 10.0
-"""A line that was begun must end within this time."""
-WRITE_TIMEOUT_S = 5.0
-"""A client that does not take its answers for so long is dropped."""
+BACKLOG = 1024
+"""Connections that wait to be accepted; a client that comes later is turned away by the kernel."""
+ACCEPTED_AT_ONCE = 16
+ACCEPT_AGAIN_S = 1.0
+SLICE_S = 0.005
+"""For so long requests are answered before whoever came meanwhile is heard; as long a pause
+follows, so that a flood takes half of the supervisor's time at most."""
+LONGEST_PAUSE_S = 0.02
+STOP_AGAIN_S = 1.0
+"""An emergency stop of a client that called one less than this ago waits for its turn."""
+STOP_CALLER_S = 1.0
+"""So long a connection beyond the limits may wait before it says what it wants."""
+OVERTAKEN = "{} was overtaken by an emergency stop, and not begun: ask again if it is still meant"
 
 _log = logging.getLogger("motorctl")
 
 
 class ControlServer:
-    """Reads requests from admitted clients and has `handle` answer them, one after another."""
+    """Reads requests from admitted clients and has `handle` answer them."""
 
     def __init__(self, control: ControlSocket, handle: Handler) -> None:
         self._control = control
         self._handle = handle
-        self._clients: Counter[int] = Counter()
+        self._places = Places()
+        self._connections: set[Connection] = set()
+        self._turns: deque[Connection] = deque()
+        """Each has a line that waits."""
+        self._urgent: deque[Connection] = deque()
+        """The same, of those that ask for an axis to stop."""
+        self._waiting = asyncio.Event()
+        self._stopped_s: dict[Connection, float] = {}
         self._tasks: set[asyncio.Task[None]] = set()
-        self._server: asyncio.Server | None = None
+        self._coming: set[socket.socket] = set()
+        """Accepted, and not admitted yet."""
+        self._trying_again: asyncio.TimerHandle | None = None
 
     async def start(self) -> None:
         """Begin to accept."""
-        self._server = await asyncio.start_unix_server(
-            self._accept, sock=self._control.socket, limit=MAX_LINE_BYTES
-        )
+        self._control.socket.listen(BACKLOG)
+        self._listen()
+        self._begin(self._take_turns())
 
     async def close(self) -> None:
         """Drop every client and stop accepting."""
-        if self._server is not None:
-            self._server.close()
+        if self._trying_again is not None:
+            self._trying_again.cancel()
+        asyncio.get_running_loop().remove_reader(self._control.socket)
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        for connected in self._coming:
+            connected.close()
+        for connection in tuple(self._connections):
+            connection.drop()
+        await asyncio.sleep(0)  # in which they are told
 
-    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
+    def _begin(self, doing: Any) -> None:
+        task = asyncio.get_running_loop().create_task(doing)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        try:
-            await self._admit(reader, writer)
-        except (OSError, TimeoutError, asyncio.CancelledError):
-            pass  # the client's own trouble, or the server is closing
-        finally:
-            writer.transport.abort()
 
-    async def _admit(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        connection: socket.socket = writer.get_extra_info("socket")
-        peer = peer_of(connection)
+    def _accept(self) -> None:
+        for _ in range(ACCEPTED_AT_ONCE):
+            try:
+                connected, _address = self._control.socket.accept()
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+                return
+            except OSError as error:  # no descriptors left: those who are here go on
+                _log.warning("control socket: nobody can be accepted: %s", error.strerror)
+                events = asyncio.get_running_loop()
+                events.remove_reader(self._control.socket)
+                self._trying_again = events.call_later(ACCEPT_AGAIN_S, self._listen)
+                return
+            connected.setblocking(False)
+            self._coming.add(connected)
+            self._begin(self._admit(connected))
+
+    def _listen(self) -> None:
+        asyncio.get_running_loop().add_reader(self._control.socket, self._accept)
+
+    async def _admit(self, connected: socket.socket) -> None:
+        self._coming.discard(connected)
+        try:
+            peer = peer_of(connected)
+        except OSError:
+            connected.close()
+            return
         role = self._control.role_of(peer)
         if role is None:
             _log.warning("control socket: refused process %d of user %d", peer.pid, peer.uid)
@@ -83,67 +129,135 @@ class ControlServer:
                 f"user {peer.uid} is neither root nor a member of the socket's group "
                 f"({self._control.group_id}): `usermod -aG` adds a user to a group"
             )
-            await _send(writer, refusal(None, Code.FORBIDDEN, message))
+            _turn_away(connected, Code.FORBIDDEN, message)
             return
-        if self._clients[peer.uid] >= MAX_CLIENTS_A_USER:
-            message = f"user {peer.uid} already has {MAX_CLIENTS_A_USER} connections (the limit)"
-            await _send(writer, refusal(None, Code.BAD_REQUEST, message))
+        place, why = self._places.take(peer.uid)
+        if place is Place.NONE:
+            _turn_away(connected, Code.BAD_REQUEST, why)
             return
-        self._clients[peer.uid] += 1
         try:
-            await self._serve(reader, writer, role)
-        finally:
-            self._clients[peer.uid] -= 1
+            await self._listen_to(connected, peer, role, place, why)
+        except BaseException as error:
+            connected.close()
+            self._places.give_back(peer.uid, place)
+            if not isinstance(error, OSError):
+                raise
 
-    async def _serve(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, role: Role
+    async def _listen_to(
+        self, connected: socket.socket, peer: Peer, role: Role, place: Place, why: str
     ) -> None:
-        pace = RequestPace(time.monotonic())
-        while True:
-            try:
-                line = await _read_line(reader)
-            except asyncio.LimitOverrunError:
-                message = f"the request is longer than the limit of {MAX_LINE_BYTES} bytes"
-                await _send(writer, refusal(None, Code.TOO_LARGE, message))
-                return
-            except asyncio.IncompleteReadError:
-                return
-            if line.strip():
-                await _send(writer, await self._answer(line, role))
-            # Lines that are already here are read without waiting: let the others have a turn.
-            await asyncio.sleep(pace.wait_s(time.monotonic()))
+        events = asyncio.get_running_loop()
+        full = place is Place.FULL
+        refused = refusal(None, Code.BAD_REQUEST, why)
+        connection = Connection(
+            role,
+            self._wait_for_turn if full else partial(_refuse, refused),
+            partial(self._stop_at_once, place),
+            partial(self._end, peer.uid, place),
+        )
+        await events.connect_accepted_socket(lambda: connection, connected)
+        self._connections.add(connection)
+        if not full:
+            events.call_later(STOP_CALLER_S, connection.hang_up_if_silent, refused)
 
-    async def _answer(self, line: bytes, role: Role) -> bytes:
+    def _end(self, uid: int, place: Place, connection: Connection) -> None:
+        self._places.give_back(uid, place)
+        self._connections.discard(connection)
+        self._stopped_s.pop(connection, None)
+
+    def _wait_for_turn(self, connection: Connection) -> None:
+        urgent = b'"stop"' in connection.waiting_line()
+        (self._urgent if urgent else self._turns).append(connection)
+        self._waiting.set()
+
+    async def _take_turns(self) -> None:
+        while True:
+            await self._waiting.wait()
+            began = time.monotonic()
+            while (self._urgent or self._turns) and time.monotonic() - began < SLICE_S:
+                connection = (self._urgent or self._turns).popleft()
+                try:
+                    if not connection.ended:
+                        await self._take_turn(connection)
+                except Exception:  # a mistake of ours must not silence the others
+                    _log.exception("control socket: a request failed")
+                    connection.drop()
+            if self._urgent or self._turns:
+                await asyncio.sleep(min(time.monotonic() - began, LONGEST_PAUSE_S))
+            else:
+                self._waiting.clear()
+
+    async def _take_turn(self, connection: Connection) -> None:
+        line, overtaken = connection.next_line()
+        if not line.strip():
+            connection.pass_over()
+            return
         try:
             request = parse_request(line)
+            self._must_be_allowed(request, connection.role, overtaken)
         except RefusedError as no:
-            return refusal(request_id(line), no.code, no.message)
-        if role is Role.OBSERVE and not isinstance(request, OBSERVERS_COMMANDS):
-            message = (
-                f"{request.do}: only members of the group '{self._control.operators}' may command "
-                "this machine; others may ask for its status, and for an emergency stop"
-            )
-            return refusal(request.id, Code.FORBIDDEN, message)
+            connection.answer(refusal(request_id(line), no.code, no.message))
+            return
+        if isinstance(request, StatusCommand):
+            await self._answer(connection.answer, request)
+            return
+        if isinstance(request, EmergencyStopCommand):
+            self._overtake_all_but(connection)
+        self._begin(self._answer(connection.answer, request))
+        await asyncio.sleep(0)  # it may take a while to begin, and counts
+
+    def _stop_at_once(self, place: Place, connection: Connection, line: bytes) -> bool:
+        """Carry out an emergency stop before whatever waits; tell whether the line is one."""
+        now_s = time.monotonic()
+        if now_s - self._stopped_s.get(connection, -STOP_AGAIN_S) < STOP_AGAIN_S:
+            return False
         try:
-            return answer(request.id, await self._handle(request))
+            request = parse_request(line)
+        except RefusedError:
+            return False
+        if not isinstance(request, EmergencyStopCommand):
+            return False
+        self._stopped_s[connection] = now_s
+        self._overtake_all_but(connection)
+        tell = connection.answer_stop if place is Place.FULL else connection.answer_stop_and_end
+        self._begin(self._answer(tell, request))
+        return True
+
+    def _overtake_all_but(self, stopping: Connection) -> None:
+        """See to it that nothing begins after an emergency stop that was asked for before it."""
+        for connection in self._connections:
+            if connection is not stopping:
+                connection.overtake()
+
+    def _must_be_allowed(self, request: Request, role: Role, overtaken: bool) -> None:
+        if isinstance(request, OBSERVERS_COMMANDS):
+            return
+        if overtaken:
+            raise RefusedError(Code.OVERTAKEN, OVERTAKEN.format(request.do))
+        if role is Role.OBSERVE:
+            raise RefusedError(
+                Code.FORBIDDEN,
+                f"{request.do}: only members of the group '{self._control.operators}' may command "
+                "this machine; others may ask for its status, and for an emergency stop",
+            )
+
+    async def _answer(self, tell: Callable[[bytes], None], request: Request) -> None:
+        try:
+            line = answer(request.id, await self._handle(request))
         except RefusedError as no:
-            return refusal(request.id, no.code, no.message)
+            line = refusal(request.id, no.code, no.message)
         except Exception as error:  # a mistake of ours must not end the daemon
             _log.exception("control socket: %s failed", request.do)
             message = f"{request.do} failed: {type(error).__name__}: {error}"
-            return refusal(request.id, Code.INTERNAL, message)
+            line = refusal(request.id, Code.INTERNAL, message)
+        tell(line)
 
 
-async def _read_line(reader: asyncio.StreamReader) -> bytes:
-    """Wait as long as it takes for a line to begin, then LINE_TIMEOUT_S for its end."""
-    first = await reader.readexactly(1)
-    if first == b"\n":
-        return first
-    async with asyncio.timeout(LINE_TIMEOUT_S):
-        return first + await reader.readuntil(b"\n")
+def _turn_away(connected: socket.socket, code: Code, message: str) -> None:
+    """Say no to whoever has just connected, if it listens."""
+    with connected, suppress(OSError):
+        connected.send(refusal(None, code, message))
 
 
-async def _send(writer: asyncio.StreamWriter, line: bytes) -> None:
-    writer.write(line)
-    async with asyncio.timeout(WRITE_TIMEOUT_S):
-        await writer.drain()
+def _refuse(refused: bytes, connection: Connection) -> None:
+    connection.hang_up(refused)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,11 @@ from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
 from motorctl.errors import DataError, UsageError
-from motorctl.log.open_table import open_table
+from motorctl.log.columns import METADATA_KEY
+from motorctl.log.folder import EXPORT_SUFFIX
+from motorctl.log.run_parts import open_recorded
+from motorctl.log.run_table import RunTable
+from motorctl.log.table import Table
 from motorctl.log.table_mat import METADATA_VARIABLE
 from motorctl.log.table_parquet import ParquetTable
 
@@ -27,8 +31,10 @@ Progress = Callable[[float], None]
 _BATCH_ROWS = 1 << 14
 
 
-def export(path: Path, to: Format, out: Path | None, progress: Progress) -> Path:
-    """Write a log as CSV, MAT (version 5) or plain Parquet.
+def export(
+    paths: Sequence[Path], to: Format, out: Path | None, progress: Progress, whole_run: bool = False
+) -> Path:
+    """Write a log, or several of one run as one file, as CSV, MAT (version 5) or plain Parquet.
 
     CSV and Parquet take constant memory. The Parquet is compressed with snappy and has plain
     encodings: what other programs read everywhere. In MAT an axis is a struct with the signals
@@ -36,14 +42,16 @@ def export(path: Path, to: Format, out: Path | None, progress: Progress) -> Path
 
     Parameters
     ----------
-    path
-        The log.
+    paths
+        The log; or the logs of one run, their folder, or the run's name.
     to
         The format.
     out
         The new file; None: the log's name with the format's suffix.
     progress
         Called with the share that is done, 0 to 1.
+    whole_run
+        The log stands for all of its run that are in its folder.
 
     Returns
     -------
@@ -57,36 +65,46 @@ def export(path: Path, to: Format, out: Path | None, progress: Progress) -> Path
     UsageError
         Where the new file cannot be written.
     """
-    table = open_table(path)
-    if not isinstance(table, ParquetTable):
-        raise DataError(f"{path}: is a {table.kind} file; only logs (Parquet) are exported")
-    target = out or _default(path, to)
-    if target.exists() and target.samefile(path):
+    table = open_recorded(paths, whole_run)
+    if not isinstance(table, ParquetTable | RunTable):
+        raise DataError(f"{table.path}: is a {table.kind} file; only logs (Parquet) are exported")
+    parts = table.parts if isinstance(table, RunTable) else [table]
+    target = out or _default(table, to)
+    if target.exists() and any(target.samefile(part.path) for part in parts):
         raise UsageError(
             f"{target}: the export would overwrite the log; name another file with --out"
         )
     draft = target.with_name(target.name + ".tmp")
     try:
-        with pq.ParquetFile(path) as log:
-            if to == "mat":
-                _to_mat(table, log, draft, progress)
-            else:
-                _in_batches(log, draft, to, progress)
+        if to == "mat":
+            _to_mat(table, draft, progress)
+        else:
+            _in_batches(table, parts, draft, to, progress)
         draft.replace(target)
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise UsageError(f"{target}: cannot be written from {path}: {error}") from error
+        raise UsageError(f"{target}: cannot be written from {table.path}: {error}") from error
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
     return target
 
 
-def _default(path: Path, to: Format) -> Path:
-    return path.with_suffix(".export.parquet" if to == "parquet" else f".{to}")
+def _default(table: ParquetTable | RunTable, to: Format) -> Path:
+    suffix = EXPORT_SUFFIX if to == "parquet" else f".{to}"
+    if isinstance(table, ParquetTable):
+        return table.path.with_suffix(suffix)
+    numbers = table.metadata["part"]
+    return table.path.with_name(f"{table.path.name}-parts-{numbers[0]}-{numbers[-1]}{suffix}")
 
 
-def _in_batches(log: pq.ParquetFile, draft: Path, to: Format, progress: Progress) -> None:
-    schema, rows = log.schema_arrow, log.metadata.num_rows
+def _in_batches(
+    table: Table, parts: Sequence[ParquetTable], draft: Path, to: Format, progress: Progress
+) -> None:
+    schema = parts[0].schema
+    schema = schema.with_metadata(
+        {**(schema.metadata or {}), METADATA_KEY: json.dumps(table.metadata).encode()}
+    )
+    rows = sum(part.rows for part in parts)
     writer: Any
     if to == "csv":
         writer = pa.csv.CSVWriter(str(draft), schema)
@@ -94,16 +112,19 @@ def _in_batches(log: pq.ParquetFile, draft: Path, to: Format, progress: Progress
         writer = pq.ParquetWriter(draft, schema, compression="snappy")
     done = 0
     with writer:
-        for batch in log.iter_batches(batch_size=_BATCH_ROWS):
-            writer.write_batch(batch.cast(schema))
-            done += batch.num_rows
-            progress(done / rows)
+        for part in parts:
+            with pq.ParquetFile(part.path) as log:
+                for batch in log.iter_batches(batch_size=_BATCH_ROWS):
+                    writer.write_batch(batch.cast(schema))
+                    done += batch.num_rows
+                    progress(done / rows)
 
 
-def _to_mat(table: ParquetTable, log: pq.ParquetFile, draft: Path, progress: Progress) -> None:
+def _to_mat(table: ParquetTable | RunTable, draft: Path, progress: Progress) -> None:
+    parts = table.parts if isinstance(table, RunTable) else [table]
     variables: dict[str, Any] = {METADATA_VARIABLE: json.dumps(table.metadata)}
     for done, name in enumerate(table.names, 1):
-        values = np.array(log.read(columns=[name]).column(name).to_numpy())
+        values = np.concatenate([part.column(name) for part in parts])
         axis, dot, signal = name.rpartition(".")
         if dot:
             variables.setdefault(axis, {})[signal] = values

@@ -16,6 +16,8 @@ from motorctl.errors import UsageError
 from motorctl.log.partial import SUFFIX
 
 LOG_SUFFIX = ".parquet"
+EXPORT_SUFFIX = ".export.parquet"
+"""Of a log that was written anew for other programs."""
 DRAFT_SUFFIX = ".tmp"
 """Of a log that is being made of its partial file."""
 _STAMP = "%Y%m%dT%H%M%SZ"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from motorctl.log.convert import load_metadata
 from motorctl.log.open_table import is_unfinished, open_table
 from motorctl.log.partial import PartialFile
 from motorctl.log.read import read_recording
+from motorctl.log.run_parts import open_recorded
+from motorctl.log.run_table import RunTable
 from motorctl.log.sample import FaultCause, SampleFlag
 from motorctl.log.table_parquet import ParquetTable
 
@@ -78,9 +80,29 @@ def describe(path: Path) -> LogInfo:
     if path.suffix.lower() not in (".yaml", ".yml"):
         table = open_table(path)
         if isinstance(table, ParquetTable) and table.metadata:
-            scan = _scan_log(path, table.names, _statuses(table.schema))
+            scan = _scan_logs([path], table.names, _statuses(table.schema))
             return _of_log(path, table.schema, scan, True, [])
     return _of_recording(path)
+
+
+def describe_run(paths: Sequence[Path], whole_run: bool = False) -> LogInfo:
+    """Describe several logs of a run as one; which they are is said as in `open_recorded`.
+
+    Raises DataError where they cannot be one recording.
+    """
+    table = open_recorded(paths, whole_run)
+    if not isinstance(table, RunTable):
+        return describe(table.path)
+    schema = table.parts[0].schema
+    paths = [part.path for part in table.parts]
+    scan = _scan_logs(paths, table.names, _statuses(schema))
+    info = _of_log(paths[-1], schema, scan, finished=True, notes=list(table.notes))
+    return replace(
+        info,
+        path=str(table.path),
+        size_bytes=sum(path.stat().st_size for path in paths),
+        metadata=table.metadata,
+    )
 
 
 @dataclass
@@ -100,12 +122,17 @@ def _statuses(schema: pa.Schema) -> dict[int, str]:
     return {int(bit): str(name) for bit, name in names.items() if str(bit).isdecimal()}
 
 
-def _scan_log(path: Path, names: Iterable[str], statuses: Mapping[int, str]) -> _Scan:
+def _scan_logs(paths: Iterable[Path], names: Iterable[str], statuses: Mapping[int, str]) -> _Scan:
     wanted = (_FAULT, _FLAGS, _DEVICE)
     columns = [n for n in names if n in ("tick", "time_s") or n.endswith(wanted)]
+    batches = (batch for path in paths for batch in _batches(path, columns))
+    return _scan(batches, columns, statuses)
+
+
+def _batches(path: Path, columns: list[str]) -> Iterator[pa.RecordBatch]:
     try:
         with pq.ParquetFile(path) as log:
-            return _scan(log.iter_batches(columns=columns), columns, statuses)
+            yield from log.iter_batches(columns=columns)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(f"{path}: a damaged log: {error}") from error
 

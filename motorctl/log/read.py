@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from motorctl.log.description import (
 )
 from motorctl.log.open_table import open_table
 from motorctl.log.recording import AxisRecording, Recording
+from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
 
@@ -42,17 +43,25 @@ _CODES = ("state", "fault", "flags")
 _OF_TICK = ("lateness_s", "turnaround_s")  # fields of Recording
 
 
-def read_recording(path: str | os.PathLike[str], *, gaps: Gaps = "fill") -> Recording:
+def read_recording(
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    gaps: Gaps = "fill",
+    whole_run: bool = False,
+) -> Recording:
     """Read a log, a CSV, Parquet or MAT file with a log's columns, or a YAML description.
 
     Parameters
     ----------
     path
-        The file.
+        The file; of a run of many logs also several of them, their folder, or the run's name: they
+        are read as one recording.
     gaps
         "fill": periods that a log skipped are filled in linearly where at most 10 follow each
         other, and of a log with longer gaps the longest stretch without one is taken; `notes`
         tells. "keep": every row stays as it was recorded, and times are not uniform across gaps.
+    whole_run
+        A log stands for all of its run that are in its folder.
 
     Returns
     -------
@@ -64,10 +73,13 @@ def read_recording(path: str | os.PathLike[str], *, gaps: Gaps = "fill") -> Reco
     DataError
         With file, place and value, for whatever cannot be used.
     """
-    file = Path(path)
-    if file.suffix.lower() in (".yaml", ".yml"):
-        return _read_described(file, read_description(file))
-    return _read_columns(open_table(file), gaps)
+    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
+    described = [Path(p) for p in paths if Path(p).suffix.lower() in (".yaml", ".yml")]
+    if described and (len(paths) > 1 or whole_run):
+        raise DataError(f"{described[0]}: a described recording is no part of a run of logs")
+    if described:
+        return _read_described(described[0], read_description(described[0]))
+    return _read_columns(open_recorded(paths, whole_run), gaps)
 
 
 def _read_columns(table: Table, gaps: Gaps) -> Recording:
@@ -94,7 +106,7 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
     described = _mapping(config.get("axes"))
     of_tick = {name: grid.measured(columns[name]) for name in _OF_TICK if name in columns}
     finite = [n for n in columns if n.partition(".")[2] in _FINITE.values()]
-    notes = (*grid.notes, *_blank_notes(columns, finite))
+    notes = (*table.notes, *grid.notes, *_blank_notes(columns, finite))
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,

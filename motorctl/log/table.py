@@ -27,6 +27,8 @@ class Table(ABC):
     """Named columns of one file. `names` and `metadata` are known once it is open."""
 
     kind: str
+    notes: tuple[str, ...] = ()
+    """What a reader of results should know of the file."""
 
     def __init__(
         self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None

@@ -10,9 +10,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.log.convert import load_metadata
+from motorctl.log.memory_needed import require_memory
 from motorctl.log.table import Array, Table
 
 
@@ -30,11 +32,20 @@ class ParquetTable(Table):
             raise _damaged(path, error) from error
         super().__init__(path, self.schema.names, load_metadata(self.schema))
 
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column in the file's own type, shape (N,). Raises DataError."""
+        try:
+            with pq.ParquetFile(self.path) as file:
+                return np.asarray(file.read(columns=[name]).column(name).to_numpy())
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            raise _damaged(self.path, error) from error
+
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
         for name in names:
             kind = self.schema.field(name).type
             if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
                 raise DataError(f"{self.path}: column '{name}' holds {kind}, not numbers")
+        require_memory(self.path, self.rows, len(names))
         try:
             with pq.ParquetFile(self.path, memory_map=True) as file:
                 # one at a time: a long log's columns would all be held twice

@@ -46,6 +46,7 @@ class LogWriter:
         self._staged = 0
         self._file = self._create()
         self._whole_bytes = 0
+        self._torn = False
         try:
             self._write(encode_head(self._schema))
             self._sync_folder()
@@ -174,15 +175,24 @@ class LogWriter:
         """Write all of it, or leave the file as it was: what follows stays readable."""
         left = memoryview(data)
         try:
+            self._cut()
             while left:
                 left = left[os.write(self._file, left) :]
         except BaseException as error:
-            os.ftruncate(self._file, self._whole_bytes)
+            self._torn = True
+            with suppress(OSError):  # a dead file refuses that, too: before the next write, then
+                self._cut()
             if isinstance(error, OSError):
                 message = f"{self.partial}: cannot be written: {error.strerror}"
                 raise RunError(message) from error
             raise
         self._whole_bytes += len(data)
+
+    def _cut(self) -> None:
+        """Take away what a write that failed left behind."""
+        if self._torn:
+            os.ftruncate(self._file, self._whole_bytes)
+            self._torn = False
 
     def _sync(self) -> None:
         try:

@@ -95,7 +95,6 @@ def read_position(
     step = counter_step(settings, axis.raw_counts, raw)
     if count_is_ambiguous(settings, axis, step, elapsed):
         jump(settings, axis, step, own, t)
-    note_step(axis, step, elapsed)
     axis.blind_ticks = 0
     axis.raw_counts = raw
     axis.counts += step
@@ -160,6 +159,10 @@ def axis_inputs(
         if not is_off(axis):
             check_freshness(settings, axis, elapsed, t)
     else:
+        again = just_left_out(axis)
+        before = axis.doubted_raw_counts if again else axis.raw_counts
+        follows = axis.have_counts != 0 and elapsed == 1 and (again or axis.blind_ticks == 0)
+        note_step(axis, counter_step(settings, before, raw), follows)
         unexpected = is_unexpected(correct, settings, axis, raw, elapsed)
         if unexpected and may_be_doubted(settings, axis, elapsed):
             leave_out(correct, feedforward, settings, axis, law, raw, elapsed, t)
@@ -257,7 +260,8 @@ def axis_reference(
     if is_enabled(axis):
         check_pause(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)
-        check_encoder(settings, axis, t)
+        sampled = axis.held_ticks == 0 or just_left_out(axis)
+        check_encoder(settings, axis, sampled, t)
         check_motion(settings, axis, elapsed, t)
         check_command(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)

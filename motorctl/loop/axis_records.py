@@ -51,6 +51,7 @@ AXIS_SETTINGS = np.dtype(
         ("stuck_distance_m", "f8"),  # 0: not looked at, as with the next ones
         ("noise_rms_m", "f8"),
         ("noise_share", "f8"),  # of a tick in the mean square
+        ("noise_most_m2", "f8"),  # that one tick counts for, where wild samples are left out
         ("saturation_ticks", "i8"),
         ("continuous_voltage_v", "f8"),
         ("heat_kept", "f8"),  # of the motor's heat, after a tick
@@ -148,6 +149,11 @@ MOST_DOUBTED_TICKS = 4
 # counts for so many ticks, and beyond so much nothing is doubted.
 DOUBT_TICKS = 10
 MOST_DOUBT = 20
+# One wild sample that is left out bends three steps. Each counts for this part of what would trip
+# the noise guard, at most: so one alone never trips as noise, and two that come soon do.
+MOST_OF_ONE_BEND = 0.25
+# But at least for so many squares of the limit: a mean over a few ticks could else never trip.
+LEAST_OF_ONE_BEND = 4.0
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 # A motor that tripped on its heat has cooled down at this share of its continuous voltage: a fifth
@@ -218,7 +224,10 @@ def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
     record["stuck_distance_m"] = guards.stuck_distance_m(limits.following_error.minimum_m)
     if guards.encoder_noise:
         record["noise_rms_m"] = guards.encoder_noise.rms_m
-        record["noise_share"] = -math.expm1(-period_s / guards.encoder_noise.filter_time_s)
+        share = -math.expm1(-period_s / guards.encoder_noise.filter_time_s)
+        most = max(MOST_OF_ONE_BEND / share, LEAST_OF_ONE_BEND)
+        record["noise_share"] = share
+        record["noise_most_m2"] = most * guards.encoder_noise.rms_m**2
     if guards.saturation:
         record["saturation_ticks"] = max(1, round(guards.saturation.time_s / period_s))
     if guards.thermal:

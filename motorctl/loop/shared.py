@@ -29,6 +29,8 @@ HEADER_BYTES = 4096
 NOTES_BYTES = 4096
 REOPEN_TOLD_BYTES = 1024
 MAILBOX_SIZE = 64
+KEPT_FOR_STOPS = 4
+"""Of its places: whoever floods it with commands leaves room for an emergency stop."""
 PROGRAM_SEGMENTS = 65536
 """Longest program of one axis, in segments."""
 RING_SECONDS = 8.0
@@ -264,12 +266,13 @@ class LoopMemory:
         Raises
         ------
         BufferError
-            While the loop has not yet taken the last 64 commands.
+            While the loop has not yet taken the last 60 commands; 64 with ESTOP and SHUTDOWN.
         """
         head: int = self._look_at(self.status, Word.MAIL_HEAD)
-        if head - self._look_at(self.status, Word.MAIL_TAIL) >= MAILBOX_SIZE:
+        room = MAILBOX_SIZE - (0 if verb in (Verb.ESTOP, Verb.SHUTDOWN) else KEPT_FOR_STOPS)
+        if head - self._look_at(self.status, Word.MAIL_TAIL) >= room:
             raise BufferError(
-                f"the loop has not taken the last {MAILBOX_SIZE} commands; does it still tick?"
+                f"the loop has not taken the last {room} commands; does it still tick?"
             )
         self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick, program)
         self._announce(self.status, Word.MAIL_HEAD, head + 1)

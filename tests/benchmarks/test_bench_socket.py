@@ -148,6 +148,18 @@ def test_a_crowd_that_makes_ticks_late_is_told() -> None:
     assert found.figures[0].met is False
 
 
+def test_an_emergency_stop_that_waited_is_told() -> None:
+    def stops(*stops_s: float) -> dict[str, Any]:
+        figures = findings_of(session(stops_s=stops_s), SocketOptions()).figures
+        return {f.name: (f.value, f.met) for f in figures if f.name.startswith("estop")}
+
+    quick = stops(*[0.01] * 98, 0.02, 0.4)
+    assert quick["estop_median"] == (pytest.approx(10.0), None)
+    assert quick["estop_worst"] == (pytest.approx(400.0), True)
+    assert stops(0.01, 0.6)["estop_worst"] == (pytest.approx(600.0), False)
+    assert stops()["estop_worst"][1] is None
+
+
 @pytest.mark.parametrize("changes", [{"rows_lost": 1}, {"troubles": ("axis x is fault",)}])
 def test_a_lost_row_or_an_axis_that_stopped_fails_the_bench(changes: dict[str, Any]) -> None:
     assert findings_of(session(**changes), SocketOptions()).failed
@@ -169,5 +181,6 @@ def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the
     assert shown.troubles == ()
     assert shown.rows_lost == 0
     assert shown.told.fuzzed_bytes >= 200_000
+    assert len(shown.stops_s) > 2
     assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, BUSY]
     assert all(len(spell.lateness_s) > 5000 for spell in shown.spells)

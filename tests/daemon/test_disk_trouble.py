@@ -9,6 +9,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from recorded_ring import MACHINE, Ring, finished, ring, rotating, settings, ticks_of
@@ -34,13 +35,13 @@ def record(bench: Ring, log: RotatingLog, rows: int) -> None:
 class Refusing:
     """A system call on files that refuses with an error of the disk, of all or of one file."""
 
-    def __init__(self, number: int, only: int | None = None) -> None:
-        self._number, self._only, self._write = number, only, os.write
+    def __init__(self, number: int, only: int | None = None, call: Any = os.write) -> None:
+        self._number, self._only, self._call = number, only, call
 
-    def __call__(self, file: int, data: bytes) -> int:
+    def __call__(self, file: int, argument: Any) -> Any:
         if self._only is None or os.fstat(file).st_ino == self._only:
             raise OSError(self._number, os.strerror(self._number))
-        return self._write(file, data)
+        return self._call(file, argument)
 
 
 @pytest.mark.parametrize("number", [errno.EROFS, errno.EIO, errno.ESTALE])
@@ -63,8 +64,9 @@ def test_a_disk_that_refuses_everything_costs_the_rows_until_it_takes_them_again
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.parametrize("can_be_cut", [True, False])
 def test_a_file_that_its_disk_no_longer_takes_is_left_for_a_new_one_and_no_row_is_lost(
-    bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, can_be_cut: bool
 ) -> None:
     """As after a disk was pulled and mounted anew: the open file stays dead for ever."""
     sealed: list[Path] = []
@@ -72,11 +74,39 @@ def test_a_file_that_its_disk_no_longer_takes_is_left_for_a_new_one_and_no_row_i
     record(bench, log, 1000)
     dead = log.path.with_name(log.path.name + ".partial").stat().st_ino
     monkeypatch.setattr("motorctl.log.writer.os.write", Refusing(errno.EIO, dead))
+    if not can_be_cut:
+        cut = Refusing(errno.EIO, dead, os.ftruncate)
+        monkeypatch.setattr("motorctl.log.writer.os.ftruncate", cut)
     record(bench, log, 1000)
     assert (log.rows, log.rows_lost, log.part) == (2000, 0, 2)
     assert "could not be told its end" in str(log.trouble)
     logs = [*finished(sealed), log.close({})]
     assert ticks_of(logs).tolist() == list(range(2000))
+
+
+def test_what_a_failing_disk_wrote_of_a_batch_is_cut_off_before_the_next_one(
+    bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = rotating(tmp_path, settings(), lambda _: None)
+    record(bench, log, 1000)
+    whole = os.write
+
+    def half(file: int, data: bytes) -> int:
+        monkeypatch.setattr("motorctl.log.writer.os.write", Refusing(errno.EIO))
+        return whole(file, data[: len(data) // 2])
+
+    with monkeypatch.context() as patch:
+        patch.setattr("motorctl.log.writer.os.ftruncate", Refusing(errno.EIO))
+        monkeypatch.setattr("motorctl.log.writer.os.write", half)
+        monkeypatch.setattr(log, "_rotated", lambda: False)
+        with pytest.raises(RunError, match="Input/output error"):
+            record(bench, log, 1000)
+    monkeypatch.undo()
+    record(bench, log, 1000)
+    assert ticks_of([log.close({"rows_lost": 1000})]).tolist() == [
+        *range(1000),
+        *range(2000, 3000),
+    ]
 
 
 def test_a_folder_that_is_removed_costs_what_was_in_it_and_is_told(

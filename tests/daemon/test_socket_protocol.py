@@ -16,10 +16,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorctl.daemon import client as client_module
+from motorctl.daemon import connection as connection_module
 from motorctl.daemon import request_pace
-from motorctl.daemon import server as server_module
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client, DaemonRefusedError
+from motorctl.daemon.places import MAX_CLIENTS_A_USER
 from motorctl.daemon.protocol import (
     MAX_LINE_BYTES,
     Code,
@@ -30,7 +31,7 @@ from motorctl.daemon.protocol import (
     refusal,
     request_id,
 )
-from motorctl.daemon.server import MAX_CLIENTS_A_USER, ControlServer
+from motorctl.daemon.server import ControlServer
 from motorctl.errors import RunError
 
 LINES = settings(
@@ -105,10 +106,10 @@ def answers_still(path: Path) -> bool:
 
 
 def test_a_request_is_answered_under_its_id(path: Path) -> None:
-    requests = b'{"id": 7, "do": "start", "axis": "x"}\n{"do": "estop", "id": "a"}\n'
+    requests = b'{"do": "estop", "id": "a"}\n{"id": 7, "do": "start", "axis": "x"}\n'
     assert exchange(path, requests, 2) == [
-        {"id": 7, "ok": True, "did": "start"},
         {"id": "a", "ok": False, "error": {"code": "wrong_state", "message": "not now"}},
+        {"id": 7, "ok": True, "did": "start"},
     ]
 
 
@@ -199,7 +200,7 @@ def test_silent_and_half_spoken_clients_do_not_keep_others_waiting(path: Path) -
 
 
 def test_a_line_that_never_ends_is_hung_up_on(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server_module, "LINE_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(connection_module, "LINE_TIMEOUT_S", 0.05)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as half:
         half.connect(str(path))
         half.settimeout(20)
@@ -211,7 +212,7 @@ def test_a_line_that_never_ends_is_hung_up_on(path: Path, monkeypatch: pytest.Mo
 def test_a_client_that_takes_no_answers_is_dropped(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_module, "WRITE_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(connection_module, "WRITE_TIMEOUT_S", 0.05)
     monkeypatch.setattr(request_pace, "REQUESTS_PER_S", 1e9)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as deaf:
         deaf.connect(str(path))

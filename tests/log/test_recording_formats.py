@@ -113,7 +113,7 @@ def test_what_numpy_savetxt_writes_can_be_read(tmp_path):
 def test_an_exported_log_reads_as_the_log_itself(tmp_path, to):
     log = write_log(tmp_path / "a.parquet", make_rows(200, ticks=[*range(90), *range(93, 203)]))
     steps = []
-    path = export(log, to, None, steps.append)
+    path = export([log], to, None, steps.append)
     assert steps[-1] == 1.0
     wanted, found = read_recording(log), read_recording(path)
     assert found.rows_filled == wanted.rows_filled == 3

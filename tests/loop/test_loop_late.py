@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from loop_bench import TS, Hand, Rig, gantry, with_axes, with_sim
 
-from motorctl.config.guard_keys import JUMP_SPEED_RATIO
+from motorctl.config.guard_keys import JUMP_SPEED_RATIO, EncoderNoise
 from motorctl.config.keys import LateSamples
 from motorctl.hal import Inputs, Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
@@ -41,8 +41,12 @@ class Deaf(SimDriver):
         inputs.counts += round(self.shifts.get(self.reads - 1, 0.0) * PERIOD_COUNTS)
 
 
-def rig_of(*, predict: bool = False, hold_ticks: int = HOLD, faults=()) -> Rig:
-    machine = with_sim(gantry(), faults=list(faults))
+def rig_of(
+    *, predict: bool = False, hold_ticks: int = HOLD, faults=(), plants=None, guard=None
+) -> Rig:
+    machine = with_sim(gantry(), faults=list(faults), **({"plants": plants} if plants else {}))
+    if guard is not None:
+        machine = with_axes(machine, guards={"encoder_noise": guard})
     setup = dataclasses.replace(
         machine.drivers["gantry"],
         cls=Deaf,
@@ -277,6 +281,43 @@ def test_samples_that_are_left_out_again_and_again_trip_as_if_none_were():
     assert FaultCause(int(rows["fault"][-1])) is not FaultCause.NONE
     left_out = (rows["flags"] & SampleFlag.LEFT_OUT) > 0
     assert 1 <= np.count_nonzero(left_out) < 0.2 * 600
+
+
+def at_rest(*, predict, noise_rms_m=0.0, limit_m, wild=(), seconds=0.5):
+    """Let x rest under the guard of noise; `wild` are ticks whose sample is off by 150 um."""
+    plants = {0: {"encoder": {"noise_rms_m": noise_rms_m}}}
+    rig = rig_of(predict=predict, hold_ticks=40, plants=plants, guard=EncoderNoise(rms_m=limit_m))
+    with rig:
+        rig.start()
+        begin = rig.driver.reads + 500
+        rig.driver.shifts = {begin + k: 150e-6 / (SPEED_M_S * TS) for k in wild}
+        rig.seconds(seconds)
+    return rig.rows("x")
+
+
+def test_noise_trips_as_soon_where_samples_are_left_out_as_where_none_are():
+    tripped = []
+    for predict in (True, False):
+        rows = at_rest(predict=predict, noise_rms_m=4e-6, limit_m=9e-6)  # it bends by 9.8 um
+        assert FaultCause(int(rows["fault"][-1])) is FaultCause.ENCODER_NOISE
+        tripped.append(int(np.argmax(rows["fault"] > 0)))
+        if predict:
+            left_out = (rows["flags"][: tripped[0]] & SampleFlag.LEFT_OUT) > 0
+            assert np.count_nonzero(left_out) > 0.01 * tripped[0]  # that is what hid it
+    assert tripped[0] == pytest.approx(tripped[1], rel=0.15)
+
+
+def test_noise_below_the_limit_trips_nothing_though_samples_are_left_out():
+    rows = at_rest(predict=True, noise_rms_m=4e-6, limit_m=12e-6, seconds=1.5)
+    assert not rows["fault"].any()
+    assert np.count_nonzero(rows["flags"] & SampleFlag.LEFT_OUT) > 10
+
+
+def test_one_wild_sample_is_no_noise_and_two_soon_after_each_other_are():
+    assert not at_rest(predict=True, limit_m=10e-6, wild=(0,))["fault"].any()
+    assert not at_rest(predict=True, limit_m=10e-6, wild=(0, 1200), seconds=0.6)["fault"].any()
+    rows = at_rest(predict=True, limit_m=10e-6, wild=(0, 60))
+    assert FaultCause(int(rows["fault"][-1])) is FaultCause.ENCODER_NOISE
 
 
 def test_a_sample_that_was_left_out_is_flagged_and_a_silence_is_not():

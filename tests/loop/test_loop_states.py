@@ -137,13 +137,18 @@ def test_commands_are_taken_in_their_order_all_in_one_tick():
     assert answers == [Reply.OK] * 4 + [Reply.WRONG_STATE]
 
 
-def test_a_mailbox_that_is_full_says_so():
+def test_a_mailbox_that_is_full_says_so_and_still_takes_an_emergency_stop():
     rig = still()
-    for _ in range(64):
+    for _ in range(60):
         rig.memory.post(Verb.STOP, 0)
-    with pytest.raises(BufferError):
+    with pytest.raises(BufferError, match="60 commands"):
         rig.memory.post(Verb.STOP, 0)
+    stops = [rig.memory.post(Verb.ESTOP) for _ in range(4)]
+    with pytest.raises(BufferError, match="64 commands"):
+        rig.memory.post(Verb.ESTOP)
     rig.advance(1)
+    assert rig.state_of("x") is AxisState.FAULT
+    assert {rig.memory.reply(number) for number in stops} == {Reply.OK}
     rig.memory.post(Verb.STOP, 0)
 
 

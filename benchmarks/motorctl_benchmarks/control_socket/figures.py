@@ -21,6 +21,8 @@ from motorctl_benchmarks.findings import Findings, TextTable
 LATE_S = 100e-6
 AS_IT_WAS = Target("ratio", ">=", 0.8)
 """The share stays what it was within a quarter: so far two quiet spells lie apart here."""
+STOPPED = Target("value", "<=", 500.0)
+"""Whoever calls an emergency stop over the socket is answered within half a second."""
 
 
 def socket_findings(progress: Progress, options: SocketOptions) -> Findings:
@@ -35,6 +37,7 @@ def findings_of(session: Session, options: SocketOptions) -> Findings:
         _figure("late_crowd", "ticks later than 100 us under the crowd", shares, AS_IT_WAS),
         Figure("answer_median", "answer to an asker: median", _wait_ms(session, 50), "ms"),
         Figure("answer_p99", "answer to an asker: p99", _wait_ms(session, 99), "ms"),
+        *_stop_figures(session),
         Figure("fuzzed_bytes", "fuzzed bytes taken", session.told.fuzzed_bytes / 1e6, "MB"),
         Figure("served_at_once", "clients served at once", session.told.most_at_once, ""),
     )
@@ -64,6 +67,20 @@ def _figure(name: str, title: str, shares: dict[str, float], target: Target) -> 
 def _share(session: Session, kind: str, limit_s: float) -> float:
     ticks = [spell.lateness_s for spell in session.spells if spell.kind == kind]
     return float(np.mean(np.concatenate(ticks) > limit_s))
+
+
+def _stop_figures(session: Session) -> tuple[Figure, ...]:
+    stops_ms = 1e3 * np.array(session.stops_s or [np.nan])
+    return tuple(
+        Figure(
+            f"estop_{name}", f"emergency stop into the crowd: {name}", value, "ms", target=target
+        )
+        for name, value, target in (
+            ("median", float(np.median(stops_ms)), None),
+            ("p99", float(np.percentile(stops_ms, 99)), None),
+            ("worst", float(np.max(stops_ms)), STOPPED),
+        )
+    )
 
 
 def _wait_ms(session: Session, percent: float) -> float:
@@ -112,6 +129,7 @@ def _told_table(session: Session) -> TextTable:
         str(told.mistakes),
         f"{told.fuzzed_bytes:,}",
         ", ".join(f"{_wait_ms(session, percent):.0f}" for percent in (50, 99, 100)),
+        ", ".join(f"{figure.value:.0f}" for figure in _stop_figures(session)),
         str(session.rows_lost),
     )
     columns = (
@@ -123,6 +141,7 @@ def _told_table(session: Session) -> TextTable:
         "mistakes of ours",
         "fuzzed bytes",
         "an asker waits, ms: median, p99, worst",
+        "an emergency stop takes, ms: median, p99, worst",
         "rows lost",
     )
     return TextTable("What the crowd was told", columns, (row,))

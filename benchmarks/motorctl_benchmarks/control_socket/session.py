@@ -1,6 +1,7 @@
 """A daemon with the simulated gantry in motion: left alone, under a crowd, and on a busy computer.
 
-The three are taken in turn, so that whatever else this computer does meets all of them.
+The three are taken in turn, so that whatever else this computer does meets all of them. Last comes
+one more crowd, into which emergency stops are called.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -31,6 +33,7 @@ CONFIG = "published_gantry"
 START_S, END_S = 300.0, 120.0
 SETTLE_S = 1.0
 """Between two spells."""
+BETWEEN_STOPS_S = 0.05
 BUSY_PROGRAMS = 2
 QUIET, CROWD, BUSY = "left alone", "under the crowd", "beside busy programs"
 MAIN = "from motorctl.cli import main; main()"
@@ -74,6 +77,8 @@ class Session:
     rows_lost: int
     troubles: tuple[str, ...]
     """What should not have been, a sentence each."""
+    stops_s: tuple[float, ...] = ()
+    """From connecting to the answer of each emergency stop that was called into a crowd."""
 
 
 def run_session(options: SocketOptions, progress: Progress) -> Session:
@@ -105,7 +110,11 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
                     _wait(options.spell_s, busy=kind == BUSY)
                 marks.append((kind, first, _ticks(client)))
                 troubles += _troubles(client, before, kind)
-                progress((number + 1) / (len(kinds) * options.rounds))
+                progress((number + 1) / (len(kinds) * options.rounds + 1))
+            _keep_moving(client)
+            stops_s, unanswered = _stops(options, folder)
+            troubles += unanswered
+            progress(1.0)
             status = client.ask("status")
             client.close()
             process.terminate()
@@ -122,7 +131,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         troubles.append(f"{told.mistakes} answers told of a mistake of the daemon's own")
     lost = status["recording"]["rows_lost"]
     period_s = 1.0 / before["loop"]["rate_hz"]
-    return Session(spells, told, period_s, lost, tuple(dict.fromkeys(troubles)))
+    return Session(spells, told, period_s, lost, tuple(dict.fromkeys(troubles)), stops_s)
 
 
 @contextmanager
@@ -190,6 +199,35 @@ def _crowd(options: SocketOptions, folder: Path, number: int) -> Told:
     if done.returncode:
         raise RunError(f"the crowd failed: {done.stderr.strip().splitlines()[-1:]}")
     return Told(**json.loads(done.stdout))
+
+
+def _stops(options: SocketOptions, folder: Path) -> tuple[tuple[float, ...], list[str]]:
+    """Call emergency stops into a crowd, each over a connection of its own.
+
+    Returns
+    -------
+    tuple of float
+        What each took from connecting to its answer [s].
+    list of str
+        What went wrong.
+    """
+    socket, stops_s, wrong = folder / "motorctl.sock", [], []
+    with ThreadPoolExecutor(1) as beside:
+        end = time.monotonic() + options.spell_s
+        crowd = beside.submit(_crowd, options, folder, -1)
+        time.sleep(SETTLE_S)
+        # Not in the tail, when some still have bytes to send and the others are gone.
+        while not crowd.done() and time.monotonic() < end:
+            began = time.monotonic()
+            try:
+                with Client(socket) as client:
+                    client.ask("estop")
+            except MotorctlError as error:
+                wrong.append(f"an emergency stop under the crowd: {error}")
+            stops_s.append(time.monotonic() - began)
+            time.sleep(BETWEEN_STOPS_S)
+        crowd.result()
+    return tuple(stops_s), wrong
 
 
 def _wait(seconds: float, *, busy: bool) -> None:

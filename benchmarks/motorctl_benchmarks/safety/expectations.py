@@ -31,9 +31,6 @@ ERROR_BEFORE = 0.1
 SILENT_S = 0.5
 STANDARD_DEVIATIONS = 4.0
 """That a random amount may be off."""
-LEFT_OUT_SHARE = 0.784
-"""Of a mean square, what one doubted sample in ten may hide: it takes three second differences
-with it, and the largest three tenths of normal numbers, beyond 1.036, have 78.4 % of the square."""
 OVERSPEED_SAMPLES = 5
 OVERSPEED_RATIO = 1.2
 BUCKET = 10
@@ -72,14 +69,10 @@ def encoder_stuck(case: Setting) -> Expected:
 
 
 def encoder_noise(case: Setting) -> Expected:
-    """A mean square that starts at 0 comes to 1/q of its end after -ln(1 - 1/q) time constants.
-
-    Where the model stands in for samples, the guard sees as little of it as the doubts leave.
-    """
+    """A mean square that starts at 0 comes to 1/q of its end after -ln(1 - 1/q) time constants."""
     q, ticks = case.drawn["times_square"], case.drawn["filter_ticks"]
-    seen = 1.0 - LEFT_OUT_SHARE if case.limits.predicts else 1.0
     least = -math.log1p(-1.0 / (q * (1.0 + _spread(q, ticks))))
-    most = -math.log1p(-1.0 / (seen * q * (1.0 - _spread(seen * q, ticks))))
+    most = -math.log1p(-1.0 / (q * (1.0 - _spread(q, ticks))))
     return Expected(("encoder_noise",), math.floor(least * ticks), math.ceil(most * ticks))
 
 

@@ -82,9 +82,8 @@ def _shift(case: Setting) -> int:
 def _noise(rng: np.random.Generator, case: Setting) -> Numbers:
     """Draw noise whose second difference is q times the limit, in the mean square."""
     rms_m = {0.2e-3: 5e-6, 0.5e-3: 25e-6, 1e-3: 80e-6}[round(case.limits.period_s, 7)]
-    # Where samples are left out, most of it may be hidden: what is left shall be as much.
-    low, high, ticks = (19.0, 22.0, 1500.0) if case.limits.predicts else (4.0, 5.0, 500.0)
-    q = float(rng.uniform(low, high))
+    ticks = 500.0
+    q = float(rng.uniform(4.0, 5.0))
     return {
         "rms_m": rms_m,
         "times_square": q,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from motorctl.config import Machine, load, load_resolved
+from motorctl.config.chosen_code import MayRun, allowed_by
 from motorctl.errors import ConfigError, DataError, UsageError
 from motorctl.log import Recording
 from motorctl.model import EffectList, basic_effects
@@ -13,7 +14,10 @@ from motorctl.model.catalog import built_in_effects
 
 
 def declared_models(
-    recording: Recording, model: str | None = None, axis: str | None = None
+    recording: Recording,
+    model: str | None = None,
+    axis: str | None = None,
+    may_run: MayRun | None = None,
 ) -> dict[str, EffectList]:
     """Return the list of effects of every axis of `recording`, or of `axis` alone.
 
@@ -27,6 +31,9 @@ def declared_models(
         configuration, whose axis is that of the same name, or its only one.
     axis
         The one axis that is wanted; None for all.
+    may_run
+        Asked of the code that the recording's own configuration names; None: what was installed,
+        or chosen by this user before.
 
     Returns
     -------
@@ -47,7 +54,7 @@ def declared_models(
         raise UsageError(f"{recording.source}: no axis '{axis}'; it has: {known}")
     names = list(recording.axes) if axis is None else [axis]
     if model is None or model in ("C1", "C2"):
-        machine = _own(recording)
+        machine = _own(recording, may_run)
         own = {} if machine is None else machine.axes
         return {
             name: controller_list(own[name].declared if name in own else None, model)
@@ -57,12 +64,26 @@ def declared_models(
     return {name: _of_axis(machine, name) for name in names}
 
 
-def machine_of(recording: Recording, model: str | None = None) -> Machine | None:
+def machine_of(
+    recording: Recording, model: str | None = None, may_run: MayRun | None = None
+) -> Machine | None:
     """Return the machine that the recording should be of: that of `model`, else of its own log.
 
-    None where nothing is known of it. Raises DataError and ConfigError.
+    None where nothing is known of it; `may_run` is that of `declared_models`. Raises DataError and
+    ConfigError.
     """
-    return _own(recording) if model is None or model in ("C1", "C2") else load(model)
+    return _own(recording, may_run) if model is None or model in ("C1", "C2") else load(model)
+
+
+def untried_effects(recording: Recording, machine: Machine | None) -> list[str]:
+    """Return the effects that a recording's own configuration wants tried, and that are not.
+
+    Their code is none that was allowed, or is not on this computer.
+    """
+    config = recording.metadata.get("config")
+    named = config.get("further_effects") if isinstance(config, Mapping) else None
+    tried = {} if machine is None else machine.further_effects
+    return [f"{name} ({where})" for name, where in (named or {}).items() if name not in tried]
 
 
 def controller_list(declared: EffectList | None, controller: str | None) -> EffectList:
@@ -83,12 +104,12 @@ def controller_list(declared: EffectList | None, controller: str | None) -> Effe
     return declared
 
 
-def _own(recording: Recording) -> Machine | None:
+def _own(recording: Recording, may_run: MayRun | None) -> Machine | None:
     config: Mapping[str, Any] | None = recording.metadata.get("config")
     if not config:
         return None
     try:
-        return load_resolved(config, recording.source)
+        return load_resolved(config, recording.source, may_run=may_run or allowed_by())
     except ConfigError as error:
         raise DataError(
             f"{recording.source}: its configuration cannot be read:\n{error}"

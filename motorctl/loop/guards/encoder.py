@@ -53,10 +53,13 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
 
 
 @inner_kernel
-def note_step(axis: Any, step: int, elapsed: int) -> None:
-    """Keep by how much a step of the count differs from that of the tick before, if it follows."""
-    axis.bend_counts = step - axis.step_counts if axis.steps_follow and elapsed == 1 else 0
-    axis.step_counts, axis.steps_follow = step, elapsed == 1
+def note_step(axis: Any, step: int, follows: bool) -> None:
+    """Keep by how much a step of the count differs from that of the tick before, if it follows.
+
+    Every sample that came counts, also one that is left out: it was measured.
+    """
+    axis.bend_counts = step - axis.step_counts if axis.steps_follow and follows else 0
+    axis.step_counts, axis.steps_follow = step, follows
 
 
 @inner_kernel
@@ -67,23 +70,26 @@ def begin_watching(axis: Any) -> None:
 
 
 @inner_kernel
-def check_encoder(settings: Any, axis: Any, t: float) -> None:
+def check_encoder(settings: Any, axis: Any, sampled: bool, t: float) -> None:
     """Trip where the count stands still while the reference moves, or trembles while it does not.
 
     Only new samples count, so that neither a pause of the computer nor a silent bus is taken for
     an encoder that is stuck. An axis that is blocked looks the same as one whose encoder is stuck.
+    sampled: one came in this tick, though it may have been left out.
     """
-    if axis.held_ticks:
-        return
-    if abs(axis.counts - axis.stuck_counts) > 1:
-        axis.stuck_counts, axis.stuck_reference_m = axis.counts, axis.reference_m
-    elif settings.stuck_distance_m > 0.0:
-        moved = abs(axis.reference_m - axis.stuck_reference_m)
-        if moved > settings.stuck_distance_m:
-            trip(axis, FaultCause.ENCODER_STUCK, moved, settings.stuck_distance_m, t)
-    if settings.noise_rms_m > 0.0 and axis.reference_velocity_m_s == 0.0:
+    if not axis.held_ticks:
+        if abs(axis.counts - axis.stuck_counts) > 1:
+            axis.stuck_counts, axis.stuck_reference_m = axis.counts, axis.reference_m
+        elif settings.stuck_distance_m > 0.0:
+            moved = abs(axis.reference_m - axis.stuck_reference_m)
+            if moved > settings.stuck_distance_m:
+                trip(axis, FaultCause.ENCODER_STUCK, moved, settings.stuck_distance_m, t)
+    if sampled and settings.noise_rms_m > 0.0 and axis.reference_velocity_m_s == 0.0:
         # In motion, a sample that is late by a part of a period would look like noise.
         bend_m = axis.bend_counts * settings.metres_per_count
-        axis.bend_m2 += settings.noise_share * (bend_m * bend_m - axis.bend_m2)
+        bend_m2 = bend_m * bend_m
+        if settings.predict:
+            bend_m2 = min(bend_m2, settings.noise_most_m2)
+        axis.bend_m2 += settings.noise_share * (bend_m2 - axis.bend_m2)
         if axis.bend_m2 > settings.noise_rms_m**2:
             trip(axis, FaultCause.ENCODER_NOISE, axis.bend_m2**0.5, settings.noise_rms_m, t)

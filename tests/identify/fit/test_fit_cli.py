@@ -96,6 +96,41 @@ def test_a_log_is_fitted_with_the_model_that_it_declares(invoke, folder):
     assert "parameters_force" not in axis
 
 
+@pytest.fixture(scope="module")
+def parts(folder):
+    """Hold the same run as a daemon would that began a new log every two seconds."""
+    table = pq.read_table(folder / "run.parquet")
+    told = json.loads(table.schema.metadata[b"motorctl"])
+    table = table.append_column("tick", pa.array(np.arange(len(table))))
+    (folder / "logs").mkdir()
+    paths = []
+    for part, begin in enumerate(range(0, len(table), 10_000), 1):
+        document = json.dumps(told | {"run": "gantry-1", "part": part})
+        cut = table.slice(begin, 10_000).replace_schema_metadata({"motorctl": document})
+        paths.append(folder / "logs" / f"gantry-{part}.parquet")
+        pq.write_table(cut, paths[-1])
+    return paths
+
+
+def test_the_logs_of_a_run_are_fitted_as_the_one_that_was_never_cut(invoke, folder, parts):
+    uncut = document(invoke(folder / "run.parquet", "--json"))
+    for given in (parts, [folder / "logs"], [parts[1], "--whole-run"], [folder / "logs/gantry-1"]):
+        found = document(invoke(*given, "--json"))
+        assert found["axes"] == uncut["axes"]
+        assert found["duration_s"] == uncut["duration_s"]
+    alone = document(invoke(parts[1], "--json"))
+    assert alone["duration_s"] == pytest.approx(2.0)
+
+
+def test_a_part_that_is_missing_is_a_hole_and_not_a_jump(invoke, folder, parts):
+    uncut = document(invoke(folder / "run.parquet", "--json"))["axes"]["x"]["parameters"]
+    found = document(invoke(parts[0], parts[2], "--json"))
+    assert found["duration_s"] == pytest.approx(4.0)
+    assert any("part 2 is missing" in note for note in found["notes"])
+    inertia = found["axes"]["x"]["parameters"]["inertia"]["value"]
+    assert inertia == pytest.approx(uncut["inertia"]["value"], rel=2e-3)
+
+
 def test_c1_leaves_the_electromagnetic_effects_out(invoke, folder):
     axis = document(invoke(folder / "run.parquet", "--model", "C1", "--json"))["axes"]["x"]
     assert axis["model"] == ["inertia", "viscous_friction", "coulomb_friction", "offset"]
