@@ -16,7 +16,6 @@ from motorctl.hal import (
     NetworkInterface,
     Outputs,
     RateBudget,
-    RunError,
     Status,
 )
 from motorctl_can import budget
@@ -104,23 +103,20 @@ class CanopenDriver(Driver):
     def _set_up(self) -> tuple[str, ...]:
         exchange, nodes, options = self._exchange, self._nodes, self._canopen
         openings = [Opening(options, node, exchange) for node in nodes]
+        # What takes a drive its time, all of them do at once.
         for opening in openings:
             opening.restart_communication()
+        for opening in openings:
+            opening.await_boot()
             opening.configure()
-        for node, opening in zip(nodes, openings, strict=True):
-            exchange.send_nmt(objects.NMT_START, node.number)
-            told = exchange.run(
-                lambda node=node: node.known and node.nmt == objects.OPERATIONAL,  # type: ignore[misc]
-                options.open_timeout_s + options.heartbeat_s,
-            )
-            if not told:
-                missing = "sends no statusword with SYNC"
-                if node.known:
-                    missing = "sends no heartbeat that it is operational"
-                raise RunError(
-                    f"{opening.where} {missing}, within open_timeout_s = "
-                    f"{options.open_timeout_s:g} s after it was started"
-                )
+        for opening in openings:
+            opening.start()
+        exchange.run(
+            lambda: all(opening.started for opening in openings),
+            options.open_timeout_s + options.heartbeat_s,
+        )
+        for opening in openings:
+            opening.insist_on_start()
         for opening in openings:
             opening.await_mode()
             opening.clear_fault()
