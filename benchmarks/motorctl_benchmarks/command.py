@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.measure import Options, Result
@@ -72,8 +73,8 @@ def bench(
         typer.Option(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
-            "machines: GENERATOR:KIND:SEED. recordings: the axis' name. campaign: the key that "
-            "a case is listed with.",
+            "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
+            "campaign: the key that a case is listed with.",
         ),
     ] = None,
     out: Annotated[
@@ -123,6 +124,8 @@ def bench(
 
     Example: motorctl bench diagnosis --only one:50003 --logs logs
 
+    Example: motorctl bench buses --only "canopen udp_multicast"
+
     Example: motorctl bench machines --only energy:cogging:50000
 
     Example: motorctl bench campaign --only gantry:C2:cruise:encoder_stuck:default:1
@@ -149,6 +152,10 @@ def bench(
         if any(value is not None for value in (cases, logs, plot)):
             raise UsageError("bench campaign takes no --cases, --logs or --plot")
         options = _safety(size, seed, workers, only, out)
+    elif subject == "buses":
+        if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
+            raise UsageError("bench buses takes no option but --only and --json")
+        options = _buses(only)
     elif subject == "socket":
         if any(value is not None for value in (cases, size, workers, only, out, logs, plot)):
             raise UsageError("bench socket takes no option but --seed and --json")
@@ -263,6 +270,12 @@ def _safety(
         out=out,
         only=tuple(parse_task(key) for key in only or ()),
     )
+
+
+def _buses(only: list[str] | None) -> BusesOptions:
+    from motorctl_benchmarks.buses.figures import BusesOptions
+
+    return BusesOptions(tuple(only or ()))
 
 
 def _socket(seed: int | None) -> SocketOptions:
