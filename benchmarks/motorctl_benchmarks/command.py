@@ -74,7 +74,7 @@ def bench(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
             "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
-            "campaign: the key that a case is listed with.",
+            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp.",
         ),
     ] = None,
     out: Annotated[
@@ -259,7 +259,7 @@ def _safety(
 ) -> SafetyOptions:
     """Put the options together. Raises UsageError where they contradict each other."""
     from motorctl.errors import UsageError
-    from motorctl_benchmarks.safety.findings import SafetyOptions, parse_task
+    from motorctl_benchmarks.safety.findings import SafetyOptions, parse_tasks
 
     if only and (size is not None or seed is not None):
         raise UsageError("--only names the cases: --size and --seed say nothing then")
@@ -268,7 +268,7 @@ def _safety(
         seed=1 if seed is None else seed,
         workers=workers,
         out=out,
-        only=tuple(parse_task(key) for key in only or ()),
+        only=tuple(task for key in only or () for task in parse_tasks(key)),
     )
 
 
