@@ -23,8 +23,8 @@ WATCHDOG_S = 0.25
 """The device's own, well above HOLD_S: so it is clear who took the volts away."""
 LATE_S = 0.06
 RESET_S = 0.05
-JUMP_COUNTS = 60_000
-"""30 mm: further than an axis comes in a period of any line."""
+JUMP_COUNTS = 90_000
+"""45 mm: more than three times the top speed in a period of the slowest line."""
 CANOPEN = "canopen-udp"
 
 
@@ -163,7 +163,7 @@ def promise(line: str, fault: str) -> Promise | None:
     that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that
     is late, or whose number stands still, passes for a new one about once in a hundred ticks; a
     reset may be obeyed then, and is not asked for. Nor is it where it would open the driver anew:
-    on CANopen after three heartbeats that are missing. Its PDOs have no number, either.
+    on CANopen after three heartbeats that are missing. Its answers have no number to stand still.
     """
     if fault == "stuck_sequence" and line == CANOPEN:
         return None
