@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.measure import Options, Result
@@ -72,8 +73,8 @@ def bench(
         typer.Option(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
-            "machines: GENERATOR:KIND:SEED. recordings: the axis' name. campaign: the key that "
-            "a case is listed with.",
+            "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
+            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp.",
         ),
     ] = None,
     out: Annotated[
@@ -123,6 +124,8 @@ def bench(
 
     Example: motorctl bench diagnosis --only one:50003 --logs logs
 
+    Example: motorctl bench buses --only "canopen udp_multicast"
+
     Example: motorctl bench machines --only energy:cogging:50000
 
     Example: motorctl bench campaign --only gantry:C2:cruise:encoder_stuck:default:1
@@ -149,6 +152,10 @@ def bench(
         if any(value is not None for value in (cases, logs, plot)):
             raise UsageError("bench campaign takes no --cases, --logs or --plot")
         options = _safety(size, seed, workers, only, out)
+    elif subject == "buses":
+        if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
+            raise UsageError("bench buses takes no option but --only and --json")
+        options = _buses(only)
     elif subject == "socket":
         if any(value is not None for value in (cases, size, workers, only, out, logs, plot)):
             raise UsageError("bench socket takes no option but --seed and --json")
@@ -252,7 +259,7 @@ def _safety(
 ) -> SafetyOptions:
     """Put the options together. Raises UsageError where they contradict each other."""
     from motorctl.errors import UsageError
-    from motorctl_benchmarks.safety.findings import SafetyOptions, parse_task
+    from motorctl_benchmarks.safety.findings import SafetyOptions, parse_tasks
 
     if only and (size is not None or seed is not None):
         raise UsageError("--only names the cases: --size and --seed say nothing then")
@@ -261,8 +268,14 @@ def _safety(
         seed=1 if seed is None else seed,
         workers=workers,
         out=out,
-        only=tuple(parse_task(key) for key in only or ()),
+        only=tuple(task for key in only or () for task in parse_tasks(key)),
     )
+
+
+def _buses(only: list[str] | None) -> BusesOptions:
+    from motorctl_benchmarks.buses.figures import BusesOptions
+
+    return BusesOptions(tuple(only or ()))
 
 
 def _socket(seed: int | None) -> SocketOptions:

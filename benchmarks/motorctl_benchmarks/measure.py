@@ -16,13 +16,21 @@ from motorctl_benchmarks.tick_figures import tick_figures
 from motorctl_benchmarks.virtual_figures import virtual_figures
 
 if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
+    from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
 
-    Options = CampaignOptions | MachinesOptions | RecordingsOptions | SafetyOptions | SocketOptions
+    Options = (
+        BusesOptions
+        | CampaignOptions
+        | MachinesOptions
+        | RecordingsOptions
+        | SafetyOptions
+        | SocketOptions
+    )
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
@@ -82,10 +90,12 @@ def _socket(progress: Progress, options: Options | None) -> Findings:
     return socket_findings(progress, asked)
 
 
-def _buses(progress: Progress, _options: Options | None) -> Findings:
-    from motorctl_benchmarks.buses.figures import bus_findings
+def _buses(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.buses.figures import BusesOptions, bus_findings
 
-    return bus_findings(progress)
+    asked = options or BusesOptions()
+    assert isinstance(asked, BusesOptions)
+    return bus_findings(progress, asked)
 
 
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
@@ -97,7 +107,7 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "campaign": _safety,
     "socket": _socket,
 }
-WITH_CASES = ("diagnosis", "machines", "recordings", "campaign", "socket")
+WITH_CASES = ("diagnosis", "buses", "machines", "recordings", "campaign", "socket")
 """Subjects that take options."""
 
 
@@ -145,7 +155,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, machines, recordings, campaign or socket.
+        Of the subject diagnosis, buses, machines, recordings, campaign or socket.
 
     Raises
     ------

@@ -88,7 +88,9 @@ class CanopenDrives(CanEndpoint):
         self._set_due()
 
     def on_due(self) -> None:
-        """Send heartbeats, and look for the host's."""
+        """Send heartbeats, and look for the host's, whose absence is a watchdog's trip."""
+        enabled = self.machine.any_enabled
+        lost = False
         for channel, node in enumerate(self._nodes):
             if node.heartbeat_due_ns <= self.now_ns:
                 period_ns = node.drive.value(0x1017) * MS
@@ -98,6 +100,8 @@ class CanopenDrives(CanEndpoint):
                 node.host_due_ns = NEVER
                 node.drive.fail(HEARTBEAT_LOST)
                 self._act(channel)
+                lost = True
+        self.machine.watchdog_trips += enabled and lost
         self._set_due()
 
     def _set_due(self) -> None:

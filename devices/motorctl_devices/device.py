@@ -76,13 +76,13 @@ class Device:
                     newest.longest_pause_ns = max(newest.longest_pause_ns, now_ns - due_ns)
             if now_ns >= schedule.next_change_ns:
                 self._change(now_ns)
+            trips = machine.watchdog_trips
             if now_ns >= machine.due_ns:
-                trips = machine.watchdog_trips
                 machine.check_watchdog(now_ns)
-                if newest := schedule.newest:
-                    newest.watchdog_trips += machine.watchdog_trips - trips
             if now_ns >= endpoint.due_ns:
                 endpoint.on_due()
+            if newest := schedule.newest:
+                newest.watchdog_trips += machine.watchdog_trips - trips
             endpoint.flush()
             if now_ns >= self._babble_ns:
                 self._babble(now_ns)
@@ -120,11 +120,24 @@ class Device:
                     self.endpoint.unplug()
                 else:
                     self.endpoint.plug()
+            elif kind in ("amplifier_fault", "counter_jump"):
+                fault.fired += fault.active
+                self._break(fault)
         self.endpoint.settle()
         self._babblers = [
             f for f in self.schedule.faults if f.active and f.order.kind == "babbling"
         ]
         self._babble_ns = now_ns if self._babblers else NEVER
+
+    def _break(self, fault: Fault) -> None:
+        """Break an amplifier or mend it, or let a counter jump at the fault's begin."""
+        machine, order = self.machine, fault.order
+        channels = range(machine.channels) if order.channel is None else (order.channel,)
+        for channel in channels:
+            if order.kind == "amplifier_fault":
+                machine.break_amplifier(channel, fault.active)
+            elif fault.active:
+                machine.shift_counter(channel, order.counts or 0)
 
     def _reset(self, begins: bool) -> None:
         """Restart at the fault's begin; the device is back on the bus at its end."""

@@ -23,6 +23,7 @@ REST_NS = 300_000_000
 """Amplifiers that are off for so long are off, and do not flicker. Convention."""
 MOST_RESTS = 1000
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
+AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
 
 
 class Machine:
@@ -67,6 +68,8 @@ class Machine:
         self.enabled = [False] * n
         self.tripped = [False] * n
         """Where the watchdog took the amplifier away, and no command has disabled it since."""
+        self._broken = [0] * n
+        """AMPLIFIER_FAULT of the channels whose amplifiers are broken."""
         self.boot_id = (os.getpid() ^ time.time_ns()) & 0xFFFF
         self.samples = self.commands = self.watchdog_trips = self.restarts = 0
         self.due_ns = NEVER
@@ -136,7 +139,8 @@ class Machine:
             offset, mask = self._offsets[i], self._masks[i]
             self.counts[i] = raw + offset & mask
             self.index_counts[i] = marks[i] + offset & mask
-            self.status[i] = int(words[i]) | self.status[i] & INDEX_LATCHED
+            word = int(words[i]) | self._broken[i]
+            self.status[i] = word | self.status[i] & INDEX_LATCHED
 
     def index_told(self) -> None:
         """Rearm the index latches: the last sample was sent."""
@@ -159,7 +163,8 @@ class Machine:
         """
         self._heard_ns[channel] = now_ns
         self.tripped[channel] = self.tripped[channel] and enable
-        good = enable and not self.tripped[channel] and math.isfinite(volts)
+        able = not (self.tripped[channel] or self._broken[channel])
+        good = enable and able and math.isfinite(volts)
         self.volts[channel] = volts if good else 0.0
         self.enabled[channel] = good
 
@@ -195,6 +200,20 @@ class Machine:
                 if self.enabled[i] and due_ns - self._heard_ns[i] >= self._watchdog_ns:
                     self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, True
             self._write()
+
+    def break_amplifier(self, channel: int, broken: bool) -> None:
+        """Let an amplifier report a fault and give nothing, or be in order again."""
+        self.catch_up(time.monotonic_ns())
+        self._broken[channel] = AMPLIFIER_FAULT if broken else 0
+        self.status[channel] = self.status[channel] & ~AMPLIFIER_FAULT | self._broken[channel]
+        if broken:
+            self.volts[channel], self.enabled[channel] = 0.0, False
+        self._write()
+
+    def shift_counter(self, channel: int, counts: int) -> None:
+        """Let a counter show so many counts more from now on."""
+        self._offsets[channel] += counts
+        self.counts[channel] = self.counts[channel] + counts & self._masks[channel]
 
     def restart(self) -> None:
         """Begin anew as after a power failure: other boot id, counters at zero, no volts."""

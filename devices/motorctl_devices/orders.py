@@ -20,6 +20,8 @@ FaultKind = Literal[
     "unplug",
     "reset",
     "counter_wrap",
+    "counter_jump",
+    "amplifier_fault",
 ]
 Way = Literal["from_device", "to_device", "both"]
 
@@ -39,6 +41,8 @@ KEYS: dict[str, tuple[str, ...]] = {
     "unplug": (),
     "reset": (),
     "counter_wrap": ("counts*", "channel"),
+    "counter_jump": ("counts*", "channel"),
+    "amplifier_fault": ("channel",),
 }
 NEEDS_DURATION = ("unplug", "reset")
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import ClassVar
 
 import can
@@ -12,8 +11,6 @@ import numpy as np
 
 from motorctl.hal import (
     Channel,
-    Claim,
-    Driver,
     DriverOptions,
     Inputs,
     NetworkInterface,
@@ -26,6 +23,7 @@ from motorctl.hal import (
 )
 from motorctl_can import budget, fits
 from motorctl_can.bus import link_settings
+from motorctl_can.bus_driver import CLOSED, SAFE_REPEATS, BusDriver
 from motorctl_can.checks import missing_from_layout
 from motorctl_can.codec_records import channels_of, frames_of, signals_of
 from motorctl_can.layout import Frame
@@ -36,17 +34,15 @@ with kernels_cached():
     from motorctl_can import kernels
 
 AGE_PERIODS = 10
-SAFE_REPEATS = 3
 MOST_QUIET_PERIODS = 3
 UNSENT_PERIODS = 3
 """So many more without room for the commands or SYNC than with it are a bus that is lost."""
 OPENING_PERIOD_S = 0.01
 EXTENDED = 1 << 29  # above every identifier
-CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
 BABBLE = int(Status.CORRUPT)
 
 
-class CanDriver(Driver):
+class CanDriver(BusDriver):
     """Amplifiers and encoders on a CAN bus; see `CanOptions` and docs/drivers/can.md."""
 
     Options: ClassVar[type[DriverOptions]] = CanOptions
@@ -59,12 +55,9 @@ class CanDriver(Driver):
         self._can = options
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
-        self.medium = options.medium
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
-        self._link: Link | None = None
-        self._claim: Claim | None = None
         self._took: Callable[..., int] = kernels.take
         self._refuse: Callable[..., None] = kernels.refuse
         self._sync_sent: Callable[..., None] = kernels.sync_sent
@@ -143,22 +136,10 @@ class CanDriver(Driver):
             is_rx=False,
         )
 
-    def open(self) -> None:
-        """Open the bus, set every amplifier to zero, and wait for the first of every state frame.
-
-        Raises RunError, naming interface, channel and the frame that did not come.
-        """
-        if self._link is not None:
-            self.close()
-        self.prepare()
-        self._claim = self._claimed()
-        try:
-            self._link = self._linked()
-            self.safe()
-            self._await_device(self._link)
-        except BaseException:
-            self.close()
-            raise
+    def _begin(self, link: Link) -> None:
+        """Set every amplifier to zero, and wait for the first of every state frame."""
+        self.safe()
+        self._await_device(link)
 
     def _linked(self) -> Link:
         wanted = [(frame.identifier, frame.extended) for frame in self._layout.states]
@@ -220,25 +201,11 @@ class CanDriver(Driver):
             f"on{rate}{sync}?"
         )
 
-    def close(self) -> None:
-        """Zero and disable every amplifier and release the bus."""
-        link = self._link
-        if link is not None:
-            self.safe()
-            self._link = None
-            link.close()
-        if self._claim is not None:
-            self._claim.release()
-            self._claim = None
-
-    def _claimed(self) -> Claim | None:
-        """Claim what is sent: a bus obeys everybody. A serial port is claimed by itself."""
-        if self._can.interface not in ("socketcan", "udp_multicast") or self.medium is None:
-            return None
+    def _sent(self) -> Iterable[str]:
         sent = [frame.address for frame in self._layout.commands]
         if self._can.sync is not None:
             sent.append(f"0x{self._can.sync.id:X}")
-        return Claim(self.medium, [f"frame {address}" for address in sent])
+        return sent
 
     def read(self, inputs: Inputs) -> None:
         """Fill `inputs` with the newest whole sample of each channel."""
@@ -274,25 +241,6 @@ class CanDriver(Driver):
             self._unsent = min(max(unsent, 0), UNSENT_PERIODS)
             if self._unsent == UNSENT_PERIODS:
                 link.lose_commands()
-
-    def safe(self) -> None:
-        """Send 0 V and disable a few times; a bus that is not open is opened for that."""
-        with contextlib.suppress(Exception):
-            if self._link is not None:
-                self._send_off(self._link)
-                return
-            self.prepare()
-            # What another program drives is not this one's to make safe.
-            claim = None if self._claim else self._claimed()
-            try:
-                link = self._linked()
-                try:
-                    self._send_off(link)
-                finally:
-                    link.close()
-            finally:
-                if claim is not None:
-                    claim.release()
 
     def _send_off(self, link: Link) -> None:
         for _ in range(SAFE_REPEATS):

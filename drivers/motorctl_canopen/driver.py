@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from motorctl.hal import (
     Channel,
-    Claim,
-    Driver,
     DriverOptions,
     Inputs,
     NetworkInterface,
     Outputs,
     RateBudget,
-    RunError,
-    Status,
 )
 from motorctl_can import budget
 from motorctl_can.bus import link_settings
+from motorctl_can.bus_driver import CLOSED, SAFE_REPEATS, BusDriver
 from motorctl_can.link import Link
 from motorctl_canopen import fits, objects
 from motorctl_canopen.exchange import Exchange
@@ -29,13 +25,11 @@ from motorctl_canopen.opening import Opening
 from motorctl_canopen.options import CanopenOptions
 from motorctl_canopen.sdo import download_command, put_request, request_message
 
-SAFE_REPEATS = 3
-CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
 HEARTBEATS_LOST = 3
 """So many heartbeats of a drive in a row are missing where it is silent."""
 
 
-class CanopenDriver(Driver):
+class CanopenDriver(BusDriver):
     """CiA 402 drives in torque mode; see `CanopenOptions` and docs/drivers/canopen.md."""
 
     Options: ClassVar[type[DriverOptions]] = CanopenOptions
@@ -49,10 +43,7 @@ class CanopenDriver(Driver):
         self._canopen = options
         # A command that waits for the next SYNC acts a period after what it answers was sampled.
         self.exchange_delay_periods = 1.0 if options.command_at == "sync" else 0.0
-        self.medium = options.medium
         self.longest_wait_s = options.sync.wait_s
-        self._link: Link | None = None
-        self._claim: Claim | None = None
         self._nodes: list[Node] = []
 
     def rate_budget(self) -> RateBudget:
@@ -85,42 +76,24 @@ class CanopenDriver(Driver):
         ]
         self._exchange = Exchange(options, self._nodes, self.period_s)
 
-    def open(self) -> None:
-        """Set up every drive, start it, and wait until it tells its state.
-
-        Raises RunError, naming bus, node, object and why it was refused.
-        """
-        if self._link is not None:
-            self.close()
-        self.prepare()
-        self._claim = self._claimed()
-        try:
-            self._link = self._exchange.link = self._linked()
-            self.notes = self._set_up()
-        except BaseException:
-            self.close()
-            raise
-
-    def _set_up(self) -> tuple[str, ...]:
+    def _begin(self, link: Link) -> None:
+        """Set up every drive, start it, and wait until it tells its state."""
         exchange, nodes, options = self._exchange, self._nodes, self._canopen
         openings = [Opening(options, node, exchange) for node in nodes]
+        # What takes a drive its time, all of them do at once.
         for opening in openings:
             opening.restart_communication()
+        for opening in openings:
+            opening.await_boot()
             opening.configure()
-        for node, opening in zip(nodes, openings, strict=True):
-            exchange.send_nmt(objects.NMT_START, node.number)
-            told = exchange.run(
-                lambda node=node: node.known and node.nmt == objects.OPERATIONAL,  # type: ignore[misc]
-                options.open_timeout_s + options.heartbeat_s,
-            )
-            if not told:
-                missing = "sends no statusword with SYNC"
-                if node.known:
-                    missing = "sends no heartbeat that it is operational"
-                raise RunError(
-                    f"{opening.where} {missing}, within open_timeout_s = "
-                    f"{options.open_timeout_s:g} s after it was started"
-                )
+        for opening in openings:
+            opening.start()
+        exchange.run(
+            lambda: all(opening.started for opening in openings),
+            options.open_timeout_s + options.heartbeat_s,
+        )
+        for opening in openings:
+            opening.insist_on_start()
         for opening in openings:
             opening.await_mode()
             opening.clear_fault()
@@ -128,36 +101,22 @@ class CanopenDriver(Driver):
         for node in nodes:
             node.begin(now_s)
         exchange.start_over()
-        exchange.link.lost = exchange.link.passing = 0
-        return tuple(note for opening in openings for note in opening.notes)
+        link.lost = link.passing = 0
+        self.notes = tuple(note for opening in openings for note in opening.notes)
 
     def _linked(self) -> Link:
-        return Link(self._canopen, self._exchange.wanted)
+        link = self._exchange.link = Link(self._canopen, self._exchange.wanted)
+        return link
 
-    def close(self) -> None:
-        """Disable every drive, let it wait for no heartbeat any more, and release the bus."""
-        link = self._link
-        if link is not None:
-            self.safe()
-            self._leave()
-            self._link = None
-            link.close()
-        if self._claim is not None:
-            self._claim.release()
-            self._claim = None
+    def _leave(self, link: Link) -> None:
+        """Let the drives wait for no heartbeat any more."""
+        for node in self._nodes:
+            self._tell(link, node, objects.CONSUMER_HEARTBEAT, 0)
+            self._exchange.send_nmt(objects.NMT_PRE_OPERATIONAL, node.number)
 
-    def _leave(self) -> None:
-        with contextlib.suppress(Exception):
-            for node in self._nodes:
-                self._tell(node, objects.CONSUMER_HEARTBEAT, 0)
-                self._exchange.send_nmt(objects.NMT_PRE_OPERATIONAL, node.number)
-
-    def _claimed(self) -> Claim | None:
-        """Claim what is sent: a bus obeys everybody. A serial port is claimed by itself."""
-        if self._canopen.interface not in ("socketcan", "udp_multicast") or self.medium is None:
-            return None
-        sent = [objects.RPDO1_ID + node.number for node in self._nodes]
-        return Claim(self.medium, [f"frame 0x{one:X}" for one in (*sent, objects.SYNC_ID)])
+    def _sent(self) -> Iterable[str]:
+        numbers = [objects.RPDO1_ID + node.number for node in self._nodes]
+        return [f"0x{number:X}" for number in (*numbers, objects.SYNC_ID)]
 
     def read(self, inputs: Inputs) -> None:
         """Fill `inputs` with what the drives tell of this period."""
@@ -183,33 +142,14 @@ class CanopenDriver(Driver):
         if self._link is not None:
             self._nodes[channel].clear_fault()
 
-    def safe(self) -> None:
-        """Disable every drive a few times; a bus that is not open is opened for that."""
-        with contextlib.suppress(Exception):
-            if self._link is not None:
-                self._send_off()
-                return
-            self.prepare()
-            # What another program drives is not this one's to make safe.
-            claim = None if self._claim else self._claimed()
-            try:
-                link = self._exchange.link = self._linked()
-                try:
-                    self._send_off()
-                finally:
-                    link.close()
-            finally:
-                if claim is not None:
-                    claim.release()
-
-    def _send_off(self) -> None:
+    def _send_off(self, link: Link) -> None:
         for _ in range(SAFE_REPEATS):
             self._exchange.send_off()
         for node in self._nodes:
-            self._tell(node, objects.CONTROLWORD, 0)
+            self._tell(link, node, objects.CONTROLWORD, 0)
 
-    def _tell(self, node: Node, entry: objects.Object, value: int) -> None:
+    def _tell(self, link: Link, node: Node, entry: objects.Object, value: int) -> None:
         """Write an entry without waiting for the answer."""
         request = request_message(node.number)
         put_request(request, download_command(entry), entry, value)
-        self._exchange.link.send(request)
+        link.send(request)

@@ -56,9 +56,12 @@ class Exchange:
         """Begin as before the first period."""
         for node in self._nodes:
             node.missing = node.asked
+            node.forget_owed()
             node.refused = False
         self._quiet = False
-        self._surplus = False
+        self._in_doubt = self._surplus = False
+        self._calm_periods = 0
+        self._sent = self._waiting = False
         self._asked = True
         self._unsent = 0
         self._until_heartbeat = 0
@@ -83,26 +86,33 @@ class Exchange:
             whole = node.take_state if kind == TAKES_STATE else node.take_inputs
             if not whole(message.data):
                 return
-            if not node.missing & bit:
+            if node.takes_owed(bit):
+                # Or it answers this SYNC, after one whose answer was lost: PDOs have no number.
+                self._in_doubt = self._in_doubt or self._waiting
+            elif node.missing & bit:
+                node.missing &= ~bit
+            else:
                 self._surplus = node.refused = True
-            node.missing &= ~bit
         self.link.lost = 0
 
     def ask(self) -> None:
         """Send SYNC, and take the answers until all are here or it takes too long."""
         link = self.link
+        for node in self._nodes:
+            node.next_period(self._sent)
+        self._sent = False
         room = self._drain(self._room)
-        # An answer more than was asked for: one before was taken for that of a later SYNC. Without
-        # a SYNC for a period, what is still on its way comes before the next one.
-        self._quiet = self._surplus and not self._quiet
-        self._surplus = False
+        if self._quiet:
+            self._judge_silence()
+        self._quiet = self._needs_silence()
         for node in self._nodes:
             node.missing = node.asked
         if self._quiet:
             return
-        self._asked = link.send(self._sync)
-        if not self._asked:
+        self._asked = self._sent = link.send(self._sync)
+        if not self._sent:
             return
+        self._waiting = True
         deadline = time.monotonic() + self._wait_s
         while room > 0:
             left = deadline - time.monotonic()
@@ -116,6 +126,27 @@ class Exchange:
                 break
         else:
             link.passing |= BABBLE
+        self._waiting = False
+
+    def _needs_silence(self) -> bool:
+        """Tell whether this period has no SYNC: what comes in it is the answer to an older one.
+
+        Answers that are late by whole periods come in it as in every other; where one was lost,
+        and they are in time again, nothing comes.
+        """
+        self._calm_periods = max(self._calm_periods - 1, 0)
+        doubt = self._surplus or (self._in_doubt and not self._calm_periods)
+        self._surplus = self._in_doubt = False
+        return doubt and not self._quiet
+
+    def _judge_silence(self) -> None:
+        """Forget what did not come in a period without SYNC; what did come is late."""
+        late = 0
+        for node in self._nodes:
+            late = max(late, node.judge_silence())
+        if late:
+            # The hole that this period leaves in late answers has to pass before the next one.
+            self._calm_periods = late + 2
 
     def _all_here(self) -> bool:
         return all(not node.missing for node in self._nodes)

@@ -91,6 +91,7 @@ class Node:
         self.heard_s = 0.0
         self.missing = self.asked
         """What has not been answered since the last SYNC."""
+        self.forget_owed()
         self.refused = False
         self._latched = 0
         self._own_fault = 0
@@ -100,6 +101,11 @@ class Node:
         self._enabling = 0
         self.to_start = False
         """It is to be started by network management."""
+
+    def forget_owed(self) -> None:
+        """Let no answer be owed to SYNCs of before."""
+        self._owed_states = self._owed_inputs = 0
+        self._came = 0
 
     def begin(self, now_s: float) -> None:
         """Begin the first period: the drive was heard just now, and its position is known."""
@@ -143,6 +149,34 @@ class Node:
         self.heard_s = now_s
         if self.nmt == objects.BOOT_UP:
             self.booted = True
+
+    # Answers to SYNCs of earlier periods, which come late or never.
+
+    def next_period(self, asked: bool) -> None:
+        """Count what the last period's SYNC, if there was one, is still to be answered with."""
+        if asked:
+            self._owed_states += self.missing & STATE
+            self._owed_inputs += (self.missing & INPUTS) >> 1
+        self.missing = self._came = 0
+
+    def takes_owed(self, bit: int) -> bool:
+        """Take a frame for the oldest answer that is owed; False: none is."""
+        self._came |= bit
+        if bit == STATE and self._owed_states:
+            self._owed_states -= 1
+            return True
+        if bit == INPUTS and self._owed_inputs:
+            self._owed_inputs -= 1
+            return True
+        return False
+
+    def judge_silence(self) -> int:
+        """After a period without SYNC: return how many answers are owed that may still come."""
+        if not self._came & STATE:
+            self._owed_states = 0
+        if not self._came & INPUTS:
+            self._owed_inputs = 0
+        return max(self._owed_states, self._owed_inputs)
 
     # Once a period.
 

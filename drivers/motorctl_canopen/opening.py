@@ -45,10 +45,13 @@ class Opening:
         return f"CANopen: {medium}: node {node.number} (axis {node.axis})"
 
     def restart_communication(self) -> None:
-        """Let the node begin its communication anew, and wait until it has."""
+        """Let the node begin its communication anew."""
+        self._node.booted = False
+        self._exchange.send_nmt(objects.NMT_RESET_COMMUNICATION, self._node.number)
+
+    def await_boot(self) -> None:
+        """Wait until the node has told that its communication has begun."""
         node = self._node
-        node.booted = False
-        self._exchange.send_nmt(objects.NMT_RESET_COMMUNICATION, node.number)
         if not self._exchange.listen(lambda: node.booted, self._options.open_timeout_s):
             rate = ""
             if self._options.interface in ("socketcan", "slcan"):
@@ -144,6 +147,27 @@ class Opening:
         except SdoError as error:
             if error.code not in GONE:
                 raise
+
+    def start(self) -> None:
+        """Let the node become operational."""
+        self._exchange.send_nmt(objects.NMT_START, self._node.number)
+
+    @property
+    def started(self) -> bool:
+        """Whether the node has told its state, and that it is operational."""
+        return self._node.known and self._node.nmt == objects.OPERATIONAL
+
+    def insist_on_start(self) -> None:
+        """Refuse a node that has not started."""
+        if self.started:
+            return
+        missing = "sends no statusword with SYNC"
+        if self._node.known:
+            missing = "sends no heartbeat that it is operational"
+        raise RunError(
+            f"{self.where} {missing}, within open_timeout_s = "
+            f"{self._options.open_timeout_s:g} s after it was started"
+        )
 
     # Once it is operational.
 

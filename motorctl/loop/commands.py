@@ -120,5 +120,8 @@ def _switch_on(settings: Any, axis: Any) -> None:
     axis.fresh = 1
     axis.error_count, axis.fast_count, axis.saturated_ticks = 0, 0, 0
     hold_where_it_is(axis)
+    # What wrong counts made of the speed while it was off is nothing to expect samples by.
+    fastest = settings.max_velocity_m_s
+    axis.drift_m_s = min(max(axis.velocity_m_s, -fastest), fastest)
     begin_watching(axis)
     set_soft_limits(settings, axis)

@@ -22,7 +22,7 @@ from motorctl_benchmarks.safety.bus_session import Kept, Session, Spell
 from motorctl_benchmarks.safety.cases import keys, parse_case
 from motorctl_benchmarks.safety.expectations import EXPECTED, Expected
 from motorctl_benchmarks.safety.fault_free import run_spell, spells
-from motorctl_benchmarks.safety.findings import findings_of, parse_task
+from motorctl_benchmarks.safety.findings import findings_of, parse_task, parse_tasks
 from motorctl_benchmarks.safety.kinds import FAULTS
 from motorctl_benchmarks.safety.run_case import run_case
 
@@ -103,7 +103,12 @@ def test_the_page_has_a_line_for_every_fault_and_every_line_is_as_promised():
 def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():
     virtual, buses = keys("full", 1), bus_keys("full", 1)
     assert len(virtual) >= 500
-    assert {key.line.partition("-")[0] for key in buses} == {"serial", "can", "modbus"}
+    assert {key.line.partition("-")[0] for key in buses} == {
+        "serial",
+        "can",
+        "canopen",
+        "modbus",
+    }
     assert len({str(key) for key in [*virtual, *buses]}) == len(virtual) + len(buses)
     assert set(keys("small", 1)) < set(virtual)
     hours = len(spells("full", 1)) * fault_free.SPELL_S / 3600.0
@@ -115,6 +120,13 @@ def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():
 )
 def test_a_key_names_its_case(of):
     assert [parse_task(str(key)) for key in of] == of
+
+
+def test_a_bus_names_all_of_its_cases():
+    found = parse_tasks("bus:canopen-udp")
+    assert found == tuple(key for key in bus_keys("full", 1) if key.line == "canopen-udp")
+    assert {key.controller for key in found} == {"C1", "C2"}
+    assert parse_tasks(KEY) == (parse_task(KEY),)
 
 
 @pytest.mark.parametrize(

@@ -239,6 +239,33 @@ def test_a_reset_hangs_up_on_tcp_and_counts_begin_anew(tmp_path) -> None:
             assert state["counts"][0] >= 0
 
 
+def test_a_broken_amplifier_says_so_and_gives_nothing_until_it_is_mended(tmp_path) -> None:
+    data = _with(TCP, {"kind": "amplifier_fault", "at_s": 0.1, "duration_s": 0.15, "channel": 1})
+    fault_x, fault_y = 1 << 1, 1 << 7
+    with running(tmp_path, data) as device, TcpPeer(device.endpoint.address) as peer:
+        told = lambda: peer.exchange((1.0, 1.0))["status"] & (fault_x | fault_y)  # noqa: E731
+        assert told() == 0
+        until(told, 1.0)
+        assert told() == fault_y
+        assert device.machine.volts == [pytest.approx(1.0, abs=1e-3), 0.0]
+        assert device.machine.enabled == [True, False]
+        until(lambda: not told(), 1.0)
+        assert device.machine.enabled == [True, True]
+        assert _fired(device) == [1]
+
+
+def test_a_counter_jumps_once_for_good(tmp_path) -> None:
+    data = _with(TCP, {"kind": "counter_jump", "at_s": 0.1, "counts": -5000, "channel": 0})
+    with running(tmp_path, data) as device, TcpPeer(device.endpoint.address) as peer:
+        counts = lambda: peer.exchange((0.0, 0.0))["counts"]  # noqa: E731
+        x, y = counts()
+        until(lambda: counts()[0] < x - 2500, 1.0)
+        time.sleep(0.05)
+        after = counts()
+        assert abs(after[0] - (x - 5000)) < 500
+        assert abs(after[1] - y) < 500
+
+
 def test_an_unplugged_port_is_gone_and_comes_back_behind_its_link(tmp_path) -> None:
     link = tmp_path / "port"
     data = _with(SERIAL, {"kind": "unplug", "at_s": 0.05, "duration_s": 0.1})

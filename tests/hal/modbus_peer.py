@@ -10,13 +10,13 @@ import select
 import socket
 import struct
 import threading
-import tty
 from collections import deque
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import real_time
+from pty_peer import PtyPeer
 
 VOLTS_PER_COUNT = 0.30518509476e-3
 CHAIN_CLOSED = 1 << 12
@@ -143,30 +143,12 @@ class TcpPeer(Coupler):
         return pending
 
 
-class RtuPeer(Coupler):
-    """The coupler on a pseudo-terminal, in a thread; `port` is a link that is there while it is."""
+class RtuPeer(PtyPeer, Coupler):
+    """The coupler on a serial port."""
 
     def __init__(self, port: Path) -> None:
         super().__init__()
         self.port = port
-        self._running = False
-
-    def begin(self) -> None:
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port.symlink_to(os.ttyname(self._slave))
-        self._running = True
-        real_time.begins()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def end(self) -> None:
-        if self._running:
-            self._running = False
-            self._thread.join()
-            self.port.unlink()
-            os.close(self._master)
-            os.close(self._slave)
 
     def _run(self) -> None:
         pending = b""

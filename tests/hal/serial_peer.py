@@ -5,14 +5,12 @@ from __future__ import annotations
 import os
 import select
 import struct
-import threading
 import time
-import tty
 from collections import deque
 from pathlib import Path
 
 import numpy as np
-import real_time
+from pty_peer import PtyPeer
 
 FULL_SCALE_V = 12.0
 HELLO, COMMAND, EXCHANGE, POLL, START_STREAM, STOP_STREAM, SAFE = range(1, 8)
@@ -47,8 +45,8 @@ def from_wire(coded: bytes) -> bytes | None:
     return body if crc16(body) == crc else None
 
 
-class SerialPeer:
-    """The box in a thread; `port` is a link to its terminal that is there while the box is."""
+class SerialPeer(PtyPeer):
+    """The box on its port."""
 
     def __init__(self, port: Path) -> None:
         self.port = port
@@ -62,24 +60,6 @@ class SerialPeer:
         self.silent = False
         self.faults: deque[np.random.Generator | None] = deque()
         self.heard = 0
-        self._running = False
-
-    def begin(self) -> None:
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port.symlink_to(os.ttyname(self._slave))
-        self._running = True
-        real_time.begins()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def end(self) -> None:
-        if self._running:
-            self._running = False
-            self._thread.join()
-            self.port.unlink()
-            os.close(self._master)
-            os.close(self._slave)
 
     def restart(self) -> None:
         self.session, self.streaming, self.force = False, None, (0, 0)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import time
 
 import can
 import numpy as np
 import pytest
 from canopen_peer import RATED_V, Peer
 
-from motorctl.hal import Channel
+from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_canopen import CanopenDriver
 
@@ -43,7 +44,7 @@ class CanopenRig(Rig):
             "nodes": nodes,
             "command_at": self.command_at,
             "watchdog_s": 2.0,
-            "heartbeat_s": 0.3,
+            "heartbeat_s": 0.1,
             "open_timeout_s": 1.0,
         }
 
@@ -53,6 +54,10 @@ class CanopenRig(Rig):
     def stop(self) -> None:
         if self.peer:
             self.peer.end()
+
+    def pass_period(self, driver: Driver) -> None:
+        # The driver itself waits for the answer to SYNC; this is for the commands.
+        time.sleep(0.5e-3)
 
     def move_to(self, counts) -> None:
         for drive, count in zip(self.peer.drives, counts.tolist(), strict=True):

@@ -320,6 +320,23 @@ def test_one_wild_sample_is_no_noise_and_two_soon_after_each_other_are():
     assert FaultCause(int(rows["fault"][-1])) is FaultCause.ENCODER_NOISE
 
 
+def test_wild_counts_while_an_axis_was_off_leave_no_speed_to_expect_samples_by():
+    with rig_of(predict=True, hold_ticks=40) as rig:
+        rig.start()
+        for axis in rig.machine.axes:
+            rig.ask(Verb.STOP, axis)
+        rig.wait_until(lambda: rig.state_of("x") is AxisState.OFF)
+        rig.driver.shifts = {rig.driver.reads + k: (-1) ** k * 1e4 for k in range(50)}
+        rig.driver.shifts[rig.driver.reads + 50] = 2e4
+        rig.seconds(53 * TS)  # and two that are right: it stands
+        begin = rig.ticks
+        rig.start()
+        rig.seconds(0.1)
+    rows = rig.rows("x")[begin:]
+    assert rig.state_of("x") is AxisState.IDLE
+    assert not (rows["flags"] & SampleFlag.LEFT_OUT).any()
+
+
 def test_a_sample_that_was_left_out_is_flagged_and_a_silence_is_not():
     rows = run((3, 4), predict=True, shifted=(0,)).rows("x")
     held = (rows["flags"] & SampleFlag.HELD) > 0

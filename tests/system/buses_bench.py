@@ -94,6 +94,20 @@ def _slcan() -> Bus:
     return Bus("slcan", 250.0, lambda _: {"can": {**bus, "sync": {"id": SYNC_ID}}}, driver, 24)
 
 
+def _canopen() -> Bus:
+    drives = [{"node": number, "rated_torque_v": 8.0} for number in (1, 2)]
+
+    def bus(port: int) -> Options:
+        return {"interface": "udp_multicast", "channel": MULTICAST, "port": port}
+
+    def driver(_endpoint: str, port: int) -> Options:
+        nodes = dict(zip(AXES, drives, strict=True))
+        sync = {"sync": {"wait_s": 2.4e-3}, "watchdog_s": WATCHDOG_S, "heartbeat_s": 0.1}
+        return {"type": "canopen", **bus(port), "nodes": nodes, **sync}
+
+    return Bus("canopen", 250.0, lambda port: {"canopen": {**bus(port), "nodes": drives}}, driver)
+
+
 def _tcp() -> Bus:
     def driver(endpoint: str, _port: int) -> Options:
         host, _, port = endpoint.rpartition(":")
@@ -116,6 +130,7 @@ BUSES = {
         *(_serial(mode) for mode in ("poll", "exchange", "stream")),
         _can(),
         _slcan(),
+        _canopen(),
         _tcp(),
         _rtu(),
     )

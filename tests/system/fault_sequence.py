@@ -93,7 +93,7 @@ def run_through(
 ) -> tuple[Outcome, list[Spell]]:
     """Move both axes over a bus; after each fault, by its name, reset and start them again."""
     port, timed = free_port(), times_of(orders)
-    link = None if bus.name in ("modbus tcp", "can udp_multicast") else folder / "link"
+    link = None if bus.name in ("modbus tcp", "can udp_multicast", "canopen") else folder / "link"
     told: list[tuple[dict[str, Any], bool]] = []
     with DeviceProcess(folder, device_file(bus, port, timed), link) as device:
         config = host_file(bus, bus.driver(str(link or device.endpoint), port))

@@ -30,14 +30,24 @@ REFUSED = "a message was refused"
 GONE = "the bus or the port is gone"
 ANEW = "the device restarted"
 SILENT = "no new sample from the device"
+BROKEN = "the amplifier reports a fault"
 
-IN_THE_LOG = {REFUSED: "CORRUPT", GONE: "BUS_OFF", ANEW: "DEVICE_RESTARTED", SILENT: "STALE"}
+IN_THE_LOG = {
+    REFUSED: "CORRUPT",
+    GONE: "BUS_OFF",
+    ANEW: "DEVICE_RESTARTED",
+    SILENT: "STALE",
+    BROKEN: "AMPLIFIER_FAULT",
+}
 """The same in the words of `motorctl log info`."""
 
 SERIAL = ("serial poll", "serial exchange", "serial stream")
 CAN = ("can udp_multicast", "slcan")
 MODBUS = ("modbus tcp", "modbus rtu")
-EVERY = (*SERIAL, *CAN, *MODBUS)
+CANOPEN = "canopen"
+NUMBERED = (*SERIAL, *CAN, *MODBUS)
+"""Their samples bring a number, which a fault may spoil."""
+EVERY = (*NUMBERED, CANOPEN)
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,8 @@ ORDERS: dict[str, dict[str, Any]] = {
     "long reset": {"kind": "reset", "duration_s": 0.5},
     "unplug": {"kind": "unplug", "duration_s": 1.0},
     "short unplug": {"kind": "unplug", "duration_s": 0.03},
+    "amplifier fault": {"kind": "amplifier_fault", "duration_s": 0.5},
+    "counter jump": {"kind": "counter_jump", "counts": 60_000},
 }
 PROMISES: dict[str, Mapping[str, Promise]] = {
     # The first, as its random numbers are those of its place: on TCP some replies are taken all the
@@ -106,8 +118,8 @@ PROMISES: dict[str, Mapping[str, Promise]] = {
     "delay": _each(held(off_s=HOLD_S + 0.06)),
     "bit errors": {name: held(REFUSED) for name in SERIAL}
     | {"modbus rtu": held()}
-    | dict.fromkeys((*CAN, "modbus tcp"), ANYTHING_WRONG),
-    "stuck sequence": _each(held(), modbus_tcp=held(REFUSED), modbus_rtu=held(REFUSED)),
+    | dict.fromkeys((*CAN, CANOPEN, "modbus tcp"), ANYTHING_WRONG),
+    "stuck sequence": dict.fromkeys((*SERIAL, *CAN), held()) | dict.fromkeys(MODBUS, held(REFUSED)),
     "random sequence": {name: held(REFUSED) for name in MODBUS},
     "short reset": _each(
         RESTARTED, modbus_tcp=Promise((FaultCause.COMMUNICATION,), (GONE,), RESET_S)
@@ -115,8 +127,15 @@ PROMISES: dict[str, Mapping[str, Promise]] = {
     "long reset": _each(
         held(off_s=0.0), modbus_tcp=Promise((FaultCause.COMMUNICATION,), (GONE,), 0.0)
     ),
-    "unplug": _each(PORT_GONE, can_udp_multicast=BY_WATCHDOG),
-    "short unplug": {name: PORT_GONE for name in EVERY if name != "can udp_multicast"},
+    "unplug": _each(PORT_GONE, can_udp_multicast=BY_WATCHDOG, canopen=BY_WATCHDOG),
+    "short unplug": {name: PORT_GONE for name in NUMBERED if name != "can udp_multicast"},
+    # What no wire does is the same on all of them: a numbered one stands for those.
+    "amplifier fault": dict.fromkeys(
+        ("serial poll", CANOPEN), Promise((FaultCause.AMPLIFIER,), (BROKEN,), 0.0)
+    ),
+    "counter jump": dict.fromkeys(
+        ("serial poll", CANOPEN), Promise((FaultCause.ENCODER_JUMP,), (), 0.0)
+    ),
 }
 
 
@@ -233,13 +252,17 @@ PASSING: dict[str, dict[str, Any]] = {
     "babbling": {"kind": "babbling", "rate_hz": 100},
 }
 NOT_PASSING = {
-    "bit errors": (*CAN, "modbus tcp"),  # what passes their own checksums is content
+    "stuck sequence": (CANOPEN,),  # there is no number
+    "bit errors": (*CAN, CANOPEN, "modbus tcp"),  # what passes their own checksums is content
     "wrong length": ("modbus tcp",),  # may lose step with the stream
-    "random sequence": CAN,  # right numbers look old until they have caught up with a wrong one
+    "random sequence": (
+        *CAN,
+        CANOPEN,
+    ),  # right numbers look old until they have caught up with a wrong one
 }
 NEVER_HELD = {
     "duplicates": (*SERIAL, *CAN, "modbus tcp"),
-    "babbling": (*CAN, "modbus tcp"),
+    "babbling": (*CAN, CANOPEN, "modbus tcp"),
     "loss to the device": ("serial stream",),  # of commands, and the next is newer
 }
 MAY_BE_HELD = ("delay", "babbling")

@@ -78,3 +78,13 @@ def test_a_shipped_configuration_declares_the_delay_of_its_exchange(bus):
     for axis in machine.axes.values():
         assert axis.model.delay_s == driver["delay_s"]
     assert [said.partition(":")[0] for said in driver["advice"]] == ADVICE[bus]
+
+
+def test_the_shipped_drives_on_canopen_have_45_degrees_of_phase_and_30_with_a_sample_more():
+    told = summarise(load("canopen_gantry"))
+    for axis in told["axes"].values():
+        here = [row for row in axis["margins"] if row["inertia_at"] == "initial"]
+        assert [row["stable"] for row in axis["margins"]] == [True] * 6
+        assert here[0]["phase_margin_deg"] >= 45.0
+        assert here[1]["phase_margin_deg"] >= 30.0
+        assert min(row["gain_margin"] for row in here) > 2.0

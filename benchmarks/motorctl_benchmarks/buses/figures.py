@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.buses.exchanges import exchange_figures
 from motorctl_benchmarks.buses.session import Measured, measure_transport
-from motorctl_benchmarks.buses.transports import transports
+from motorctl_benchmarks.buses.transports import chosen_transports
 from motorctl_benchmarks.findings import Findings
 from motorctl_devices.prompt_ptys import can_be_prompt
 
@@ -31,12 +31,28 @@ TRACKING = Target("ratio", ">=", 0.9)
 """As good as the direct simulation within a tenth."""
 
 
-def bus_findings(progress: Progress, duration_s: float = DURATION_S) -> Findings:
-    """Run C2 over each transport in turn; one that fails is told and hinders no other."""
-    figures, notes = exchange_figures(part_of(progress, 0.0, EXCHANGE_SHARE))
+@dataclass(frozen=True)
+class BusesOptions:
+    """What is asked for."""
+
+    only: tuple[str, ...] = ()
+    """Names of transports: these, and no exchange apart; all, if not given."""
+
+
+def bus_findings(
+    progress: Progress, options: BusesOptions, duration_s: float = DURATION_S
+) -> Findings:
+    """Run C2 over each transport in turn; one that fails is told and hinders no other.
+
+    Raises UsageError where a transport that is asked for is not there.
+    """
+    figures: list[Figure] = []
+    notes: list[str] = []
     rows: list[dict[str, Any]] = []
-    chosen = transports()
-    whole = part_of(progress, EXCHANGE_SHARE, 1.0)
+    chosen, whole = chosen_transports(options.only), progress
+    if not options.only:
+        figures, notes = exchange_figures(part_of(progress, 0.0, EXCHANGE_SHARE))
+        whole = part_of(progress, EXCHANGE_SHARE, 1.0)
     for k, transport in enumerate(chosen):
         part = part_of(whole, k / len(chosen), (k + 1) / len(chosen))
         with tempfile.TemporaryDirectory(prefix="motorctl-") as folder:

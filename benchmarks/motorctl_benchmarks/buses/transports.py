@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from motorctl.errors import UsageError
 
 Options = dict[str, Any]
 
 AXES = ("x", "y")
 WAIT = 0.75
-"""Share of the period for which a CAN driver may wait for the answers to SYNC."""
+"""Share of the period for which a driver on CAN may wait for the answers to SYNC."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,20 @@ def transports() -> tuple[Transport, ...]:
         _serial("serial exchange", 2000.0, "exchange"),
         _can("can udp_multicast", 1000.0),
         _slcan("can slcan", 1400.0),
+        _canopen("canopen udp_multicast", 500.0),
         _modbus_tcp("modbus tcp", 3150.0),
         _modbus_rtu("modbus rtu", 200.0),
     )
+
+
+def chosen_transports(names: Collection[str]) -> tuple[Transport, ...]:
+    """Return the transports of these names, all where none is given. Raises UsageError."""
+    every = transports()
+    known = [transport.name for transport in every]
+    for name in names:
+        if name not in known:
+            raise UsageError(f"there is no bus '{name}' to measure; there are: {', '.join(known)}")
+    return tuple(transport for transport in every if not names or transport.name in names)
 
 
 def _serial(name: str, rate_hz: float, mode: str) -> Transport:
@@ -80,6 +93,18 @@ def _slcan(name: str, rate_hz: float) -> Transport:
         return {"type": "can", **bus, "channel": port, "tty_baudrate": 4_000_000, **wait}
 
     return Transport(name, rate_hz, driver, {"can": {**bus, "sync": {"id": 0x80}}})
+
+
+def _canopen(name: str, rate_hz: float) -> Transport:
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.5"}
+    drives = [{"node": k, "rated_torque_v": 10.0} for k in range(1, len(AXES) + 1)]
+
+    def driver(_endpoint: str) -> Options:
+        nodes = dict(zip(AXES, drives, strict=True))
+        sync = {"wait_s": WAIT / rate_hz}
+        return {"type": "canopen", **bus, "nodes": nodes, "sync": sync, "watchdog_s": 0.2}
+
+    return Transport(name, rate_hz, driver, {"canopen": {**bus, "nodes": drives}})
 
 
 def _registers() -> Options:

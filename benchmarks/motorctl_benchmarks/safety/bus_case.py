@@ -48,7 +48,7 @@ class BusOutcome:
     off_ms: float | None = None
     """From the fault to the device's amplifiers off."""
     travel_mm: float | None = None
-    """From the fault to the reset; None where the place was lost with the device."""
+    """From the fault to the reset; None where the place was lost with the count."""
     rows_lost: int = 0
     pause_ms: float = 0.0
     """The longest that this computer made meanwhile."""
@@ -228,8 +228,8 @@ def _tripped(
 
 
 def _travel_mm(kept: Kept, key: BusKey, spell: Spell, rows: slice, began_s: float) -> float | None:
-    """Return the longer way of the two axes; where the device began anew nobody knows it."""
-    if key.fault.endswith("reset"):
+    """Return the longer way of the two axes; where the count began anew nobody knows it."""
+    if key.fault.endswith("reset") or key.fault == "shifted_count":
         return None
     log = kept.log
     first = int(np.searchsorted(log.time_s, began_s + spell.at_s))

@@ -23,6 +23,9 @@ WATCHDOG_S = 0.25
 """The device's own, well above HOLD_S: so it is clear who took the volts away."""
 LATE_S = 0.06
 RESET_S = 0.05
+JUMP_COUNTS = 60_000
+"""30 mm: further than four times the top speed in a period of 2 ms, where it is no motion."""
+CANOPEN = "canopen-udp"
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,16 @@ def _slcan() -> Line:
     return Line("can-slcan", "can_gantry", "can_node", 500.0, driver, lambda _: serve)
 
 
+def _canopen() -> Line:
+    def driver(_endpoint: str, port: int) -> Options:
+        return {"port": port, "watchdog_s": WATCHDOG_S}
+
+    def serve(port: int) -> Options:
+        return {"canopen": {"port": port}}
+
+    return Line(CANOPEN, "canopen_gantry", "canopen_drives", 500.0, driver, serve)
+
+
 def _tcp() -> Line:
     def driver(endpoint: str, _port: int) -> Options:
         host, _, port = endpoint.rpartition(":")
@@ -103,9 +116,19 @@ def _rtu() -> Line:
 
 LINES: Mapping[str, Line] = {
     line.name: line
-    for line in (_serial("poll"), _serial("exchange"), _can(), _slcan(), _tcp(), _rtu())
+    for line in (
+        _serial("poll"),
+        _serial("exchange"),
+        _can(),
+        _slcan(),
+        _canopen(),
+        _tcp(),
+        _rtu(),
+    )
 }
-SMALL = ("serial-poll", "can-udp", "modbus-tcp")
+WITHOUT_PORT = ("modbus-tcp", "can-udp", CANOPEN)
+"""Their devices make no serial port that a link could point to."""
+SMALL = ("serial-poll", "can-udp", CANOPEN, "modbus-tcp")
 
 _TCP = "modbus-tcp"
 WIRE: Mapping[str, tuple[str, Options]] = {
@@ -124,6 +147,11 @@ WIRE: Mapping[str, tuple[str, Options]] = {
     ),
     "long_reset": ("the device starts anew within 0.5 s", {"kind": "reset", "duration_s": 0.5}),
     "unplug": ("the line is unplugged", {"kind": "unplug", "duration_s": 1.0}),
+    "broken_amplifier": ("an amplifier breaks, and its drive says so", {"kind": "amplifier_fault"}),
+    "shifted_count": (
+        "the device's count jumps",
+        {"kind": "counter_jump", "counts": JUMP_COUNTS},
+    ),
 }
 """Faults to order of the device at the other end: title and order."""
 
@@ -134,17 +162,28 @@ def promise(line: str, fault: str) -> Promise | None:
     A checksum of the line's own (CAN, TCP) lets no wrong bit pass, so such an order is a device
     that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that
     is late, or whose number stands still, passes for a new one about once in a hundred ticks; a
-    reset may be obeyed then, and is not asked for. Nor is it where it would open the driver anew.
+    reset may be obeyed then, and is not asked for. Nor is it where it would open the driver anew:
+    on CANopen after three heartbeats that are missing. Its answers have no number to stand still.
     """
+    if fault == "stuck_sequence" and line == CANOPEN:
+        return None
+    if fault == "shifted_count" and line == "modbus-rtu":
+        return None  # in a period of 8 ms it may be motion, for all that a guard knows
+    if fault == "broken_amplifier":
+        # The drives of CANopen are reset, and fail again: a fault that ends meanwhile is gone.
+        return Promise("amplifier", 0.0, held=False, asked=line != CANOPEN)
+    if fault == "shifted_count":
+        return Promise("encoder_jump", 0.0, held=False)
     if fault == "bit_errors" and (line.startswith("can") or line == _TCP):
         return None
     if fault == "wrong_length" and line == _TCP:
         return None
     if fault in ("silence", "unplug"):
         # The device hears nothing either: its watchdog takes the volts.
-        gone = fault == "unplug" and line != "can-udp"
+        gone = fault == "unplug" and line not in ("can-udp", CANOPEN)
         guard = "communication" if gone else "no_new_sample"
-        return Promise(guard, WATCHDOG_S, not gone, asked=fault == "silence")
+        asked = fault == "silence" and line != CANOPEN
+        return Promise(guard, WATCHDOG_S, not gone, asked=asked)
     if fault.endswith("reset"):
         if line == _TCP:  # the connection is reset with it
             return Promise("communication", RESET_S if fault == "short_reset" else 0.0, held=False)
@@ -153,7 +192,7 @@ def promise(line: str, fault: str) -> Promise | None:
         return Promise("no_new_sample", 0.0)
     passes = line.startswith("can") and fault in ("late_answers", "stuck_sequence")
     late_s = LATE_S if fault == "late_answers" else 0.0
-    return Promise("no_new_sample", HOLD_S + late_s, asked=not passes)
+    return Promise("no_new_sample", HOLD_S + late_s, asked=not passes and line != CANOPEN)
 
 
 def device_file(line: Line, port: int, faults: list[Options]) -> str:

@@ -24,6 +24,7 @@ from motorctl.log import Recording, read_recording
 from motorctl_benchmarks.safety.bus_lines import (
     LINES,
     WIRE,
+    WITHOUT_PORT,
     Line,
     Options,
     device_file,
@@ -173,7 +174,7 @@ def run_session(session: Session, progress: Progress) -> Kept:
 
 
 def _has_port(line: Line) -> bool:
-    return line.name not in ("modbus-tcp", "can-udp")
+    return line.name not in WITHOUT_PORT
 
 
 def _asked(line: Line, fault: str) -> bool:

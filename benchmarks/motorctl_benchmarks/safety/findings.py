@@ -18,7 +18,7 @@ from motorctl_benchmarks.safety.bus_case import (
     parse_bus,
     run_bus_cases,
 )
-from motorctl_benchmarks.safety.bus_lines import WIRE
+from motorctl_benchmarks.safety.bus_lines import LINES, WIRE
 from motorctl_benchmarks.safety.cases import CaseKey, Size, keys, parse_case
 from motorctl_benchmarks.safety.fault_free import Quiet, Spell, run_spell, spells
 from motorctl_benchmarks.safety.machines import KINDS
@@ -61,6 +61,14 @@ def parse_task(text: str) -> Task | BusKey:
     if known and parts[3].isdecimal():
         return Spell(parts[1], parts[2], int(parts[3]))
     raise UsageError(f"{text}: no spell; free:MACHINE:CONTROLLER:SEED, as in free:stage:C2:1")
+
+
+def parse_tasks(text: str) -> tuple[Task | BusKey, ...]:
+    """Read a key, or all cases of a bus, as in bus:can-udp. Raises UsageError."""
+    bus, _, line = text.partition(":")
+    if bus == BUS and line in LINES:
+        return tuple(key for key in bus_keys("full", 1) if key.line == line)
+    return (parse_task(text),)
 
 
 def run_task(task: Task) -> Outcome | Quiet:

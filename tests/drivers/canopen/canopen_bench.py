@@ -26,7 +26,7 @@ def data(**given: Any) -> dict[str, Any]:
         "sync": {"wait_s": 0.2},  # the computer may be busy
         "nodes": {"x": {"node": 5, "rated_torque_v": RATED_V}},
         "watchdog_s": 2.0,
-        "heartbeat_s": 0.2,
+        "heartbeat_s": 0.1,
         "open_timeout_s": 1.0,
     }
     return usual | given

@@ -12,6 +12,10 @@ from motorctl.errors import RunError
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
+TWO = {
+    "x": {"node": 5, "rated_torque_v": 10.0},
+    "y": {"node": 6, "rated_torque_v": 10.0},
+}
 NOT_MAPPABLE, NO_OBJECT, WRONG_STATE = 0x06040041, 0x06020000, 0x08000022
 
 
@@ -58,6 +62,27 @@ def test_commands_on_arrival_are_mapped_as_such_and_act_without_delay():
 def test_what_nobody_asked_for_is_not_sent():
     with opened() as bench:
         assert bench.drive.node.sdo[0x1801][1].raw >> 31 == 1
+
+
+def test_drives_boot_and_start_side_by_side():
+    reset, start = 130, 1
+    chosen = data(nodes=TWO)
+    told = []
+    with peer_of(chosen) as peer:
+        peer.network.subscribe(0, lambda _id, sent, _time: told.append(tuple(sent)))
+        made = driver(chosen)
+        made.open()
+        assert told == [(reset, 5), (reset, 6), (start, 5), (start, 6)]
+        made.close()
+
+
+def test_a_second_drive_that_does_not_start_is_named():
+    chosen = data(nodes=TWO, open_timeout_s=0.2)
+    with peer_of(chosen) as peer:
+        peer.drives[1].silent = True
+        with pytest.raises(RunError) as no:
+            driver(chosen).open()
+    assert "node 6 (axis y) sends no statusword with SYNC, within" in str(no.value)
 
 
 def test_a_node_that_is_not_there_is_named():

@@ -168,7 +168,7 @@ def test_a_tpdo_that_does_not_come_is_stale_and_the_count_repeats():
         assert bench.status == Status.STALE
         assert bench.inputs.counts[0] == 77
         bench.drive.silent = False
-        bench.periods(2)
+        bench.periods(3)
         assert bench.inputs.counts[0] == 88
 
 

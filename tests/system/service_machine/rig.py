@@ -19,6 +19,8 @@ from transcript import RESULT
 
 MOTORCTL = "/opt/motorctl/bin/motorctl"
 BUSES = {"left": "vcan0", "right": "vcan1"}
+DRIVES, DRIVES_BUS = "drives", "vcan2"
+"""The gantry that is two drives on CANopen."""
 RATE_HZ = 50
 """Two loops and two devices on two emulated processors, which may have less than a real one."""
 PAUSE_S = 0.9
@@ -71,17 +73,10 @@ def wait_for(what: str, reached: Callable[[], Any], timeout_s: float = PATIENCE_
 def write_files() -> None:
     """Write configurations and device files, and the unit of the devices."""
     for name, bus in BUSES.items():
-        driver = loop_config.can_driver() | {"channel": bus}
-        driver["late"] |= {"hold_ticks": RATE_HZ}
-        machine = loop_config.config(driver) | {"name": name, "rate_hz": RATE_HZ}
-        machine["loop"] |= {"spin_s": 0.0}  # no emulated processor wakes up that exactly
-        for axis in machine["axes"].values():
-            axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
-        Path(f"/job/{name}.yaml").write_text(json.dumps(machine, indent=1))
         device = loop_config.device_file()
         device["serve"]["can"]["channel"] = bus
-        device["rate_hz"] = RATE_HZ
-        Path(f"/job/device-{bus}.yaml").write_text(json.dumps(device))
+        _write_gantry(name, bus, loop_config.can_driver() | {"channel": bus}, device)
+    _write_gantry(DRIVES, DRIVES_BUS, drives_driver(), drives_device())
     Path("/etc/systemd/system/device@.service").write_text(DEVICE_UNIT)
     # code that was compiled outside, for every processor
     drop_in = Path("/etc/systemd/system/motorctl@.service.d/emulated.conf")
@@ -91,13 +86,51 @@ def write_files() -> None:
     shell("systemctl daemon-reload")
 
 
+def _write_gantry(name: str, bus: str, driver: dict[str, Any], device: dict[str, Any]) -> None:
+    driver["late"] = {"hold_ticks": RATE_HZ, "predict": True}
+    machine = loop_config.config(driver) | {"name": name, "rate_hz": RATE_HZ}
+    machine["loop"] |= {"spin_s": 0.0}  # no emulated processor wakes up that exactly
+    for axis in machine["axes"].values():
+        axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
+        axis["encoder"]["counter_bits"] = device["channels"][0]["counter_bits"]
+    Path(f"/job/{name}.yaml").write_text(json.dumps(machine, indent=1))
+    device["rate_hz"] = RATE_HZ
+    Path(f"/job/device-{bus}.yaml").write_text(json.dumps(device))
+
+
+def drives_driver() -> dict[str, Any]:
+    """Return the options of two drives; they act at once, so the list is the other gantries'."""
+    nodes = {axis: {"node": number, "rated_torque_v": 10} for number, axis in enumerate("xy", 1)}
+    return {
+        "type": "canopen",
+        "interface": "socketcan",
+        "channel": DRIVES_BUS,
+        "nodes": nodes,
+        "sync": {"wait_s": 0.7 / RATE_HZ},
+        "command_at": "arrival",
+        "watchdog_s": DEVICE_WATCHDOG_S,
+        "heartbeat_s": 0.5 * PAUSE_S,
+        "open_timeout_s": 60.0,
+    }
+
+
+def drives_device() -> dict[str, Any]:
+    """Return the file of these drives."""
+    device = loop_config.device_file()
+    for channel in device["channels"]:
+        channel["counter_bits"] = 32
+    nodes = [{"node": number, "rated_torque_v": 10.0} for number in (1, 2)]
+    canopen = {"interface": "socketcan", "channel": DRIVES_BUS, "nodes": nodes}
+    return device | {"serve": {"canopen": canopen}}
+
+
 class Service:
     """One gantry as systemd and its clients see it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.unit = f"motorctl@{name}.service"
-        self.bus = BUSES[name]
+        self.bus = DRIVES_BUS if name == DRIVES else BUSES[name]
 
     def show(self, key: str) -> str:
         """Return a property of the unit."""

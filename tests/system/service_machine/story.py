@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from rig import BUSES, MOTORCTL, Service, shell, wait_for, watched, write_files
+from rig import BUSES, DRIVES, MOTORCTL, Service, shell, wait_for, watched, write_files
 from transcript import RESULT, STEPS, Step, run_all
 
 LEFT, RIGHT = Service("left"), Service("right")
@@ -186,6 +186,29 @@ def removed() -> str:
     assert LEFT.ready()
     assert list(Path("/var/log/motorctl/right").glob("*.parquet"))
     return f"kept: {', '.join(kept)}"
+
+
+def canopen() -> str:
+    """A third gantry is two drives on CANopen: its loop is killed, and their Fault reset."""
+    drives = Service(DRIVES)
+    shell(f"{MOTORCTL} service install {DRIVES} --config /job/{DRIVES}.yaml")
+    shell(f"systemctl start device@{drives.bus} {drives.unit}")
+    wait_for("the service", drives.ready)
+    drives.begin_to_move()
+    state, before = drives.axis()["drive_state"], drives.restarts
+    assert state == "operation_enabled", state
+    os.kill(drives.loop, signal.SIGKILL)
+    took = drives.wait_until_anew(before)
+    drives.insist_on_off()
+    said = shell(f"journalctl -b -u {drives.unit} -o cat")
+    told = [line for line in said.splitlines() if "(axis x) was in Fault and was reset" in line]
+    assert len(told) == 1, said
+    drives.begin_to_move()
+    shell(f"systemctl stop {drives.unit} device@{drives.bus}")
+    assert drives.show("Result") == "success"
+    shell(f"{MOTORCTL} service remove {DRIVES}")
+    assert LEFT.ready()
+    return f"{state}; anew in {took:.1f} s: {told[0]}"
 
 
 def loop_killed() -> str:
@@ -372,7 +395,7 @@ def gone() -> str:
 
 THE_STEPS: list[Step] = [
     *(kernel, wheel, bad_configuration, installed, bus, hardened, started, fenced_in, driven),
-    *(beside, removed, loop_killed, supervisor_killed, loop_frozen, supervisor_frozen),
+    *(beside, removed, canopen, loop_killed, supervisor_killed, loop_frozen, supervisor_frozen),
     *(busy, starved, reloaded, restarted, misconfigured, logs, rebooting, rebooted, gone),
 ]
 ALWAYS = {wheel, installed, bus, started}

@@ -1,0 +1,108 @@
+"""Answers to SYNC that are late or lost: a PDO has no number, and must not pass for a newer one."""
+
+from __future__ import annotations
+
+import struct
+
+import can
+from canopen_bench import PERIOD_S, data
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from motorctl.hal import Channel, Status
+from motorctl_canopen.exchange import Exchange
+from motorctl_canopen.node import Node
+from motorctl_canopen.options import CanopenOptions
+
+PERIODS = 250
+WAIT = 0.7
+"""Share of a period for which a read waits."""
+OPERATION_ENABLED = 0x27
+
+
+class LateBus:
+    """Two drives whose answers come a time after SYNC; time is counted in periods."""
+
+    lost = passing = 0
+
+    def __init__(self, late: float) -> None:
+        self.now = 0.0
+        self.late = late
+        self.loses: set[int] = set()
+        """Periods in which an answer is lost."""
+        self._coming: list[tuple[float, int, int]] = []
+        self._asked_at = -1.0
+
+    def send(self, message: can.Message) -> bool:
+        if message.arbitration_id == 0x80:
+            self._asked_at = self.now
+            if int(self.now) not in self.loses:
+                self._coming += [(self.now + self.late, node, int(self.now)) for node in (1, 2)]
+        return True
+
+    def receive(self, _timeout_s: float) -> can.Message | None:
+        # By the periods alone: after SYNC it is waited for, however long that takes this computer.
+        until = self.now + (WAIT if self._asked_at == self.now else 0.0)
+        if not self._coming or self._coming[0][0] > until:
+            return None
+        _, node, position = self._coming.pop(0)
+        told = bytearray(struct.pack("<Hi", OPERATION_ENABLED, position))
+        return can.Message(arbitration_id=0x180 + node, is_extended_id=False, data=told)
+
+    def more(self) -> bool:
+        return False
+
+
+def fresh_samples(bus: LateBus) -> list[tuple[int, int]]:
+    """Return in which periods a sample was told as new, and from which period it was."""
+    node = {"rated_torque_v": 10.0}
+    nodes = {axis: {**node, "node": i} for i, axis in enumerate("xy", 1)}
+    options = CanopenOptions.model_validate(data(nodes=nodes, sync={"wait_s": 2e-5}))
+    made = [
+        Node(options.nodes[axis], Channel(axis, i, 0.5e-6, 32, 10.0), PERIOD_S, 1.0, 1e9)
+        for i, axis in enumerate("xy")
+    ]
+    exchange = Exchange(options, made, PERIOD_S)
+    exchange.link = bus  # type: ignore[assignment]
+    found = []
+    for period in range(PERIODS):
+        bus.now = float(period)
+        exchange.ask()
+        words = [drive.status(0.0) for drive in made]
+        if not words[0] & Status.STALE:
+            found.append((period, made[0].shown))
+    return found
+
+
+def test_answers_in_time_are_all_new():
+    assert fresh_samples(LateBus(0.3)) == [(k, k) for k in range(PERIODS)]
+
+
+@given(st.floats(WAIT + 0.01, 100.0))
+@example(1.2)
+@example(4.3)
+@example(30.3)
+def test_answers_that_are_late_never_pass_for_newer_ones(late):
+    assert fresh_samples(LateBus(late)) == []
+
+
+@given(st.sets(st.integers(1, PERIODS - 1)))
+def test_where_answers_are_lost_every_sample_is_of_its_own_period(lost):
+    bus = LateBus(0.3)
+    bus.loses = lost
+    assert all(period == position for period, position in fresh_samples(bus))
+
+
+def test_a_lost_answer_costs_three_samples():
+    bus = LateBus(0.3)
+    bus.loses = {100}
+    found = fresh_samples(bus)
+    missing = set(range(PERIODS)) - {period for period, _ in found}
+    assert missing == {100, 101, 102}  # it, one that may be its late answer, one without SYNC
+
+
+def test_a_drive_that_was_silent_is_heard_three_periods_after_it_speaks_again():
+    bus = LateBus(0.3)
+    bus.loses = set(range(100, 200))
+    found = [period for period, _ in fresh_samples(bus)]
+    assert min(period for period in found if period > 100) == 202
