@@ -25,6 +25,12 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
+from motorctl.identify.diagnose.verdict.position_faults import (
+    drowned_in_steps,
+    jumps_told,
+    rounding_sse,
+    steps_told,
+)
 from motorctl.identify.fit.judgement import (
     ForceOfPlaceError,
     NothingExplainedError,
@@ -144,7 +150,7 @@ def check_motion(data: Measured, signals: Signals) -> None:
             f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
             "hold a part of it out and test on it: record a longer motion"
         )
-    if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
+    if speed > FASTEST[unit] or (acceleration > HARDEST[unit] and not drowned_in_steps(signals)):
         raise DataError(
             f"{data.place}: it moves at {speed:.3g} {unit}/s and {acceleration:.3g} {unit}/s^2, "
             f"beyond {FASTEST[unit]:g} {unit}/s or {HARDEST[unit]:g} {unit}/s^2: is the position "
@@ -236,13 +242,19 @@ def check_explains(
         Naming the mistake, or what to record.
     """
     plain = _above_noise(data, signals)
-    blocks = make_blocks(plain.rows, plain.row_period_s)
-    hypothesis = Hypothesis(Regressors(plain, model, blocks))
-    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
-    noise = _noise_sse(plain)
-    left = hypothesis.solution.sse - noise
-    if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
+    hypothesis, left, total = _declared_in(plain, model)
+    if left < EXPLAINS_ENOUGH * total and hypothesis.b[0] > 0.0:
         return hypothesis
+    coarse: DataError | None = None
+    try:
+        clear = _above_noise(data, signals, steps=True)
+    except DataError as error:
+        clear, coarse = plain, error
+    if clear.band_hz < plain.band_hz:
+        plain = clear
+        hypothesis, left, total = _declared_in(plain, model)
+        if left < EXPLAINS_ENOUGH * total and hypothesis.b[0] > 0.0:
+            return hypothesis
     share, backwards = _moved_by(plain)
     if backwards:  # said of a selection, it must hold of the whole recording
         _, backwards = _moved_by(_above_noise(data, make_signals(data)))
@@ -258,7 +270,7 @@ def check_explains(
             "recording"
         )
     lenient = lenient or bool(others)
-    nothing = left > EXPLAINS_NOTHING * (total - noise)
+    nothing = left > EXPLAINS_NOTHING * total
     try:
         fit_axis(data, model)  # knows the usual mistakes, such as exchanged columns
     except ForceOfPlaceError:
@@ -271,7 +283,9 @@ def check_explains(
         nothing = True
     if nothing and not lenient and _waves_explain(plain) < WAVES_ENOUGH:
         raise DataError(
-            f"{data.place}: the command explains none of the acceleration, and the motion "
+            jumps_told(data)
+            or (coarse and str(coarse))
+            or f"{data.place}: the command explains none of the acceleration, and the motion "
             f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
             f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
             "of the same axis, in time with each other? Where other axes load this one, as in an "
@@ -311,18 +325,33 @@ def _check_direction_of(data: Measured) -> None:
         )
 
 
-def _above_noise(data: Measured, signals: Signals) -> Signals:
+def _declared_in(plain: Signals, model: EffectList) -> tuple[Hypothesis, float, float]:
+    """Return the declared model, the squared acceleration that it leaves, and all, above noise."""
+    blocks = make_blocks(plain.rows, plain.row_period_s)
+    hypothesis = Hypothesis(Regressors(plain, model, blocks))
+    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
+    noise = _noise_sse(plain)
+    return hypothesis, hypothesis.solution.sse - noise, total - noise
+
+
+def _above_noise(data: Measured, signals: Signals, steps: bool = False) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
     Where that is not the whole one: the noise of the acceleration grows with the fifth power of the
-    band, and a coarse encoder drowns fast motion alone.
+    band, and a coarse encoder drowns fast motion alone. The steps of one whose counts come seldom
+    are no white noise; they are asked where nothing is explained without.
     """
     band_hz = signals.band_hz
     enough: Signals | None = None
+    clearest = 0.0
     while band_hz >= min(NARROWEST_HZ, signals.band_hz):
         plain = signals.plain(band_hz)
         left = plain.acceleration()
-        ratio = float(left @ left) / _noise_sse(plain)
+        noise = _noise_sse(plain)
+        if steps:
+            noise = max(noise, rounding_sse(plain))
+        ratio = float(left @ left) / noise
+        clearest = max(clearest, ratio)
         if ratio >= CLEARLY_OUTWEIGHS:
             return plain
         if enough is None and ratio >= OUTWEIGHS:
@@ -330,9 +359,11 @@ def _above_noise(data: Measured, signals: Signals) -> Signals:
         band_hz *= BAND_STEP
     if enough is not None:
         return enough
+    by_steps = steps_told(data, clearest, OUTWEIGHS) if steps else ""
     raise DataError(
         f"{data.place}: only noise: the acceleration below {band_hz / BAND_STEP:.3g} Hz does not "
-        f"reach {OUTWEIGHS:g} times the power of the position's own noise: record a faster motion"
+        f"reach {OUTWEIGHS:g} times the power of the position's own noise{by_steps}: record a "
+        "faster motion"
     )
 
 
