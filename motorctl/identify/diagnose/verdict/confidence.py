@@ -44,22 +44,24 @@ SHARED = 0.5
 other, each has half. Larger trusts such names more. Arithmetic for one."""
 PLAINLY = 0.75
 """Least confidence in a plain effect (see `is_plain`). Larger claims more than was counted,
-smaller doubts what nothing else explains. Measured: of 176 plain names on machines of five authors
-175 were right, and so were all six that the weights alone doubted; six are few, so it is less than
-the 7/8 that they suggest."""
+smaller doubts what nothing else explains. Chosen by hand: of 176 plain names on machines of five
+authors 175 were right, and so were all six that the weights alone doubted; six are few, so it is
+less than the 7/8 that they suggest."""
 TAKES_FIVEFOLD = 5.0
 """Factor by which a plain effect lowers the squared error on held-out rows. Larger knows fewer
-plain ones, smaller lets parts of a cause be plain. Measured as above; at 4 and 10 as many were
-right."""
+plain ones, smaller lets parts of a cause be plain. Chosen by hand; as many are right at 4 and
+at 10."""
 HALF_AS_GOOD = 2.0
 """Squared error that the best other effect leaves, over that of a plain one. Larger knows fewer
-plain ones, smaller names one of two that do as well. Measured as above, as at 3."""
+plain ones, smaller names one of two that do as well. Chosen by hand; as many are right at 3."""
 PARTS_AGREE = 0.2
 """Part of a plain effect by which parts of the recording disagree on it, at most. Larger takes in
-what is fitted to single events, smaller doubts short recordings. Measured as above, as at 0.1."""
+what is fitted to single events, smaller doubts short recordings. Chosen by hand; as many are right
+at 0.1."""
 REST_UNKNOWN = 0.2
 """Part of the explainable error that may be left beside a plain effect. Larger speaks of machines
-that are not understood, smaller doubts joints that others load. Measured as above, as at 0.1."""
+that are not understood, smaller doubts joints that others load. Chosen by hand; as many are right
+at 0.1."""
 WEIGHTS = "confidence_weights.json"
 
 

@@ -26,8 +26,8 @@ samples. Chosen by hand."""
 AS_WIDE = 0.6
 """Spread of the command while the position stands still, over its spread in motion, from which the
 axis should have moved. Larger misses stuck encoders of calm axes, smaller tells it of joints that
-rest while others move. Measured: joints of real arms rest with at most 0.51, with an encoder that
-is stuck they have 0.65 to 1.2."""
+rest while others move. Chosen by hand: joints of real arms rest with at most 0.51, with an encoder
+that is stuck they have 0.65 to 1.2."""
 AS_SLOW = 0.5
 """Time between the command's swings there, over that in motion, at least: what swings faster than
 the axis can follow need not move it. Larger misses stuck encoders, smaller suspects the end of a
@@ -51,8 +51,8 @@ nothing explains the acceleration. Larger misses that reason, smaller gives it w
 true one. Chosen by hand: more than all else."""
 DROWNED = 0.3
 """Part of the squared acceleration that the steps make, from which it may be the steps' own.
-Larger takes coarse positions for wrong units, smaller excuses wrong units. Measured: positions in
-such steps have 0.6 to 0.9."""
+Larger takes coarse positions for wrong units, smaller excuses wrong units. Chosen by hand:
+positions in such steps have 0.6 to 0.9."""
 WHOLE = 0.02
 """Mean distance of the position's steps from whole ones, in steps, up to which it comes in them;
 any other position has 0.25. Larger takes a fine position for a coarse one, smaller misses steps
