@@ -158,12 +158,11 @@ def jumps_told(data: Measured) -> str | None:
         return None
     unit = data.position_unit
     return (
-        f"{data.place}: the position jumps {jumps} times between neighbouring rows, first at "
-        f"{first_s:.4g} s, by up to {largest:.3g} {unit} where it moves by {beside:.2g} {unit} a "
-        f"row beside it: these jumps make {100.0 * of_jumps / of_all:.0f} % of its acceleration "
-        f"(limit {100.0 * MOST_OF_IT:.0f} %), and no force explains them. Rows are missing there, "
-        "or their times are not those at which they were recorded: give the column of times, or "
-        "cut the recording at these places"
+        f"the position jumps {jumps} times between neighbouring rows, first at {first_s:.4g} s, by "
+        f"up to {largest:.3g} {unit} where it moves by {beside:.2g} {unit} a row beside it: these "
+        f"jumps make {100.0 * of_jumps / of_all:.0f} % of its acceleration (limit "
+        f"{100.0 * MOST_OF_IT:.0f} %). Rows are missing there, or their times are not those at "
+        "which they were recorded: give the column of times, or cut the recording at these places"
     )
 
 

@@ -282,10 +282,15 @@ def check_explains(
     except NothingExplainedError:
         nothing = True
     if nothing and not lenient and _waves_explain(plain) < WAVES_ENOUGH:
+        if jumps := jumps_told(data):
+            raise DataError(
+                f"{data.place}: the command explains none of the acceleration: {jumps}. If it "
+                "explains none then either, it is not what drives this axis"
+            )
+        if coarse is not None:
+            raise coarse
         raise DataError(
-            jumps_told(data)
-            or (coarse and str(coarse))
-            or f"{data.place}: the command explains none of the acceleration, and the motion "
+            f"{data.place}: the command explains none of the acceleration, and the motion "
             f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
             f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
             "of the same axis, in time with each other? Where other axes load this one, as in an "
