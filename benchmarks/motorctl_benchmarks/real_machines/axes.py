@@ -58,6 +58,16 @@ from motorctl_benchmarks.real_machines.readers import (
     wam,
     wheel,
 )
+from motorctl_benchmarks.real_machines.stage_readers import (
+    STIFF,
+    STIFF_LATER,
+    TWO_MASSES,
+    ball_on_beam,
+    geared_motor,
+    levitated_magnet,
+    stage,
+    wheel_of_mouse,
+)
 
 
 @dataclass(frozen=True)
@@ -126,6 +136,11 @@ LATE_FORCE = ("input_lag", "input_delay")
 """The measured force is 50 ms behind the motion."""
 CUTS = ("stribeck",)
 """What friction leaves is the force of cutting; at low speed it is larger."""
+WITH_PLAY = ("backlash", "flexible_mode")
+"""After a step of the voltage the motor runs ahead alone for 4 ms and waits for 5 ms; the second
+mass hangs on a spring whose antiresonance its authors put at 2.5 Hz."""
+SEEN_AT_THE_LOAD = (*WITH_PLAY, "input_lag", "input_delay")
+RUNS_ONE_WAY = ("quadratic_drag", "input_lag", "input_delay")
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
 AXES: tuple[RealAxis, ...] = (
@@ -221,6 +236,28 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("pulled cylinder, O-ring", pulled_cylinder("O-ring_5bar"), "N", LATE_FORCE, "mm"),
     RealAxis("pulled cylinder, round seal", pulled_cylinder("Circle_7bar"), "N", LATE_FORCE, "mm"),
     *(RealAxis(f"milling machine, {c}", milling_axis(c), "A", CUTS, "mm") for c in ("X", "Y")),
+    RealAxis("stiff drive, to and fro", stage(f"{STIFF}/2_2_Kp_0.5", "x"), "V", WITH_PLAY, "mm"),
+    RealAxis(
+        "stiff drive, steps", stage(f"{STIFF}/2_1_velocity_response", "v"), "V", WITH_PLAY, "mm"
+    ),
+    RealAxis("stiff drive, moves", stage(f"{STIFF_LATER}/q2_2", "x"), "V", WITH_PLAY, "mm"),
+    RealAxis("stiff drive, 1 mm", stage(f"{STIFF_LATER}/q2_1_a", "x"), "V", WITH_PLAY, "mm"),
+    *(
+        RealAxis(f"two masses, {what}", stage(f"{TWO_MASSES}/{name}", column), "V", may_name, "mm")
+        for what, name, column, may_name in (
+            ("steps", "velocity_response_2", "v1", WITH_PLAY),
+            ("steps, load", "velocity_response_2", "v2", SEEN_AT_THE_LOAD),
+            ("3 Hz", "velocity_response_sine_3", "v1", WITH_PLAY),
+            ("load in a loop", "2_2_kp_0_2", "x2", SEEN_AT_THE_LOAD),
+        )
+    ),
+    RealAxis("geared motor, one way", geared_motor, "V", RUNS_ONE_WAY),
+    RealAxis("levitated magnet", levitated_magnet, "mA", ("position_force",), "mm", scale=-1),
+    RealAxis("ball on a beam", ball_on_beam("dataPidAll", 1, 2), "%", (), "mm"),
+    *(
+        RealAxis(f"mouse's wheel, {name}", wheel_of_mouse(name), "%", (), "turn")
+        for name in ("testPid1", "testPid6")
+    ),
 )
 
 

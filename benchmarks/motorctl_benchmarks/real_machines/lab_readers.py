@@ -149,10 +149,10 @@ def pulled_cylinder(seal: str) -> Read:
     return read
 
 
-def milling_axis(letter: str) -> Read:
+def milling_axis(letter: str, what: str = "Velocity") -> Read:
     """Return the reader of an axis of a milling machine that cuts wax, 10 Hz, by its velocity.
 
-    Its position is rounded, to whole millimetres from 100 on.
+    Its position is rounded, to whole millimetres from 100 on, and jumps where rows are missing.
     """
 
     def read(recordings: Path) -> Columns:
@@ -161,7 +161,7 @@ def milling_axis(letter: str) -> Read:
             rows = list(csv.DictReader(file))
         return {
             "time_s": np.arange(len(rows)) / 10.0,
-            "velocity": np.array([float(row[f"{letter}1_ActualVelocity"]) for row in rows]),
+            what.lower(): np.array([float(row[f"{letter}1_Actual{what}"]) for row in rows]),
             "command": np.array([float(row[f"{letter}1_CurrentFeedback"]) for row in rows]),
         }
 

@@ -61,6 +61,8 @@ SCHUNK = "nikhilushinde/AutoKoopman"
 ROD_MOTOR = "Alex-Jagger/277_Assignments"
 CYLINDER = "EvaZillen/3D-printed-pneumatic-actuator"
 MILL = "ejhusom/cnc_milling_tool_wear"
+STAGES = "ParthSareen/controls-projects"
+WHEELS = "opatiny/micromouse"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -102,6 +104,8 @@ REPOSITORIES = (
     ROD_MOTOR,
     CYLINDER,
     MILL,
+    STAGES,
+    WHEELS,
 )
 """On GitHub."""
 COMMITS = {

@@ -29,6 +29,7 @@ from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.late_command import late_command
+from motorctl.identify.diagnose.verdict.position_faults import without_stuck
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_explains,
     check_magnitude,
@@ -155,6 +156,7 @@ def diagnose_axis(
     check_usable(data)
     check_columns(data)
     check_magnitude(data)
+    data, stuck = without_stuck(data)
     tell("reading its motion")
     slope = slope_of(declared.effects)
     signals = make_signals(data, slope_s_m=slope)
@@ -177,4 +179,4 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    return axis if hint is None else replace(axis, notes=(*axis.notes, hint))
+    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint))))

@@ -88,6 +88,7 @@ def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
     assert sure.effects[0].grounds["unexplained"] < 0.05
     table = {what: dict.fromkeys(row, 0.0) | {"intercept": -2.0} for what, row in weights().items()}
     monkeypatch.setattr(judging, "weights", lambda: table)
+    monkeypatch.setattr(judging, "PLAINLY", 0.0)
     unsure = diagnose_axis(pulled, C1)
     assert unsure.effects == ()
     assert unsure.verdict != "complete"
@@ -135,6 +136,28 @@ def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
         {"unsteady": 1.0},
     ):
         assert confidence(replace(clear, **doubt)) < confidence(clear)
+
+
+def test_a_plain_effect_is_named_however_far_above_the_noise_the_rest_is():
+    far_above = Evidence(
+        gain=24.0,
+        rival_share=0.7,
+        stranger_share=0.7,
+        unexplained=0.05,
+        over_noise=15.0,
+        reduction=4.6,
+        unsteady=0.1,
+    )
+    assert confidence(far_above) == judging.PLAINLY
+    assert confidence(far_above, of_family=True) == judging.PLAINLY
+    assert confidence(far_above, alike=1) == judging.PLAINLY / 2.0
+    for doubt in (
+        {"reduction": 2.2},
+        {"rival_share": 0.8},
+        {"unsteady": 0.3},
+        {"unexplained": 0.3},
+    ):
+        assert confidence(replace(far_above, **doubt)) < judging.TOLD
 
 
 def test_chance_gains_nothing(with_chance):

@@ -35,7 +35,12 @@ from motorctl_benchmarks.real_machines.axes import (
     RealAxis,
     described,
 )
-from motorctl_benchmarks.real_machines.lab_readers import egg_lift, position_servo, rack
+from motorctl_benchmarks.real_machines.lab_readers import (
+    egg_lift,
+    milling_axis,
+    position_servo,
+    rack,
+)
 from motorctl_benchmarks.real_machines.readers import (
     REPOSITORIES,
     Read,
@@ -46,6 +51,11 @@ from motorctl_benchmarks.real_machines.readers import (
     wam,
 )
 from motorctl_benchmarks.real_machines.run_axis import RELIED_UPON
+from motorctl_benchmarks.real_machines.stage_readers import (
+    ball_in_tube,
+    ball_on_beam,
+    levitated_magnet,
+)
 
 RECORDINGS = Path(os.environ.get("MOTORCTL_RECORDINGS", "nowhere"))
 MISSING = [name for name in REPOSITORIES if not folder_of(RECORDINGS, name).is_dir()]
@@ -57,6 +67,10 @@ pytestmark = [
         reason="MOTORCTL_RECORDINGS names no folder with the recordings: tools/fetch_recordings.py",
     ),
 ]
+
+
+MILL_X, MILL_Y = (milling_axis(letter, "Position") for letter in "XY")
+BALL_RANDOM = ball_on_beam("dataAprbsAllNEW", 1, 0)
 
 
 def diagnosed(machine: RealAxis, folder: Path) -> AxisDiagnosis:
@@ -104,6 +118,11 @@ def test_a_current_of_the_other_sign_is_told_as_that(tmp_path: Path) -> None:
         (RealAxis("egg lift", egg_lift, "%", position_unit="deg"), "it is a magnitude"),
         (RealAxis("rack", rack, "%", position_unit="turn"), "at least 1 s are needed"),
         (RealAxis("position servo", position_servo, "%"), "explains none of the acceleration"),
+        (RealAxis("ball in a tube", ball_in_tube, "%", position_unit="mm"), "only noise"),
+        (RealAxis("ball, random", BALL_RANDOM, "%", position_unit="mm"), "explains none of"),
+        (RealAxis("magnet as recorded", levitated_magnet, "mA", position_unit="mm"), "reversed"),
+        (RealAxis("mill, X", MILL_X, "A", position_unit="mm"), "the position jumps 94 times"),
+        (RealAxis("mill, Y", MILL_Y, "A", position_unit="mm"), "Rows are missing there"),
     ],
     ids=lambda of: of.name if isinstance(of, RealAxis) else "",
 )

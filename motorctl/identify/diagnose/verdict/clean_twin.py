@@ -17,7 +17,6 @@ from scipy.stats import gmean
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.filters import second_difference
-from motorctl.identify.columns.measured import resolution_of
 from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.columns.stretches import Stretch, command_for, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
@@ -25,6 +24,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
 from motorctl.identify.diagnose.search.simulated_position import ratios_of, simulated_position
+from motorctl.identify.diagnose.verdict.position_faults import step_of
 from motorctl.model import Effect
 from motorctl.model.sign_function import slope_of
 
@@ -33,10 +33,6 @@ Array = NDArray[np.float64]
 SEED = 7
 """Seed of the twin's noise, always the same: the same recording gets the same answer. Any other
 would do as well. Convention."""
-IN_COUNTS = 0.02
-"""Mean distance of the position's steps from whole counts, in counts, up to which it comes in them;
-any other position has 0.25. Larger rounds the twin of a fine position, smaller does not where a
-text file's last digits are off. Arithmetic, with room for rounding chosen by hand."""
 NEXT_TO_TWIN = 1.6
 """What a model misses of the position over the shortest windows, over what it misses of the twin's,
 up to which nothing is missing. Larger hides structure, smaller calls the feedback of an encoder's
@@ -119,19 +115,10 @@ def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Arra
 
 def _as_measured(x: Array, real: Signals, draw: np.random.Generator) -> Array:
     """Return a motion as the machine's encoder would show it."""
-    count = real.data.resolution or _count_of(real.data.position)
+    count = step_of(real.data)
     white = real.position_noise_rms**2 - count**2 / 12.0
     noisy = x + math.sqrt(max(white, 0.0)) * draw.standard_normal(len(x))
     return np.asarray(np.round(noisy / count) * count) if count > 0.0 else noisy
-
-
-def _count_of(position: Array) -> float:
-    """Return one count of a position that comes in whole counts, 0 where it does not."""
-    count = resolution_of(position)
-    if count <= 0.0:
-        return 0.0
-    steps = np.diff(position) / count
-    return count if float(np.mean(np.abs(steps - np.rint(steps)))) < IN_COUNTS else 0.0
 
 
 def _with_others(signals: Signals, real: Signals) -> Signals:

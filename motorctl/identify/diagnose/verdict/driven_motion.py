@@ -25,6 +25,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
+from motorctl.identify.diagnose.verdict.position_faults import rounding_sse, steps_told
 from motorctl.model import EffectList, basic_effects
 
 Array = NDArray[np.float64]
@@ -117,18 +118,24 @@ def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
     return changes
 
 
-def above_noise(data: Measured, signals: Signals) -> Signals:
+def above_noise(data: Measured, signals: Signals, steps: bool = False) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
     Where that is not the whole one: the noise of the acceleration grows with the fifth power of the
-    band, and a coarse encoder drowns fast motion alone.
+    band, and a coarse encoder drowns fast motion alone. The steps of one whose counts come seldom
+    are no white noise; they are asked where nothing is explained without.
     """
     band_hz = signals.band_hz
     enough: Signals | None = None
+    clearest = 0.0
     while band_hz >= min(NARROWEST_HZ, signals.band_hz):
         plain = signals.plain(band_hz)
         left = plain.acceleration()
-        ratio = float(left @ left) / noise_sse(plain)
+        noise = noise_sse(plain)
+        if steps:
+            noise = max(noise, rounding_sse(plain))
+        ratio = float(left @ left) / noise
+        clearest = max(clearest, ratio)
         if ratio >= CLEARLY_OUTWEIGHS:
             return plain
         if enough is None and ratio >= OUTWEIGHS:
@@ -136,9 +143,11 @@ def above_noise(data: Measured, signals: Signals) -> Signals:
         band_hz *= BAND_STEP
     if enough is not None:
         return enough
+    by_steps = steps_told(data, clearest, OUTWEIGHS) if steps else ""
     raise DataError(
         f"{data.place}: only noise: the acceleration below {band_hz / BAND_STEP:.3g} Hz does not "
-        f"reach {OUTWEIGHS:g} times the power of the position's own noise: record a faster motion"
+        f"reach {OUTWEIGHS:g} times the power of the position's own noise{by_steps}: record a "
+        "faster motion"
     )
 
 

@@ -20,6 +20,7 @@ from motorctl.identify.diagnose.verdict.driven_motion import (
     noise_sse,
     waves_explain,
 )
+from motorctl.identify.diagnose.verdict.position_faults import drowned_in_steps, jumps_told
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -93,7 +94,7 @@ def check_motion(data: Measured, signals: Signals) -> None:
             f"{data.place}: {duration:.3g} s of motion; at least {SHORTEST_S:g} s are needed to "
             "hold a part of it out and test on it: record a longer motion"
         )
-    if speed > FASTEST[unit] or acceleration > HARDEST[unit]:
+    if speed > FASTEST[unit] or (acceleration > HARDEST[unit] and not drowned_in_steps(signals)):
         raise DataError(
             f"{data.place}: it moves at {speed:.3g} {unit}/s and {acceleration:.3g} {unit}/s^2, "
             f"beyond {FASTEST[unit]:g} {unit}/s or {HARDEST[unit]:g} {unit}/s^2: is the position "
@@ -138,13 +139,19 @@ def check_explains(
         Naming the mistake, or what to record.
     """
     plain = above_noise(data, signals)
-    blocks = make_blocks(plain.rows, plain.row_period_s)
-    hypothesis = Hypothesis(Regressors(plain, model, blocks))
-    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
-    noise = noise_sse(plain)
-    left = hypothesis.solution.sse - noise
-    if left < EXPLAINS_ENOUGH * (total - noise) and hypothesis.b[0] > 0.0:
+    hypothesis, left, total = _declared_in(plain, model)
+    if left < EXPLAINS_ENOUGH * total and hypothesis.b[0] > 0.0:
         return hypothesis
+    coarse: DataError | None = None
+    try:
+        clear = above_noise(data, signals, steps=True)
+    except DataError as error:
+        clear, coarse = plain, error
+    if clear.band_hz < plain.band_hz:
+        plain = clear
+        hypothesis, left, total = _declared_in(plain, model)
+        if left < EXPLAINS_ENOUGH * total and hypothesis.b[0] > 0.0:
+            return hypothesis
     share, backwards = moved_by(plain)
     if backwards:  # said of a selection, it must hold of the whole recording
         _, backwards = moved_by(above_noise(data, make_signals(data)))
@@ -160,9 +167,16 @@ def check_explains(
             "recording"
         )
     _check_exchanged(data)
-    nothing = left > EXPLAINS_NOTHING * (total - noise)
+    nothing = left > EXPLAINS_NOTHING * total
     lenient = lenient or bool(others)
     if nothing and not lenient and waves_explain(plain) < WAVES_ENOUGH:
+        if jumps := jumps_told(data):
+            raise DataError(
+                f"{data.place}: the command explains none of the acceleration: {jumps}. If it "
+                "explains none then either, it is not what drives this axis"
+            )
+        if coarse is not None:
+            raise coarse
         raise DataError(
             f"{data.place}: the command explains none of the acceleration, and the motion "
             f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
@@ -171,6 +185,15 @@ def check_explains(
             "arm, record them beside it"
         )
     return hypothesis
+
+
+def _declared_in(plain: Signals, model: EffectList) -> tuple[Hypothesis, float, float]:
+    """Return the declared model, the squared acceleration that it leaves, and all, above noise."""
+    blocks = make_blocks(plain.rows, plain.row_period_s)
+    hypothesis = Hypothesis(Regressors(plain, model, blocks))
+    total = float(hypothesis.regressors.left @ hypothesis.regressors.left)
+    noise = noise_sse(plain)
+    return hypothesis, hypothesis.solution.sse - noise, total - noise
 
 
 def _check_own_command(data: Measured, others: Mapping[str, Measured]) -> None:
