@@ -93,7 +93,7 @@ def unevenly_recorded(recording: MachineRecording, seed: int) -> tuple[Measured,
             "resolution": recording.resolution,
             "resolution_unit": recording.position_unit,
         },
-        "command": {"column": "command", "unit": recording.command_unit},
+        "command": {"column": "command", "unit": recording.command_unit.replace(" ", "*")},
     }
     if recording.reference is not None:
         axis["reference"] = {"column": "reference", "unit": recording.position_unit}
