@@ -96,7 +96,7 @@ AS_A_CORNER = 0.75
 """Part of what a friction takes away that its form at the corner of any friction takes as well,
 from which it is that corner. Larger names effects for a friction that is dry or turns over
 otherwise, smaller doubts true ones close to the corner. Chosen by hand on machines of other hands:
-where friction is dry or only steeper than declared it is 0.83 to 0.999, where the effect is there
+where friction is dry or only steeper than declared it is 0.57 to 0.999, where the effect is there
 -0.3 to 0.51."""
 ONE_LINE = 1.5
 """Width of a spectral line, in cycles over the travel, within which there is no second one. Larger
