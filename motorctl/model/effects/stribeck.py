@@ -72,7 +72,13 @@ class Stribeck(Effect):
         None that every reversal passes in less time than a part of the band's period: what happens
         there is the corner of friction.
         """
-        speeds = log_grid(_slowest(spans), spans.speed_m_s / 3.0, PER_DECADE)
+        # slower than where Sf turns over, the two cannot be told apart
+        turnover = 1.0 / StribeckOptions.model_fields["slope_s_m"].default
+        slowest = max(spans.speed_m_s / 5e3, turnover)
+        if slowest > spans.speed_m_s / 6.0:
+            slowest = max(spans.speed_m_s / 5e3, 1e-9)
+        slowest = max(slowest, min(spans.unseen_speed_m_s, spans.speed_m_s / 6.0))
+        speeds = log_grid(slowest, spans.speed_m_s / 3.0, PER_DECADE)
         return [
             cls(StribeckOptions(velocity_m_s=speed, exponent=exponent))
             for exponent in (1.0, 2.0)
@@ -86,18 +92,12 @@ class Stribeck(Effect):
             "exponent": 0.25 * self.options.exponent,
         }
 
-    def corner(self, spans: Spans) -> Effect:
-        """Return the form of the slowest speed that is tried."""
-        return self.with_options(velocity_m_s=_slowest(spans))
-
-
-def _slowest(spans: Spans) -> float:
-    """Return the speed below which it cannot be told from where Sf turns over [m/s]."""
-    turnover = 1.0 / StribeckOptions.model_fields["slope_s_m"].default
-    slowest = max(spans.speed_m_s / 5e3, turnover)
-    if slowest > spans.speed_m_s / 6.0:
-        slowest = max(spans.speed_m_s / 5e3, 1e-9)
-    return float(max(slowest, min(spans.unseen_speed_m_s, spans.speed_m_s / 6.0)))
+    def corner(self, spans: Spans) -> Effect | None:
+        """Return the form that decays where Sf turns over; None for one that decays beyond."""
+        turnover = 1.0 / self.options.slope_s_m
+        if self.options.velocity_m_s >= turnover:
+            return None
+        return self.with_options(velocity_m_s=turnover)
 
 
 @njit(inline="always")
