@@ -115,7 +115,7 @@ def test_a_shape_is_found_that_only_brakes_together_with_what_was_added():
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("stribeck", {"velocity_m_s": 1.3e-3, "exponent": 1.0}),
+        ("stribeck", {"velocity_m_s": 0.9e-3, "exponent": 1.0}),
         ("presliding", {"displacement_m": 1e-6}),
     ],
 )
