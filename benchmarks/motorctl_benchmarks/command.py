@@ -77,6 +77,13 @@ def bench(
             "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp.",
         ),
     ] = None,
+    clean: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="machines: so many clean ones alone, each form of friction with each noise.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Every case or axis as a line of JSON."),
@@ -128,6 +135,8 @@ def bench(
 
     Example: motorctl bench machines --only energy:cogging:50000
 
+    Example: motorctl bench machines --clean 200
+
     Example: motorctl bench campaign --only gantry:C2:cruise:encoder_stuck:default:1
     """
     from rich.console import Console
@@ -140,10 +149,12 @@ def bench(
 
     options: Options | None = None
     asked = (cases, size, seed, workers, only, out, logs, plot)
+    if clean is not None and subject != "machines":
+        raise UsageError("--clean is for bench machines")
     if subject == "machines":
         if size is not None or logs is not None:
             raise UsageError("bench machines takes no --size and keeps no --logs: see --cases")
-        options = _machines(cases, seed, workers, only, out, plot)
+        options = _machines(cases, clean, seed, workers, only, out, plot)
     elif subject == "recordings":
         if any(value is not None for value in (cases, size, seed, logs, plot)):
             raise UsageError("bench recordings takes no --cases, --size, --seed, --logs or --plot")
@@ -218,6 +229,7 @@ def _campaign(
 
 def _machines(
     cases: int | None,
+    clean: int | None,
     seed: int | None,
     workers: int | None,
     only: list[str] | None,
@@ -230,14 +242,17 @@ def _machines(
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.other_machines.generators import parse_machine_key
 
-    if only and (cases is not None or seed is not None):
-        raise UsageError("--only names the cases: --cases and --seed say nothing then")
+    if only and (cases is not None or seed is not None or clean is not None):
+        raise UsageError("--only names the cases: --cases, --clean and --seed say nothing then")
+    if cases is not None and clean is not None:
+        raise UsageError(f"--cases {cases} and --clean {clean}: only one of the two")
     return MachinesOptions(
         cases=1 if cases is None else cases,
         first_seed=HELD_OUT_SEED if seed is None else seed,
         workers=workers,
         out=out,
         plot=plot,
+        clean=clean,
         only=tuple(parse_machine_key(key) for key in only or ()),
     )
 

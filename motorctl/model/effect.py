@@ -297,6 +297,24 @@ class Effect(ABC):
         """
         return ()
 
+    def corner(self, spans: Spans) -> Effect | None:
+        """Return the form of a friction that is no more than another corner of it at rest.
+
+        How any friction turns over at zero speed is mended first. Where this form explains nearly
+        as much as the effect itself, nothing else was seen, and the effect is not named.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        Effect or None
+            None where the effect is no friction, or has no such form.
+        """
+        return None
+
     @classmethod
     def typical(cls, spans: Spans) -> Effect | None:
         """Return a form of middling options, to ask whether a motion could show it, or None."""

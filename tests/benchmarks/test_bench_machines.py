@@ -15,6 +15,12 @@ from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.diagnosis.answer import Answer, Named
 from motorctl_benchmarks.measure import measure
 from motorctl_benchmarks.other_machines import generators, run_machine
+from motorctl_benchmarks.other_machines.clean_machines import (
+    CLEAN_KINDS,
+    FRICTIONS,
+    NOISES,
+    unevenly_recorded,
+)
 from motorctl_benchmarks.other_machines.figures import (
     judgements,
     lines_by_generator,
@@ -25,6 +31,7 @@ from motorctl_benchmarks.other_machines.generators import (
     LOADERS,
     Generator,
     MachineKey,
+    clean_keys,
     generator,
     machine_keys,
     parse_machine_key,
@@ -288,6 +295,39 @@ def test_so_many_seeds_of_every_kind_are_drawn():
     assert parse_machine_key(str(keys[-1])) == keys[-1]
 
 
+def test_clean_machines_have_each_friction_with_each_noise_of_every_generator():
+    keys = clean_keys(200, 870)
+    assert len(keys) == len(set(keys)) == 200
+    assert all(truth_of(key.kind).group == "clean" for key in keys)
+    first = keys[: len(usable_generators()) * len(FRICTIONS) * len(NOISES)]
+    assert {key.kind for key in first} == set(CLEAN_KINDS)
+    assert {key.seed for key in first} == {870}
+    assert {key.generator for key in first} == set(usable_generators())
+    assert parse_machine_key(str(keys[-1])) == keys[-1]
+
+
+def test_a_clean_machine_to_order_has_its_friction_and_noise():
+    drawn, _ = run_machine._recorded(MachineKey("energy", "clean_arctan_coarse", 3))
+    assert (drawn.friction_shape, drawn.noise) == ("arctan", NOISES["coarse"])
+
+
+@pytest.mark.parametrize(("seed", "how"), [(2, "taken unevenly"), (4, "stamped late")])
+def test_uneven_samples_come_through_the_reader_of_files(seed, how):
+    count = 12_000
+    time_s = np.arange(count) * 1e-3
+    position = np.round(0.1 * np.sin(2.0 * time_s) / 1e-6) * 1e-6
+    given = replace(recording(count), time_s=time_s, position=position, position_unit="m")
+    data, told = unevenly_recorded(given, seed)
+    assert told.startswith(f"samples {how}")
+    assert not data.usable.all()
+    assert (data.position_unit, data.command_unit, data.resolution) == ("m", "N*m", 1e-6)
+    there = np.interp(data.time_s, time_s, position)
+    apart = 3e-6 if how == "taken unevenly" else 0.2 * 1.5e-3  # of a stamp that is late
+    assert np.max(np.abs(data.position - there)[data.usable][5:-5]) < apart
+    again, _ = unevenly_recorded(given, seed)
+    assert np.array_equal(data.position, again.position)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -298,6 +338,8 @@ def test_so_many_seeds_of_every_kind_are_drawn():
         (["--only", "energy:warp:1"], "energy makes no 'warp'; it makes none, gravity_constant"),
         (["--only", "energy:none:1", "--cases", "2"], "--only names the cases"),
         (["--only", "energy:none:1", "--seed", "2"], "--only names the cases"),
+        (["--only", "energy:none:1", "--clean", "2"], "--only names the cases"),
+        (["--cases", "2", "--clean", "2"], "only one of the two"),
         (["--size", "full"], "takes no --size"),
         (["--logs", "logs"], "keeps no --logs"),
     ],
@@ -334,6 +376,21 @@ def test_the_stairs_of_a_coarse_encoder_hide_no_lag():
     outcome = run_machine.run_machine(MachineKey("scipy_ode", "command_lag", 920))
     assert outcome.noise == 3
     assert outcome.right, str(outcome)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "named"),
+    [
+        # friction that only turns over more steeply than declared, beside a ripple of the thrust
+        (MachineKey("energy", "force_ripple", 860), {"force_ripple"}),
+        # the contact yields by three counts of a coarse encoder, which dry friction would not
+        (MachineKey("scipy_ode", "presliding", 901), {"presliding"}),
+    ],
+    ids=str,
+)
+def test_the_corner_of_any_friction_is_no_effect(key, named):
+    assert set(run_machine.run_machine(key).answer.names) == named
 
 
 LATE, STUCK = "mistake_late_command", "mistake_stuck_encoder"

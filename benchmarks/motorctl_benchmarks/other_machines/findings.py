@@ -21,6 +21,7 @@ from motorctl_benchmarks.other_machines.generators import (
     HOW_TO_INSTALL,
     LOADERS,
     MachineKey,
+    clean_keys,
     machine_keys,
     usable_generators,
 )
@@ -41,6 +42,8 @@ class MachinesOptions:
     """A file to which every case is written as a line of JSON."""
     plot: Path | None = None
     """A picture of how often names were right over their confidence."""
+    clean: int | None = None
+    """So many clean machines alone, each friction with each noise in turn."""
     only: tuple[MachineKey, ...] = ()
     """Nothing but these machines."""
 
@@ -50,7 +53,7 @@ def machine_findings(progress: Progress, options: MachinesOptions) -> Findings:
 
     Raises UsageError where the file cannot be written, RunError where a worker dies.
     """
-    keys = options.only or machine_keys(options.cases, options.first_seed)
+    keys = options.only or _keys(options)
     outcomes = run_tasks(run_machine, keys, progress, options.workers, options.out)
     scored = [outcome for outcome in outcomes if outcome.result != "not recorded"]
     sound = [outcome for outcome in scored if not outcome.kind.mistake]
@@ -75,6 +78,12 @@ def machine_findings(progress: Progress, options: MachinesOptions) -> Findings:
             "calibration": calibration_document(sound),
         },
     )
+
+
+def _keys(options: MachinesOptions) -> list[MachineKey]:
+    if options.clean is not None:
+        return clean_keys(options.clean, options.first_seed)
+    return machine_keys(options.cases, options.first_seed)
 
 
 def machine_mistakes(outcomes: Sequence[MachineOutcome]) -> list[dict[str, str]]:

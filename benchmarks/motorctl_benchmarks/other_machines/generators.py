@@ -6,11 +6,22 @@ import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 from motorctl.errors import UsageError
 from motorctl_benchmarks.diagnosis.groups import HELD_OUT_SEED
+from motorctl_benchmarks.other_machines.clean_machines import CLEAN_KINDS
 from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
 from motorctl_benchmarks.other_machines.mistakes import MISTAKES
+
+
+class Draw(Protocol):
+    """How a machine is drawn."""
+
+    def __call__(
+        self, kind: str, seed: int, friction: int | None = None, noise: int | None = None
+    ) -> MachineRecording:
+        """Return a machine of a kind; with the friction and noise that are given, or any."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +29,7 @@ class Generator:
     """What draws recordings of machines: the same for the same kind and seed."""
 
     kinds: tuple[str, ...]
-    machine: Callable[[str, int], MachineRecording]
+    machine: Draw
 
 
 def _energy() -> Generator:
@@ -85,6 +96,17 @@ def machine_keys(cases: int, first_seed: int) -> list[MachineKey]:
     ]
 
 
+def clean_keys(machines: int, first_seed: int) -> list[MachineKey]:
+    """Return so many clean machines: of every generator, with each friction and noise in turn."""
+    names, kinds = usable_generators(), tuple(CLEAN_KINDS)
+    keys = []
+    for k in range(machines):
+        each, name = divmod(k, len(names))
+        seed, kind = divmod(each, len(kinds))
+        keys.append(MachineKey(names[name], kinds[kind], first_seed + seed))
+    return keys
+
+
 def parse_machine_key(text: str) -> MachineKey:
     """Read GENERATOR:KIND:SEED. Raises UsageError, naming what there is."""
     name, _, rest = text.partition(":")
@@ -96,7 +118,7 @@ def parse_machine_key(text: str) -> MachineKey:
         )
     if name not in usable_generators():
         raise UsageError(f"case '{text}': {NEEDS[name]} is not installed ({HOW_TO_INSTALL})")
-    kinds = (*generator(name).kinds, *MISTAKES)
+    kinds = (*generator(name).kinds, *MISTAKES, *CLEAN_KINDS)
     if kind not in kinds:
         raise UsageError(f"case '{text}': {name} makes no '{kind}'; it makes {', '.join(kinds)}")
     return MachineKey(name, kind, int(seed))

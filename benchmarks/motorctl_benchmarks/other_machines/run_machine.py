@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from motorctl.identify.fit.declared_models import controller_list
 from motorctl.log.units import COMMAND_UNITS, POSITION_UNITS
 from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
 from motorctl_benchmarks.diagnosis.score import Truth
+from motorctl_benchmarks.other_machines.clean_machines import CLEAN_KINDS, unevenly_recorded
 from motorctl_benchmarks.other_machines.generators import MachineKey, generator
 from motorctl_benchmarks.other_machines.machine_recording import MachineRecording
 from motorctl_benchmarks.other_machines.mistakes import (
@@ -122,6 +123,13 @@ def run_machine(key: MachineKey) -> MachineOutcome:
 
 def _recorded(key: MachineKey) -> tuple[MachineRecording, Measured]:
     draw = generator(key.generator).machine
+    if key.kind in CLEAN_KINDS:
+        order = CLEAN_KINDS[key.kind]
+        recording = draw(MACHINE, order.seed(key.seed), order.friction, order.noise)
+        if not order.is_uneven:
+            return recording, measured_of(recording, str(key))
+        measured, how = unevenly_recorded(recording, order.seed(key.seed))
+        return replace(recording, story=f"{recording.story}; {how}"), measured
     if key.kind not in MISTAKES:
         recording = draw(key.kind, key.seed)
         return recording, measured_of(recording, str(key))

@@ -16,6 +16,7 @@ from typing import Literal
 from motorctl.model.catalog import built_in_effects
 from motorctl_benchmarks.diagnosis.answer import Answer
 from motorctl_benchmarks.diagnosis.score import Truth
+from motorctl_benchmarks.other_machines.clean_machines import CLEAN_KINDS
 from motorctl_benchmarks.other_machines.mistakes import MISTAKES, told
 
 Group = Literal["known", "outside", "clean", "mistake"]
@@ -159,7 +160,7 @@ def families_of(names: Iterable[str]) -> frozenset[str]:
 @cache
 def truth_of(kind: str) -> KindTruth:
     """Return what may be said of a kind. Raises KeyError where nothing is known of it."""
-    if kind in CLEAN:
+    if kind in CLEAN or kind in CLEAN_KINDS:
         return KindTruth("clean", frozenset(), frozenset(), NOTHING_MISSING)
     if kind in MISTAKES:
         return KindTruth("mistake", frozenset(), frozenset(), frozenset(), kind)

@@ -14,6 +14,7 @@ from motorctl.identify.columns.spans import slow_reversal, spans_of
 from motorctl.identify.columns.stretches import Stretch, sticks
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import reshaped
+from motorctl.identify.diagnose.search.forms import is_corner, measure
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import effect_class, make_effect
@@ -109,6 +110,26 @@ def test_a_shape_is_found_that_only_brakes_together_with_what_was_added():
     shaped = reshaped(hypothesis, spans)
     assert shaped is not None
     assert sign_of(shaped.regressors.declared.effects).slope_s_m == pytest.approx(125.0, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("stribeck", {"velocity_m_s": 0.9e-3, "exponent": 1.0}),
+        ("presliding", {"displacement_m": 1e-6}),
+    ],
+)
+def test_what_a_steeper_friction_looks_like_is_a_corner_and_no_effect(name, options):
+    hypothesis, spans = tried(OtherPlant(shape="clip", width_m_s=2e-4))
+    form = measure(hypothesis, make_effect(effect_class(name), options))
+    assert form.held_out < 0.8 * hypothesis.held_out
+    assert is_corner(hypothesis, form, spans)
+
+
+def test_an_effect_beside_the_corner_is_none():
+    hypothesis, spans = tried(OtherPlant(cogging=0.05))
+    wave = make_effect(effect_class("cogging"), {"pitch_m": 0.06, "orders": [1]})
+    assert not is_corner(hypothesis, measure(hypothesis, wave), spans)
 
 
 def test_what_is_wrong_at_the_ends_of_a_stretch_does_not_reach_the_rows():

@@ -104,7 +104,12 @@ def _coloured(rng: np.random.Generator, count: int, period: float) -> Array:
 
 
 def _frame(
-    rng: np.random.Generator, effect: Effect, family: Family, unit: str, coarse: bool
+    rng: np.random.Generator,
+    effect: Effect,
+    family: Family,
+    unit: str,
+    coarse: bool,
+    friction: int | None,
 ) -> Frame:
     """Return the machine without its effect."""
     travel, mass = log_uniform(rng, *family.travel), log_uniform(rng, *family.mass)
@@ -117,6 +122,7 @@ def _frame(
     coulomb = inertial * (rng.uniform(0.15, 0.4) if effect in RUBBING else rng.uniform(0.04, 0.22))
     shape = int(rng.integers(effect is Effect.ASYMMETRIC_FRICTION, 5))
     shape *= effect is not Effect.PRESLIDING
+    shape = shape if friction is None else friction
     width = (
         (
             rng.uniform(0.005, 0.03) * speed
@@ -146,13 +152,16 @@ def _frame(
     )
 
 
-def _machine(effect: Effect, rng: np.random.Generator) -> tuple[MachineRecording, bool]:
+def _machine(
+    effect: Effect, rng: np.random.Generator, friction: int | None, noise_asked: int | None
+) -> tuple[MachineRecording, bool]:
     """Return a recording, and whether the machine runs well and shows its effect."""
     kind = effect.name.lower()
     family = FAMILIES[str(rng.choice(WHERE.get(effect, tuple(FAMILIES))))]
     unit, noise_sort = str(rng.choice(family.commands)), int(rng.integers(4))
+    noise_sort = noise_sort if noise_asked is None else noise_asked
     on_force = bool(rng.integers(2))
-    frame = _frame(rng, effect, family, unit, noise_sort == 3)
+    frame = _frame(rng, effect, family, unit, noise_sort == 3, friction)
     axis, resolution = frame.axis, frame.resolution
     goal, programme = draw_programme(rng, frame, STYLES.get(effect, (0, 1, 2, 3, 4)))
     noise = np.zeros_like(goal)
@@ -247,7 +256,9 @@ def _machine(effect: Effect, rng: np.random.Generator) -> tuple[MachineRecording
     return recording, fit
 
 
-def machine(kind: str, seed: int) -> MachineRecording:
+def machine(
+    kind: str, seed: int, friction: int | None = None, noise: int | None = None
+) -> MachineRecording:
     """Return a recording of a machine with this effect, the same for the same seed.
 
     Parameters
@@ -256,10 +267,16 @@ def machine(kind: str, seed: int) -> MachineRecording:
         One of KINDS.
     seed : int
         Draws everything else; a machine that does not run well is drawn anew.
+    friction : int, optional
+        Index into SHAPES; drawn if not given.
+    noise : int, optional
+        Which noise, as the recording tells it; drawn if not given.
     """
     effect = Effect[kind.upper()]
     for again in range(3):
-        recording, fit = _machine(effect, np.random.default_rng([seed, int(effect), 77, again]))
+        recording, fit = _machine(
+            effect, np.random.default_rng([seed, int(effect), 77, again]), friction, noise
+        )
         if fit:
             break
     return recording

@@ -86,7 +86,7 @@ _MOODS = (
 _TWO_BODIES = ("backlash", "flexible", "unknown")
 
 
-def _plan(rng: np.random.Generator, kind: str) -> Plan:
+def _plan(rng: np.random.Generator, kind: str, friction: int | None) -> Plan:
     """Return a machine with only inertia, friction and offset drawn."""
     names = _ONLY.get(kind, (*_FLAT, *ROTARY))
     name = str(rng.choice(names))
@@ -100,6 +100,7 @@ def _plan(rng: np.random.Generator, kind: str) -> Plan:
     weight = inertia * accel
     # with true stiction nothing tells asymmetric friction from an offset
     shape = int(rng.integers(kind == "asymmetric_friction", 5))
+    shape = shape if friction is None else friction
     width = rng.uniform(0.005, 0.03) * speed
     if name not in ROTARY:
         width = float(np.exp(rng.uniform(np.log(0.0005), np.log(0.01))))
@@ -236,12 +237,18 @@ def _gains(m: Plan, law: int, jitter: float) -> Array:
     )
 
 
-def machine(kind: str, seed: int) -> MachineRecording:
-    """Return a recording of a machine of this kind, the same for the same seed."""
+def machine(
+    kind: str, seed: int, friction: int | None = None, noise: int | None = None
+) -> MachineRecording:
+    """Return a recording of a machine of this kind, the same for the same seed.
+
+    Which friction (an index into SHAPES) and which noise it has is drawn, if it is not given.
+    """
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed])
-    noise = int(rng.integers(4))
+    drawn = int(rng.integers(4))
+    noise = drawn if noise is None else noise
     for _ in range(8):  # until a machine and a programme in which the effect shows
-        m = _plan(rng, kind)
+        m = _plan(rng, kind, friction)
         resolution = _sensor(m, noise)
         sigma = m.travel * m.between(2e-6, 3e-5) if noise == 1 else 0.0
         rate_steps = 1 / m.step_s

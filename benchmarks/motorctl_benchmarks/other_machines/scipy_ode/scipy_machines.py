@@ -68,7 +68,7 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def build(kind: int, rng: np.random.Generator, again: bool) -> Plant:
+def build(kind: int, rng: np.random.Generator, again: bool, friction: int | None) -> Plant:
     """Return a clean machine with its programme, suited to carry an effect of this kind.
 
     Parameters
@@ -79,6 +79,8 @@ def build(kind: int, rng: np.random.Generator, again: bool) -> Plant:
         Source of randomness.
     again
         Whether earlier draws failed: a shorter recording then, to spare time.
+    friction
+        Index into SHAPES; drawn if None.
     """
     names = list(FAMILIES)
     pick = {GRAVITY: [3], BACKLASH_M: [0, 2], BACKLASH_L: [0, 2], CLIPPING: [1, 1, 2]}
@@ -107,6 +109,7 @@ def build(kind: int, rng: np.random.Generator, again: bool) -> Plant:
     p = np.zeros(N_PARAMETERS)
     p[[KIND, MASS, VISC, COUL]] = kind, mass, viscous, coulomb
     p[SHAPE] = MEMORY if kind == PRESLIDING else int(rng.integers(5))
+    p[SHAPE] = p[SHAPE] if friction is None else friction
     p[WIDTH] = min(log_uniform(rng, 5e-4, 1e-2), 0.03 * speed) if p[SHAPE] != SIGN else 1e-3
     p[OFFSET] = rng.uniform(-0.25, 0.25) * coulomb
     rigid = mass * plan.acceleration_m_s2 + viscous * plan.speed_m_s - p[OFFSET]
@@ -324,10 +327,13 @@ class Sensing:
     """What the tuner reckons with, m."""
 
 
-def sense(plant: Plant, force_limit_n: float, rng: np.random.Generator) -> Sensing:
-    """Return the sensors of a plant."""
+def sense(
+    plant: Plant, force_limit_n: float, rng: np.random.Generator, asked: int | None
+) -> Sensing:
+    """Return the sensors of a plant; with the noise that is asked for, or any."""
     n, travel = plant.n, plant.limits.travel_m
     noise = int(rng.integers(4))
+    noise = noise if asked is None else asked
     step = travel * (rng.uniform(1e-4, 3e-4) if noise == 3 else log_uniform(rng, 3e-7, 8e-6))
     step = float(f"{step:.2g}")
     sigma = travel * log_uniform(rng, 2e-6, 1.5e-5) if noise == 1 else 0.0
@@ -407,7 +413,9 @@ def simulate(
     return position, force, truth
 
 
-def machine(kind: str, seed: int) -> MachineRecording:
+def machine(
+    kind: str, seed: int, friction: int | None = None, noise: int | None = None
+) -> MachineRecording:
     """Return the recording of a machine with one effect.
 
     Parameters
@@ -417,11 +425,15 @@ def machine(kind: str, seed: int) -> MachineRecording:
     seed
         Draws the machine, its programme, controller, sensors and the effect's size. A machine
         that shows too little of the effect, or is carried away by it, is drawn again.
+    friction
+        Index into SHAPES; drawn if not given.
+    noise
+        Which noise, as the recording tells it; drawn if not given.
     """
     code = KINDS.index(kind)
     for attempt in range(4):
         rng = np.random.default_rng([seed, code, attempt])
-        recording, effect, beyond, clipped = draw(code, rng, attempt > 0)
+        recording, effect, beyond, clipped = draw(code, rng, attempt > 0, friction, noise)
         plain = code in (NONE, GRAVITY, ASYMMETRY) and clipped < 0.02
         most = 0.8 if code in TWO_BODIES else 0.6
         if plain or (0.05 < effect < most and beyond > 0.03 and clipped < 0.02):
@@ -430,16 +442,20 @@ def machine(kind: str, seed: int) -> MachineRecording:
 
 
 def draw(
-    code: int, rng: np.random.Generator, again: bool = False
+    code: int,
+    rng: np.random.Generator,
+    again: bool = False,
+    friction: int | None = None,
+    noise: int | None = None,
 ) -> tuple[MachineRecording, float, float, float]:
     """Return a recording, its two misfits (see rigid_misfit), and the share of clipped samples."""
     kind = KINDS[code]
-    plant = build(code, rng, again)
+    plant = build(code, rng, again, friction)
     add_effect(code, plant, rng)
     p, h, (mass, viscous, coulomb) = plant.p, plant.h, plant.total
     extra = p[AMP] if code == GRAVITY else 0.0
     limit = rng.uniform(1.9, 3.0) * (plant.peak_n + extra)
-    sensing = sense(plant, limit, rng)
+    sensing = sense(plant, limit, rng, noise)
     law = int(rng.integers(2 if code in TWO_BODIES else 4))
     quiet = np.sqrt(0.08 * plant.rms_n / (15.0 * mass * sensing.quantised))
     bandwidth = 2.0 * np.pi * log_uniform(rng, 3.0, 20.0)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from motorctl.identify.columns.left_side import Side
-from motorctl.identify.diagnose.search.forms import Form, at_bound
+from motorctl.identify.diagnose.search.forms import Form, at_bound, is_corner
 from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.whitening import spectrum
@@ -125,6 +125,7 @@ def acceptable(
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.regressors.side] * excess
+        and not is_corner(before, form, spans)
     )
 
 

@@ -92,6 +92,12 @@ into something else, smaller misses true ones at the ends. Chosen by hand: three
 EDGE = 0.02
 """Relative distance to an end of an option's range within which it counts as standing there. Larger
 refuses forms near it, smaller accepts ones that are something else. Chosen by hand."""
+AS_A_CORNER = 0.75
+"""Part of what a friction takes away that its form at the corner of any friction takes as well,
+from which it is that corner. Larger names effects for a friction that is dry or turns over
+otherwise, smaller doubts true ones close to the corner. Chosen by hand on machines of other hands:
+where friction is dry or only steeper than declared it is 0.57 to 0.999, where the effect is there
+-0.3 to 0.51."""
 ONE_LINE = 1.5
 """Width of a spectral line, in cycles over the travel, within which there is no second one. Larger
 hides close orders, smaller finds a line's own shoulder. Chosen by hand: a line's first zero
@@ -286,6 +292,16 @@ def at_bound(effect: Effect, spans: Spans) -> bool:
         if value > high * (1.0 - EDGE) or (below and value < low * (1.0 + EDGE)):
             return True
     return False
+
+
+def is_corner(hypothesis: Hypothesis, form: Form, spans: Spans) -> bool:
+    """Return whether an effect explains hardly more than the corner that any friction has."""
+    corner = form.effect.corner(spans)
+    found = None if corner is None else measure(hypothesis, corner)
+    if found is None:
+        return False
+    taken = hypothesis.held_out - form.held_out
+    return hypothesis.held_out - found.held_out > AS_A_CORNER * taken
 
 
 def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL, acceptable, gain
 from motorctl.identify.diagnose.search.declared_shape import reshaped
-from motorctl.identify.diagnose.search.forms import NEAR, Form
+from motorctl.identify.diagnose.search.forms import NEAR, Form, is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.settling import settled
@@ -47,7 +47,7 @@ def mended(
     It is asked where an effect of friction leads: a shape that was declared wrong looks like one of
     them, and they like another shape. So each that comes near is tried beside the shape as well,
     and the best is taken where the shape alone, or the effect beside the declared shape, leaves
-    much more.
+    much more. An effect that explains no more than the corner of any friction is no rival.
     """
     best = gain(hypothesis, forms[0].held_out) if forms else 0.0
     frictions = [
@@ -74,6 +74,9 @@ def mended(
         if fits and beyond_physics(both) is None:
             others = [Form(t.added[-1], t.solution.sse, t.held_out) for t in trials]
             return Mended(both, alone, tuple(sorted(others, key=lambda f: f.held_out)), beside)
+    rivals = (form for form in forms if not is_corner(hypothesis, form, spans))
+    rival = next(rivals, None)
+    best = 0.0 if rival is None else gain(hypothesis, rival.held_out)
     enough = max(least, MENDED_FIRST * best)
     return Mended(alone, alone) if gain(hypothesis, alone.held_out) >= enough else None
 
