@@ -64,6 +64,7 @@ class NumpyLaw:
         self._past = deque(kept.tolist(), maxlen=HISTORY)
         self._stage1 = np.array([*state["stage1"][: n + 1], state["stage1_v"], state["stage1_a"]])
         self._stage2 = np.array([*state["stage2"][: n + 1], state["stage2_v"], state["stage2_a"]])
+        self.adapted = False
 
     def step(self, y: float, xd: float, vd: float, ad: float) -> float:
         """Compute the command and learn, Eqs 9-19.
@@ -116,6 +117,7 @@ class NumpyLaw:
 
     def _adapt(self, y: float) -> None:
         """Least squares with forgetting, eqs 25-28 exactly discretised, then the projection."""
+        self.adapted = False
         if self._steps < 3 + self._delay:
             return
         ts, n, past, part = self._period, self._n, self._past, self._part
@@ -151,6 +153,7 @@ class NumpyLaw:
         else:
             self.theta = self.theta + change
             self._covariance = (self._covariance - gain[:, None] * lever) / forgetting
+        self.adapted = True
         if (self._normals.dot(self.theta) > self._bounds).any():
             self._project()
 
