@@ -21,9 +21,6 @@ Array = NDArray[np.float64]
 PER_DECADE = 6
 COUNTS = 3.0
 """Less motion than this many counts is not seen to turn the friction over."""
-DRY_PART = 0.1
-"""Part of the displacement that is none beside it. Larger doubts short displacements, smaller takes
-the filters' own rounding for one. Chosen by hand."""
 LONGEST_PART = 5e-3
 """The displacement over the travel, at most: a longer one is a spring."""
 
@@ -105,10 +102,6 @@ class Presliding(Effect):
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine the displacement."""
         return {"displacement_m": log_step(self.options.displacement_m, PER_DECADE)}
-
-    def corner(self, spans: Spans) -> Effect:
-        """Return the form that hardly yields: dry friction, which holds what sticks."""
-        return self.with_options(displacement_m=DRY_PART * self.options.displacement_m)
 
 
 @njit(inline="always")
