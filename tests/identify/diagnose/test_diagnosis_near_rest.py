@@ -112,16 +112,10 @@ def test_a_shape_is_found_that_only_brakes_together_with_what_was_added():
     assert sign_of(shaped.regressors.declared.effects).slope_s_m == pytest.approx(125.0, rel=0.03)
 
 
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("stribeck", {"velocity_m_s": 0.9e-3, "exponent": 1.0}),
-        ("presliding", {"displacement_m": 1e-6}),
-    ],
-)
-def test_what_a_steeper_friction_looks_like_is_a_corner_and_no_effect(name, options):
+def test_what_a_steeper_friction_looks_like_is_a_corner_and_no_effect():
     hypothesis, spans = tried(OtherPlant(shape="clip", width_m_s=2e-4))
-    form = measure(hypothesis, make_effect(effect_class(name), options))
+    options = {"velocity_m_s": 0.9e-3, "exponent": 1.0}
+    form = measure(hypothesis, make_effect(effect_class("stribeck"), options))
     assert form.held_out < 0.8 * hypothesis.held_out
     assert is_corner(hypothesis, form, spans)
 
