@@ -26,7 +26,7 @@ LIMIT_S = 540  # on a machine with other work to do; alone it takes a quarter of
 BUILD_S = 900
 
 pytestmark = [
-    pytest.mark.wall_clock(lanes=2),
+    pytest.mark.wall_clock,
     pytest.mark.slow,
     pytest.mark.timeout(BUILD_S + LIMIT_S + 120),
 ]
