@@ -151,6 +151,8 @@ def test_a_plain_effect_is_named_however_far_above_the_noise_the_rest_is():
     assert confidence(far_above) == judging.PLAINLY
     assert confidence(far_above, of_family=True) == judging.PLAINLY
     assert confidence(far_above, alike=1) == judging.PLAINLY / 2.0
+    # What is wrong with a declared friction looks like another kind of it.
+    assert confidence(replace(far_above, of_friction=True)) < judging.PLAINLY
     for doubt in (
         {"reduction": 2.2},
         {"rival_share": 0.8},

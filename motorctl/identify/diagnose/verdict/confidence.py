@@ -97,6 +97,7 @@ def is_plain(evidence: Evidence, of_family: bool = False) -> bool:
 
     The weights count what is left in multiples of the noise, and rivals by their gain, which is a
     logarithm: of a real machine, far above its noise, they doubt what leaves a rival far behind.
+    A kind of friction is never plain: friction that was declared a little wrong looks like it.
 
     Parameters
     ----------
@@ -108,7 +109,8 @@ def is_plain(evidence: Evidence, of_family: bool = False) -> bool:
     rival = evidence.stranger_share if of_family else evidence.rival_share
     ahead = 2.0 * (1.0 - rival) * math.log(max(evidence.reduction, 1.0))
     return bool(
-        evidence.reduction**2 >= TAKES_FIVEFOLD
+        not evidence.of_friction
+        and evidence.reduction**2 >= TAKES_FIVEFOLD
         and ahead >= math.log(HALF_AS_GOOD)
         and evidence.unsteady <= PARTS_AGREE
         and evidence.unexplained <= REST_UNKNOWN

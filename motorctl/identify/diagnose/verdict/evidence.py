@@ -60,10 +60,14 @@ class Evidence:
     """Rms of what the model leaves of held-out rows without this effect, over that with it."""
     unsteady: float
     """Rms by which parts of the recording disagree on what the effect does, over its own rms."""
+    of_friction: bool = False
+    """It is a kind of friction: no figure, and not in the document."""
 
     def document(self) -> dict[str, float]:
-        """Return it as plain data."""
-        return {name: float(value) for name, value in asdict(self).items()}
+        """Return its figures as plain data."""
+        figures = asdict(self)
+        del figures["of_friction"]
+        return {name: float(value) for name, value in figures.items()}
 
 
 def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> Evidence:
@@ -81,6 +85,7 @@ def evidence_of(found: Found, effect: Effect, others: Sequence[Alternative]) -> 
         over_noise=math.sqrt(max(final.held_out / noise, 1.0)),
         reduction=math.sqrt(max(rest.held_out, TINY) / max(final.held_out, TINY)),
         unsteady=_unsteady(found, effect),
+        of_friction="friction" in effect.groups,
     )
 
 
