@@ -77,7 +77,7 @@ def export(
     draft = target.with_name(target.name + ".tmp")
     try:
         if to == "mat":
-            _to_mat(table, draft, progress)
+            _to_mat(table, parts, draft, progress)
         else:
             _in_batches(table, parts, draft, to, progress)
         draft.replace(target)
@@ -120,8 +120,7 @@ def _in_batches(
                     progress(done / rows)
 
 
-def _to_mat(table: ParquetTable | RunTable, draft: Path, progress: Progress) -> None:
-    parts = table.parts if isinstance(table, RunTable) else [table]
+def _to_mat(table: Table, parts: Sequence[ParquetTable], draft: Path, progress: Progress) -> None:
     variables: dict[str, Any] = {METADATA_VARIABLE: json.dumps(table.metadata)}
     for done, name in enumerate(table.names, 1):
         values = np.concatenate([part.column(name) for part in parts])

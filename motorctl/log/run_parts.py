@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -48,16 +48,17 @@ def open_recorded(paths: Sequence[str | os.PathLike[str]], whole_run: bool = Fal
     (file,) = files
     if file.is_dir():
         return _of_folder(file)
-    named = not file.exists() and file.parent.is_dir()
-    if named and (file.suffix == "" or file.name in _runs_in(file.parent)):
-        return _of_run(file.parent, file.name)
+    if not file.exists() and file.parent.is_dir():
+        runs = _runs_in(file.parent)
+        if file.suffix == "" or file.name in runs:
+            return _of_run(file.parent, file.name, runs)
     table = open_table(file)
     if not whole_run:
         return table
     run = table.metadata.get("run")
     if not isinstance(run, str):
         raise DataError(f"{file}: --whole-run: it does not say of which run of a daemon it is")
-    return _of_run(file.parent, run)
+    return _of_run(file.parent, run, _runs_in(file.parent))
 
 
 def is_run(paths: Sequence[str | os.PathLike[str]], whole_run: bool) -> bool:
@@ -74,11 +75,11 @@ def _of_folder(folder: Path) -> RunTable:
         more = len(told) - _MOST_RUNS_TOLD
         listed = ", ".join(told[-_MOST_RUNS_TOLD:]) + (f" and {more} before" if more > 0 else "")
         raise DataError(f"{folder}: it has logs of {len(runs)} runs; name one: {listed}")
-    return _of_run(folder, next(iter(runs)))
+    return _of_run(folder, next(iter(runs)), runs)
 
 
-def _of_run(folder: Path, run: str) -> RunTable:
-    found = _runs_in(folder).get(run, [])
+def _of_run(folder: Path, run: str, runs: Mapping[str, list[Path]]) -> RunTable:
+    found = runs.get(run, [])
     if not found:
         raise DataError(f"{folder / run}: no such file, and no log in {folder} is of a run '{run}'")
     return RunTable(found, _unfinished(folder, run))

@@ -297,21 +297,11 @@ class Effect(ABC):
         """
         return ()
 
-    def corner(self, spans: Spans) -> Effect | None:
-        """Return the form of a friction that is no more than another corner of it at rest.
+    def corner(self) -> Effect | None:
+        """Return the form of a friction that is but its corner at rest; None: it has none.
 
         How any friction turns over at zero speed is mended first. Where this form explains nearly
         as much as the effect itself, nothing else was seen, and the effect is not named.
-
-        Parameters
-        ----------
-        spans
-            What the recording spans.
-
-        Returns
-        -------
-        Effect or None
-            None where the effect is no friction, or has no such form.
         """
         return None
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import random
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,12 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+from served_socket import served
 from typer.testing import CliRunner
 
-from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client
 from motorctl.daemon.protocol import RefusedError, Request, parse_request
-from motorctl.daemon.server import ControlServer
 from motorctl.errors import UsageError
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.control_socket.crowd import CLIENTS_A_USER, Crowd, Told
@@ -53,26 +50,8 @@ def socket() -> Iterator[Path]:
     """A control socket of its own, in a folder that the crowd's made-up users can reach."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder).chmod(0o711)
-        place = Path(folder) / "s.sock"
-        ready, events = threading.Event(), asyncio.new_event_loop()
-        stop = asyncio.Event()
-
-        async def serve() -> None:
-            control = ControlSocket(place)
-            server = ControlServer(control, _handle)
-            await server.start()
-            ready.set()
-            await stop.wait()
-            await server.close()
-            control.close()
-
-        thread = threading.Thread(target=events.run_until_complete, args=(serve(),))
-        thread.start()
-        ready.wait()
-        yield place
-        events.call_soon_threadsafe(stop.set)
-        thread.join()
-        events.close()
+        with served(Path(folder) / "s.sock", _handle) as place:
+            yield place
 
 
 def crowd(socket: Path, **changes: Any) -> Told:

@@ -16,14 +16,13 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from served_socket import served
 
 from motorctl.daemon import places as places_module
 from motorctl.daemon import server as server_module
-from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.places import MAX_CLIENTS_A_USER, Place, Places
 from motorctl.daemon.protocol import Request
-from motorctl.daemon.server import ControlServer
 
 STATUS_S = 0.003
 """What a status takes here: as much as on a busy computer."""
@@ -47,27 +46,10 @@ async def _handle(request: Request) -> dict[str, Any]:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Iterator[Path]:
-    place = tmp_path / "s.sock"
-    ready, events, stop = threading.Event(), asyncio.new_event_loop(), asyncio.Event()
     did.clear()
     gate.clear()
-
-    async def serve() -> None:
-        control = ControlSocket(place)
-        server = ControlServer(control, _handle)
-        await server.start()
-        ready.set()
-        await stop.wait()
-        await server.close()
-        control.close()
-
-    thread = threading.Thread(target=events.run_until_complete, args=(serve(),))
-    thread.start()
-    ready.wait()
-    yield place
-    events.call_soon_threadsafe(stop.set)
-    thread.join()
-    events.close()
+    with served(tmp_path / "s.sock", _handle) as place:
+        yield place
 
 
 def connected(path: Path, end: ExitStack) -> socket.socket:
@@ -77,6 +59,15 @@ def connected(path: Path, end: ExitStack) -> socket.socket:
     return connection
 
 
+def flooded(path: Path, end: ExitStack) -> int:
+    """Let nearly all clients that a user may have flood; return how many requests were done."""
+    for _ in range(MAX_CLIENTS_A_USER - 2):
+        connected(path, end).sendall(FLOOD)
+    while len(did) < 100:
+        time.sleep(0.001)
+    return len(did)
+
+
 def answer(connection: socket.socket) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(connection.makefile("rb").readline())
     return found
@@ -84,11 +75,7 @@ def answer(connection: socket.socket) -> dict[str, Any]:
 
 def test_an_emergency_stop_waits_for_a_few_of_a_crowds_requests_at_most(path: Path) -> None:
     with ExitStack() as end:
-        for _ in range(MAX_CLIENTS_A_USER - 2):
-            connected(path, end).sendall(FLOOD)
-        while len(did) < 100:
-            time.sleep(0.001)
-        began = len(did)
+        began = flooded(path, end)
         caller = connected(path, end)
         caller.sendall(ESTOP)
         assert answer(caller)["ok"]
@@ -101,11 +88,7 @@ def test_an_emergency_stop_waits_for_a_few_of_a_crowds_requests_at_most(path: Pa
 
 def test_a_stop_comes_before_what_others_ask(path: Path) -> None:
     with ExitStack() as end:
-        for _ in range(MAX_CLIENTS_A_USER - 2):
-            connected(path, end).sendall(FLOOD)
-        while len(did) < 100:
-            time.sleep(0.001)
-        began = len(did)
+        began = flooded(path, end)
         caller = connected(path, end)
         caller.sendall(b'{"id":2,"do":"stop","axis":"x"}\n')
         assert answer(caller)["ok"]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import socket
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,11 +12,11 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from served_socket import served
 
 from motorctl.daemon import client as client_module
 from motorctl.daemon import connection as connection_module
 from motorctl.daemon import request_pace
-from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.places import MAX_CLIENTS_A_USER
 from motorctl.daemon.protocol import (
@@ -31,7 +29,6 @@ from motorctl.daemon.protocol import (
     refusal,
     request_id,
 )
-from motorctl.daemon.server import ControlServer
 from motorctl.errors import RunError
 
 LINES = settings(
@@ -66,26 +63,8 @@ async def _handle(request: Request) -> dict[str, Any]:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Iterator[Path]:
-    place = tmp_path / "s.sock"
-    ready, events = threading.Event(), asyncio.new_event_loop()
-
-    async def serve(stop: asyncio.Event) -> None:
-        control = ControlSocket(place)
-        server = ControlServer(control, _handle)
-        await server.start()
-        ready.set()
-        await stop.wait()
-        await server.close()
-        control.close()
-
-    stop = asyncio.Event()
-    thread = threading.Thread(target=events.run_until_complete, args=(serve(stop),))
-    thread.start()
-    ready.wait()
-    yield place
-    events.call_soon_threadsafe(stop.set)
-    thread.join()
-    events.close()
+    with served(tmp_path / "s.sock", _handle) as place:
+        yield place
 
 
 def exchange(path: Path, data: bytes, answers: int) -> list[dict[str, Any]]:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import struct
-import threading
 import time
 from collections import deque
 from typing import Any
 
 import can
 import numpy as np
-import real_time
+from served_peer import ServedPeer
 
 
-class Peer:
+class Peer(ServedPeer):
     """A device of two channels in a thread; what a layout changes is in the subclasses."""
 
     FD = False
@@ -28,16 +27,11 @@ class Peer:
         self.silent = False
         self.faults: deque[np.random.Generator | None] = deque()
         """What becomes of the next samples: None is lost, a generator damages."""
-        self._running = True
         self._bus = can.Bus(interface="virtual", channel=channel, receive_own_messages=False)
-        real_time.begins()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self.begin_serving()
 
     def end(self) -> None:
-        if self._running:
-            self._running = False
-            self._thread.join()
+        if self.end_serving():
             self._bus.shutdown()
 
     def restart(self) -> None:

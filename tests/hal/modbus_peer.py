@@ -9,14 +9,12 @@ import os
 import select
 import socket
 import struct
-import threading
 from collections import deque
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import real_time
-from pty_peer import PtyPeer
+from served_peer import PtyPeer, ServedPeer
 
 VOLTS_PER_COUNT = 0.30518509476e-3
 CHAIN_CLOSED = 1 << 12
@@ -84,25 +82,19 @@ def damaged(answer: bytes, random: np.random.Generator) -> bytes:
     return answer[:20] + wrong.to_bytes(2, "big") + answer[22:]  # the echo of another request
 
 
-class TcpPeer(Coupler):
+class TcpPeer(ServedPeer, Coupler):
     """The coupler on TCP, in a thread."""
 
     def __init__(self, port: int) -> None:
         super().__init__()
         self.port = port
-        self._running = False
 
     def begin(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", self.port))
-        self._running = True
-        real_time.begins()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self.begin_serving()
 
     def end(self) -> None:
-        if self._running:
-            self._running = False
-            self._thread.join()
+        self.end_serving()
 
     def _run(self) -> None:
         hosts: dict[socket.socket, bytes] = {}

@@ -10,7 +10,7 @@ from collections import deque
 from pathlib import Path
 
 import numpy as np
-from pty_peer import PtyPeer
+from served_peer import PtyPeer
 
 FULL_SCALE_V = 12.0
 HELLO, COMMAND, EXCHANGE, POLL, START_STREAM, STOP_STREAM, SAFE = range(1, 8)

@@ -92,7 +92,7 @@ class Stribeck(Effect):
             "exponent": 0.25 * self.options.exponent,
         }
 
-    def corner(self, spans: Spans) -> Effect | None:
+    def corner(self) -> Effect | None:
         """Return the form that decays where Sf turns over; None for one that decays beyond."""
         turnover = 1.0 / self.options.slope_s_m
         if self.options.velocity_m_s >= turnover:

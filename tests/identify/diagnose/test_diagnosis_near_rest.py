@@ -113,17 +113,17 @@ def test_a_shape_is_found_that_only_brakes_together_with_what_was_added():
 
 
 def test_what_a_steeper_friction_looks_like_is_a_corner_and_no_effect():
-    hypothesis, spans = tried(OtherPlant(shape="clip", width_m_s=2e-4))
+    hypothesis, _ = tried(OtherPlant(shape="clip", width_m_s=2e-4))
     options = {"velocity_m_s": 0.9e-3, "exponent": 1.0}
     form = measure(hypothesis, make_effect(effect_class("stribeck"), options))
     assert form.held_out < 0.8 * hypothesis.held_out
-    assert is_corner(hypothesis, form, spans)
+    assert is_corner(hypothesis, form)
 
 
 def test_an_effect_beside_the_corner_is_none():
-    hypothesis, spans = tried(OtherPlant(cogging=0.05))
+    hypothesis, _ = tried(OtherPlant(cogging=0.05))
     wave = make_effect(effect_class("cogging"), {"pitch_m": 0.06, "orders": [1]})
-    assert not is_corner(hypothesis, measure(hypothesis, wave), spans)
+    assert not is_corner(hypothesis, measure(hypothesis, wave))
 
 
 def test_what_is_wrong_at_the_ends_of_a_stretch_does_not_reach_the_rows():

@@ -125,7 +125,7 @@ def acceptable(
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.regressors.side] * excess
-        and not is_corner(before, form, spans)
+        and not is_corner(before, form)
     )
 
 

@@ -294,9 +294,9 @@ def at_bound(effect: Effect, spans: Spans) -> bool:
     return False
 
 
-def is_corner(hypothesis: Hypothesis, form: Form, spans: Spans) -> bool:
+def is_corner(hypothesis: Hypothesis, form: Form) -> bool:
     """Return whether an effect explains hardly more than the corner that any friction has."""
-    corner = form.effect.corner(spans)
+    corner = form.effect.corner()
     found = None if corner is None else measure(hypothesis, corner)
     if found is None:
         return False

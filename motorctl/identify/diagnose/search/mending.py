@@ -74,7 +74,7 @@ def mended(
         if fits and beyond_physics(both) is None:
             others = [Form(t.added[-1], t.solution.sse, t.held_out) for t in trials]
             return Mended(both, alone, tuple(sorted(others, key=lambda f: f.held_out)), beside)
-    rivals = (form for form in forms if not is_corner(hypothesis, form, spans))
+    rivals = (form for form in forms if not is_corner(hypothesis, form))
     rival = next(rivals, None)
     best = 0.0 if rival is None else gain(hypothesis, rival.held_out)
     enough = max(least, MENDED_FIRST * best)

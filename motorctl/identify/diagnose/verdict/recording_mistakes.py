@@ -42,7 +42,7 @@ SHORTEST_S = 1.0
 tests. Chosen by hand."""
 EXPLAINS_ENOUGH = 0.5
 """Share of the squared acceleration that is left, above the noise, up to which the command drives
-the position. Larger lets wrong columns pass, smaller asks `fit` about good ones. Chosen by hand."""
+the position. Larger lets wrong columns pass, smaller asks more of good ones. Chosen by hand."""
 EXPLAINS_NOTHING = 0.9
 """Share of the squared acceleration that is left beyond which the command has nothing to do with
 the motion. Larger lets wrong columns pass, smaller refuses machines with large unknown forces.
