@@ -131,22 +131,21 @@ class LifeChecks:
     def test_memory_does_not_grow(self, rig: Rig) -> None:
         """A daemon runs for months; `Rig.exchanges` says how many exchanges this makes."""
         needs(rig, "start")
+        most = min(FREE_BYTES + BYTES_AN_EXCHANGE * rig.exchanges, MOST_BYTES)
         with opened(rig) as bench:
-            gc.collect()
             tracemalloc.start()
             try:
                 bench.exchange(WARM_UP)
-                gc.collect()
-                before, _ = tracemalloc.get_traced_memory()
-                bench.exchange(rig.exchanges)
-                gc.collect()
-                after, _ = tracemalloc.get_traced_memory()
+                # A leak grows every time; what Python sets aside once does not.
+                for _ in range(TRIES):
+                    grown = _growth(bench)
+                    if grown <= most:
+                        break
             finally:
                 tracemalloc.stop()
-            grown = after - before
-            said = f"{rig.exchanges} exchanges made memory grow by {grown} bytes"
+            said = f"{rig.exchanges} exchanges made memory grow by {grown} bytes, limit {most:.0f}"
             print(said)
-            assert grown <= min(FREE_BYTES + BYTES_AN_EXCHANGE * rig.exchanges, MOST_BYTES), said
+            assert grown <= most, said
             bench.until_fresh()  # it was no silence that took no memory
 
     def test_virtual_time_gives_the_same_run_twice(self, rig: Rig) -> None:
@@ -166,6 +165,16 @@ def _let_go(bench: Bench) -> None:
     del vars(bench.driver)["safe"]
     for _ in range(bench.rig.in_flight + 1):
         bench.rig.pass_period(bench.driver)
+
+
+def _growth(bench: Bench) -> int:
+    """Return by how many bytes `Rig.exchanges` exchanges made Python's memory grow."""
+    gc.collect()
+    before, _ = tracemalloc.get_traced_memory()
+    bench.exchange(bench.rig.exchanges)
+    gc.collect()
+    after, _ = tracemalloc.get_traced_memory()
+    return after - before
 
 
 def _opened_anew_beside(bench: Bench) -> float:
