@@ -67,8 +67,8 @@ def _diagnose(
         progress("reading", 0.0)
         read = read_recording(recording, gaps="keep", whole_run=whole_run)
         test = None if evaluate is None else read_recording(evaluate, gaps="keep")
-        models = declared_models(read, model, axis, may_run)
         machine = machine_of(read, model, may_run)
+        models = declared_models(read, model, axis, may_run, machine)
         if machine is not None:
             check_belongs(read, machine, models)
         further = [] if machine is None else list(machine.further_effects.values())

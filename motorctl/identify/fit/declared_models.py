@@ -18,6 +18,7 @@ def declared_models(
     model: str | None = None,
     axis: str | None = None,
     may_run: MayRun | None = None,
+    machine: Machine | None = None,
 ) -> dict[str, EffectList]:
     """Return the list of effects of every axis of `recording`, or of `axis` alone.
 
@@ -34,6 +35,8 @@ def declared_models(
     may_run
         Asked of the code that the recording's own configuration names; None: what was installed,
         or chosen by this user before.
+    machine
+        What `machine_of` returns of the same three, where that is known already.
 
     Returns
     -------
@@ -53,15 +56,14 @@ def declared_models(
         known = ", ".join(recording.axes)
         raise UsageError(f"{recording.source}: no axis '{axis}'; it has: {known}")
     names = list(recording.axes) if axis is None else [axis]
-    if model is None or model in ("C1", "C2"):
-        machine = _own(recording, may_run)
-        own = {} if machine is None else machine.axes
-        return {
-            name: controller_list(own[name].declared if name in own else None, model)
-            for name in names
-        }
-    machine = load(model)
-    return {name: _of_axis(machine, name) for name in names}
+    if machine is None:
+        machine = machine_of(recording, model, may_run)
+    if machine is not None and model not in (None, "C1", "C2"):
+        return {name: _of_axis(machine, name) for name in names}
+    own = {} if machine is None else machine.axes
+    return {
+        name: controller_list(own[name].declared if name in own else None, model) for name in names
+    }
 
 
 def machine_of(
