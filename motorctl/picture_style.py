@@ -26,6 +26,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "figure.dpi": 130,
+    "text.parse_math": False,  # names of files and axes are no formulas
 }
 
 

@@ -210,7 +210,8 @@ def fault_message(
         )
     elif cause is FaultCause.OVERRUN and value > 0.0:
         text = (
-            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}. "
+            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}, by "
+            "guards.host_frozen, late.hold_ticks or what the counter may turn meanwhile. "
             "`motorctl latency` measures this computer"
         )
     elif cause in _SENTENCES:
