@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.printable import printable
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -48,7 +50,19 @@ def panels_in_file(
         FigureCanvasAgg(figure)
         panels = figure.subplots(rows, columns, squeeze=False, sharex="col").ravel()
         yield figure, list(panels)
-        figure.savefig(path, metadata={"Software": None})
+        save(figure, path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Save a figure as PNG, with its words as they are: no name of others is read as a formula."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        words = printable(text.get_text())
+        # Labels of ticks, which may be formulas, are written anew when they are drawn.
+        text.set_text(words.replace("\\$", "$").replace("$", "\\$"))
+    figure.savefig(path, metadata={"Software": None})
 
 
 def draw_curve(

@@ -11,6 +11,7 @@ import typer
 from motorctl import __version__
 from motorctl.cli.installed import Commands
 from motorctl.errors import MotorctlError
+from motorctl.printable import printable
 
 GROUPS = (
     "demo",
@@ -65,7 +66,7 @@ def main() -> None:
     try:
         make_app()()
     except MotorctlError as error:
-        print(f"motorctl: {error}", file=sys.stderr)
+        print(printable(f"motorctl: {error}"), file=sys.stderr)
         sys.exit(error.exit_status)
     except BrokenPipeError:
         # The reader of our output went away; nothing is wrong, and nobody is left to tell.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.socket_option import SocketOption
+from motorctl.printable import printable
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.flight import FlightRecord, Listing
@@ -66,11 +67,11 @@ def _list(
     for record in shown:
         others = [axis for axis in record.faults if axis != record.first_axis]
         beside = f"  (and {', '.join(others)})" if others else ""
-        print(f"{record.id}{beside}\n    {record.message}")
+        print(printable(f"{record.id}{beside}\n    {record.message}"))
     if left := len(listing.records) - len(shown):
         print(f"and {left} older ones: --all")
     for message in listing.broken:
-        print(f"! {message}")
+        print(printable(f"! {message}"))
 
 
 def _show(
@@ -108,9 +109,9 @@ def _show(
     if as_json:
         print(json.dumps(_document(found, moment) | {"pictures": [str(p) for p in pictures]}))
         return
-    print(_told(found, moment))
+    print(printable(_told(found, moment)))
     for picture in pictures:
-        print(picture)
+        print(printable(str(picture)))
     if out is None:
         print("  pictures: --out DIR")
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.recording_argument import WholeRun
+from motorctl.printable import printable
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.log.info import LogInfo
@@ -54,7 +55,7 @@ def _info(files: LogFiles, whole_run: WholeRun = False, as_json: AsJson = False)
     if as_json:
         print(json.dumps(dataclasses.asdict(info)))
     else:
-        print(_told(info))
+        print(printable(_told(info)))
 
 
 def _export(

@@ -18,7 +18,7 @@ from motorctl.config.dual_drive_rules import (
     check_skew_loop,
 )
 from motorctl.config.guard_keys import Guards
-from motorctl.config.guard_rules import check_guards, check_reactions
+from motorctl.config.guard_rules import check_guards, check_overspeed, check_reactions
 from motorctl.config.hardware import Wiring, wire
 from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
@@ -92,6 +92,11 @@ class AxisParts:
             return self.limits.max_acceleration_m_s2
         fullest = self.limits.max_voltage_v / self.estimates[mass].initial
         return max(fullest, self.limits.max_acceleration_m_s2)
+
+    def least_inertia_v_s2_m(self) -> float:
+        """Return the lower bound of the inertia; 0 where there is none."""
+        mass = self.model.index_of("acceleration") if self.model else None
+        return 0.0 if mass is None else self.estimates[mass].lower
 
     def wirings(self, document: Document) -> tuple[Wiring, ...]:
         """Return what the axis says of its channels; nothing where one of them cannot be read."""
@@ -170,6 +175,7 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
         if encoder and rate_hz and parts.guards:
             fullest_m_s2 = parts.fullest_acceleration_m_s2()
             yield from check_guards(parts.guards, limits, encoder, rate_hz, fullest_m_s2)
+        yield from check_overspeed(limits, parts.least_inertia_v_s2_m())
         if parts.model and adaptation:
             yield from check_monotonicity(
                 parts.model,

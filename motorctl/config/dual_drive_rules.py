@@ -75,6 +75,13 @@ def check_dual_drive(
             f"found {apart:g}, should be at least guards.skew.limit_m {guards.skew.limit_m:g} m: a "
             "beam that stood within its limit could not be homed",
         )
+    elif apart >= (travel := limits.travel_m[1] - limits.travel_m[0]) > _skew_limit_m(guards):
+        message = f"found {apart:g}, can never trip: both ends are within the travel of "
+        yield where, f"{message}{travel:g} m; should be less"
+
+
+def _skew_limit_m(guards: Guards | None) -> float:
+    return guards.skew.limit_m if guards and guards.skew else 0.0
 
 
 def skew_margins(

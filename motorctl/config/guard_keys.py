@@ -12,11 +12,18 @@ JUMP_SPEED_RATIO = 4.0
 """A step of the count beyond this many times the top speed is no motion: it trips as a jump."""
 JUMP_COUNTS = 8
 """Counts that a step may have besides, so that slow axes with coarse encoders do not trip."""
+OVERSPEED_RATIO = 1.2
+"""Motion may exceed the top speed by this much, for some ticks, before it trips the axis."""
 FROZEN_S = 0.1
 """No tick for so long is a computer that stands still: ten times what an ordinary one pauses, and
 what devices' watchdogs usually wait for."""
 FROZEN_PERIODS = 3
 """And at least so many periods of the axis: of slow axes, one that is skipped is no standstill."""
+
+STALLED_S = 1.0
+"""A loop that has not ticked for so long is dead: the supervisor ends it and disables its outputs
+[s]. Longer leaves a machine for longer to its device's watchdog, shorter ends loops over pauses
+that ordinary computers make. Chosen by hand."""
 
 
 Reaction = Literal["quick_stop", "disable"]

@@ -12,16 +12,33 @@ from motorctl.config.guard_keys import (
     JUMP_COUNTS,
     JUMP_SPEED_RATIO,
     NO_QUICK_STOP,
+    OVERSPEED_RATIO,
+    STALLED_S,
     Guards,
+    Saturation,
     Thermal,
 )
 from motorctl.config.validation import Finding
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document
-from motorctl.motion import Program, RequiredVoltage
+from motorctl.motion import AxisLimits, Program, RequiredVoltage
 
 COUNTS_AT_REST = 2
 """An encoder between two counts flickers by so many in its second difference."""
+LONGEST_FILTER_S = 60.0
+"""Of the noise's mean square [s]. Longer, and noise of twice its limit has to last for more than a
+quarter of it, longer than axes rest; shorter forbids limits near the noise of an axis in order.
+Chosen by hand."""
+LONGEST_SATURATION_S = 60.0
+"""That a command may stand at its limit [s]. Longer is no guard: an axis that is free crosses any
+travel in it, and the motor of one that is blocked burns. Shorter forbids what a slow machine may
+want. Chosen by hand."""
+SLOW_RATIO = 0.1
+"""Of the top speed: at such a speed hardly more than friction has to be overcome. Larger adds what
+the speed costs, smaller than the friction's turn-over leaves friction out. Chosen by hand."""
+PLACES = 201
+"""On the travel at which slow motion is looked at. Fewer miss where cogging pulls most, more only
+take longer. Chosen by hand."""
 HEAT_SAMPLES = 4001
 """Instants of one cycle of a program at which its command is computed."""
 
@@ -36,10 +53,7 @@ def check_guards(
     yield from _check_stuck(guards, limits, encoder)
     yield from _check_noise(guards, limits, encoder, 1.0 / rate_hz, fullest_m_s2)
     yield from _check_command(guards, limits, 1.0 / rate_hz)
-    frozen_s = guards.host_frozen.time_s
-    if frozen_s is not None and frozen_s < 2.0 / rate_hz:
-        message = f"found {frozen_s:g}, should be at least two periods of the axis, "
-        yield ("guards", "host_frozen", "time_s"), f"{message}{2.0 / rate_hz:g} s"
+    yield from _check_frozen(guards, 1.0 / rate_hz)
 
 
 def check_reactions(guards: Guards) -> Iterator[Finding]:
@@ -48,6 +62,41 @@ def check_reactions(guards: Guards) -> Iterator[Finding]:
         guard = getattr(guards, name)
         if guard is not None and guard.reaction == "quick_stop":
             yield ("guards", name, "reaction"), f"found 'quick_stop', should be disable: {why}"
+
+
+def check_overspeed(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Finding]:
+    """Check that the axis can become so fast on its travel that its speed trips it.
+
+    With its full voltage, and once more as much for what pulls it: more could not be held.
+    """
+    low, high = limits.travel_m
+    if not (low < high and least_inertia_v_s2_m > 0.0):
+        return
+    full, trips_m_s = limits.max_voltage_v, OVERSPEED_RATIO * limits.max_velocity_m_s
+    fastest = math.sqrt(2.0 * (2.0 * full / least_inertia_v_s2_m) * (high - low))
+    if trips_m_s >= fastest:
+        yield (
+            ("limits", "max_velocity_m_s"),
+            f"found {limits.max_velocity_m_s:g}, guards.overspeed can never trip: it would at "
+            f"{OVERSPEED_RATIO:g} times as much, {trips_m_s:g} m/s, and twice max_voltage_v "
+            f"{full:g} V bring the axis to no more than {fastest:.3g} m/s within its travel of "
+            f"{high - low:g} m; should be less",
+        )
+
+
+def _check_frozen(guards: Guards, period_s: float) -> Iterator[Finding]:
+    frozen_s, where = guards.host_frozen.time_s, ("guards", "host_frozen", "time_s")
+    if frozen_s is None:
+        return
+    if frozen_s < 2.0 * period_s:
+        message = f"found {frozen_s:g}, should be at least two periods of the axis, "
+        yield where, f"{message}{2.0 * period_s:g} s"
+    elif frozen_s >= STALLED_S:
+        yield (
+            where,
+            f"found {frozen_s:g}, can never trip: a loop that has not ticked for {STALLED_S:g} s "
+            "is ended, and its outputs disabled; should be less",
+        )
 
 
 def _check_stuck(guards: Guards, limits: Limits, encoder: Encoder) -> Iterator[Finding]:
@@ -90,9 +139,17 @@ def _check_noise(
     if noise.rms_m >= largest:
         message = f"found {noise.rms_m:g}, can never trip: steps that differ by {largest:.3g} m"
         yield where, f"{message} are a jump of the encoder before; should be less"
+    where = ("guards", "encoder_noise", "filter_time_s")
     if noise.filter_time_s < period_s:
         message = f"found {noise.filter_time_s:g}, should be at least a period, {period_s:g} s"
-        yield ("guards", "encoder_noise", "filter_time_s"), message
+        yield where, message
+    elif noise.filter_time_s > LONGEST_FILTER_S:
+        lasts_s = noise.filter_time_s * math.log(4.0 / 3.0)
+        yield (
+            where,
+            f"found {noise.filter_time_s:g}, can hardly ever trip: noise of twice rms_m would have "
+            f"to last for {lasts_s:.3g} s of rest; should be at most {LONGEST_FILTER_S:g} s",
+        )
 
 
 def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[Finding]:
@@ -100,6 +157,13 @@ def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[
     if saturation and saturation.time_s < 2.0 * period_s:
         message = f"found {saturation.time_s:g}, should be at least two periods of the axis, "
         yield ("guards", "saturation", "time_s"), f"{message}{2.0 * period_s:g} s"
+    elif saturation and saturation.time_s > LONGEST_SATURATION_S:
+        yield (
+            ("guards", "saturation", "time_s"),
+            f"found {saturation.time_s:g}, can hardly ever trip: no axis in order needs its full "
+            f"command for so long, and a blocked motor does not last; should be at most "
+            f"{LONGEST_SATURATION_S:g} s; saturation: null switches the guard off",
+        )
     if not thermal:
         return
     continuous = thermal.continuous_voltage_v
@@ -111,8 +175,8 @@ def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[
         )
         return
     warm_s = -thermal.time_constant_s * math.log1p(-((continuous / full) ** 2))
-    # A default that comes too late is nobody's mistake.
-    if saturation and "saturation" in guards.model_fields_set and saturation.time_s >= warm_s:
+    # A default that comes too late is nobody's mistake; what a log holds says it, too.
+    if saturation and saturation != Saturation() and saturation.time_s >= warm_s:
         yield (
             ("guards", "saturation", "time_s"),
             f"found {saturation.time_s:g}, can never trip: guards.thermal does so after "
@@ -124,30 +188,51 @@ def check_heat(
     document: Document,
     programs: Mapping[str, Program],
     thermals: Mapping[str, Thermal],
+    limits: Mapping[str, AxisLimits],
     required_voltage: Mapping[str, RequiredVoltage],
 ) -> list[Problem]:
-    """Check that the program that an axis follows does not always trip the axis' thermal guard.
+    """Check that neither slow motion nor the program that an axis follows always trips its model.
 
     The command is the one that the model needs at theta(0); all cycles of the program count.
     """
     problems = []
     for axis, thermal in thermals.items():
+        need, own = required_voltage.get(axis), limits.get(axis)
+        if need is None or own is None:
+            continue
         followed = document.at(("axes", axis, "program"))
         program = programs.get(followed) if isinstance(followed, str) else None
-        need = required_voltage.get(axis)
-        if program is None or need is None or axis not in program.axes:
-            continue
-        trajectory = program.trajectories()[axis]
-        t = np.linspace(0.0, trajectory.duration_s / program.cycles, HEAT_SAMPLES)
-        mean_v2 = float(np.mean(need(*trajectory.sample(t)) ** 2))
-        warmed = -math.expm1(-trajectory.duration_s / thermal.time_constant_s)
-        rms_v, continuous = math.sqrt(mean_v2 * warmed), thermal.continuous_voltage_v
-        if rms_v > continuous:
-            message = f"found {continuous:g}, would always trip: program '{followed}' needs"
-            problems.append(
-                document.problem(
-                    ("axes", axis, "guards", "thermal", "continuous_voltage_v"),
-                    f"{message} {rms_v:.3g} V rms; make the program slower, or raise it",
-                )
-            )
+        told = _slow_heat(thermal, own, need)
+        if program is not None and axis in program.axes:
+            told = _program_heat(thermal, f"'{followed}'", program, axis, need) or told
+        if told:
+            where = ("axes", axis, "guards", "thermal", "continuous_voltage_v")
+            message = f"found {thermal.continuous_voltage_v:g}, would always trip: {told}"
+            problems.append(document.problem(where, message))
     return problems
+
+
+def _program_heat(
+    thermal: Thermal, name: str, program: Program, axis: str, need: RequiredVoltage
+) -> str | None:
+    trajectory = program.trajectories()[axis]
+    t = np.linspace(0.0, trajectory.duration_s / program.cycles, HEAT_SAMPLES)
+    mean_v2 = float(np.mean(need(*trajectory.sample(t)) ** 2))
+    warmed = -math.expm1(-trajectory.duration_s / thermal.time_constant_s)
+    rms_v = math.sqrt(mean_v2 * warmed)
+    if rms_v <= thermal.continuous_voltage_v:
+        return None
+    return f"program {name} needs {rms_v:.3g} V rms; make the program slower, or raise it"
+
+
+def _slow_heat(thermal: Thermal, limits: AxisLimits, need: RequiredVoltage) -> str | None:
+    """Look at slow motion back and forth, with nothing to accelerate."""
+    places, speed = np.linspace(*limits.travel_m, PLACES), SLOW_RATIO * limits.max_velocity_m_s
+    there, back = (need(places, np.full(PLACES, v), np.zeros(PLACES)) for v in (speed, -speed))
+    rms_v = math.sqrt(float(np.mean(there**2 + back**2)) / 2.0)
+    if rms_v <= thermal.continuous_voltage_v:
+        return None
+    return (
+        f"slow motion back and forth, at {speed:g} m/s, needs {rms_v:.3g} V rms for friction and "
+        "load; should be more"
+    )

@@ -16,6 +16,7 @@ from motorctl.config.guard_rules import check_heat
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
+from motorctl.config.machine_guard_rules import check_machine_guards
 from motorctl.config.named_code import AllowedCode, named_code, refused_code
 from motorctl.config.programs import build_programs, check_followed, check_programs
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
@@ -146,6 +147,7 @@ def _build(
     problems += _check_spin(document, rate_hz)
     problems += check_claims(document)
     problems += check_groups(document)
+    problems += check_machine_guards(document, rate_hz, divisors)
     problems += check_recording(document, _recording_rate(parts, rate_hz))
     drivers: dict[str, DriverSetup] = {}
     if hardware:
@@ -161,7 +163,7 @@ def _build(
     if hardware:  # else nothing will move: what a log holds was checked before it was recorded
         problems += check_programs(document, programs, limits, voltages)
         thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
-        problems += check_heat(document, programs, thermals, voltages)
+        problems += check_heat(document, programs, thermals, limits, voltages)
         for name in parts:
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)

@@ -53,11 +53,21 @@ def check_limits(limits: Limits) -> Iterator[Finding]:
     if error.minimum_m >= travel:
         message = f"found {error.minimum_m:g}, should be less than the travel of {travel:g} m"
         yield ("limits", "following_error", "minimum_m"), message
-    unseen = limits.max_velocity_m_s * error.filter_time_s
+    fastest = limits.max_velocity_m_s
+    allowed = error.minimum_m + error.per_velocity_s * fastest
+    if error.minimum_m < travel <= allowed:
+        message = (
+            f"found {error.per_velocity_s:g}, at {fastest:g} m/s an error of {error.minimum_m:g} m "
+            f"+ {error.per_velocity_s:g} s x {fastest:g} m/s = {allowed:.3g} m would be allowed, "
+            f"as much as the travel of {travel:g} m: in fast motion it can never trip; should be "
+            "less"
+        )
+        yield ("limits", "following_error", "per_velocity_s"), message
+    unseen = fastest * error.filter_time_s
     if unseen >= travel:
         message = (
             f"found {error.filter_time_s:g}, within which the axis can cross {unseen:.3g} m "
-            f"at {limits.max_velocity_m_s:g} m/s: its whole travel of {travel:g} m"
+            f"at {fastest:g} m/s: its whole travel of {travel:g} m"
         )
         yield ("limits", "following_error", "filter_time_s"), message
 

@@ -401,9 +401,10 @@ class Commander:
 
     def _wrong_state(self, command: str, name: str) -> RefusedError:
         state = State(int(self._memory.axis_status["inner_state"][self._names.index(name)]))
+        absolute = self._machine.axes[name].homing.method == "absolute"
         message = (
             f"axis {name} is {state_words(state)}: {command} is not possible; "
-            f"possible now: {possible_words(state)}"
+            f"possible now: {possible_words(state, absolute)}"
         )
         return RefusedError(Code.WRONG_STATE, message)
 

@@ -240,6 +240,8 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _hours(hours: float) -> str:
+    if hours < 1.0:
+        return f"{hours * 60.0:.1f} min"
     return f"{hours:.1f} h" if hours < 48 else f"{hours / 24:.0f} days"
 
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from motorctl.config.guard_keys import STALLED_S
 from motorctl.config.machine import Machine
 from motorctl.daemon.error_text import in_words
 from motorctl.errors import RunError
@@ -22,8 +23,6 @@ from motorctl.loop.tick import make_drivers
 
 _log = logging.getLogger("motorctl")
 
-STALL_S = 1.0
-"""A running loop whose tick counter stands still for so long is dead."""
 KILL_TIMEOUT_S = 1.0
 SAFE_TIMEOUT_S = 2.0
 STOP_SLACK_S = 3.0
@@ -102,7 +101,7 @@ class LoopProcess:
     def ticks(self) -> bool:
         """Whether it runs and does not stand still."""
         moved = int(self.memory.status["tick"][0]) != self._tick
-        recent = time.monotonic() - self._progress_at <= STALL_S
+        recent = time.monotonic() - self._progress_at <= STALLED_S
         return self.alive and self.phase is Phase.RUNNING and (moved or recent)
 
     def insist(self) -> bool:
@@ -118,10 +117,9 @@ class LoopProcess:
         self._tick = tick
         if moved or not running:
             self._progress_at = now
-        elif now - self._progress_at > STALL_S:
-            raise RunError(
-                f"the loop has not ticked for {now - self._progress_at:.1f} s; limit {STALL_S:g} s"
-            )
+        elif now - self._progress_at > STALLED_S:
+            stood_s = now - self._progress_at
+            raise RunError(f"the loop has not ticked for {stood_s:.1f} s; limit {STALLED_S:g} s")
         return moved
 
     def insist_on_order(self) -> None:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from motorctl.errors import DataError, UsageError
+from motorctl.log.axis_names import insist_on_names
 from motorctl.log.convert import load_metadata
 from motorctl.log.partial import SUFFIX
 
@@ -211,7 +212,7 @@ def load_record(path: Path) -> FlightRecord:
     Raises
     ------
     DataError
-        Where the file is no flight record.
+        Where the file is no flight record, or its axes have names that cannot be shown.
     """
     try:
         with pq.ParquetFile(path) as log:
@@ -223,6 +224,7 @@ def load_record(path: Path) -> FlightRecord:
     needed = ("faults", "cause", "message", "time_s", "written_utc")
     if not isinstance(own, dict) or any(key not in own for key in needed):
         raise DataError(f"{path}: is a log, but no flight record; motorctl log info {path}")
+    insist_on_names(str(path), metadata.get("axes", {}))
     return FlightRecord(path, rows, size, metadata)
 
 

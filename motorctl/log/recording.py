@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.log.axis_names import insist_on_names
 from motorctl.log.units import CommandUnit, PositionUnit, unit_for
 
 Array = NDArray[np.float64]
@@ -97,7 +98,8 @@ class Recording:
     """What a reader of results should know about how the file was read."""
 
     def __post_init__(self) -> None:
-        """Protect the arrays against changes."""
+        """Look at the axes' names, and protect the arrays against changes."""
+        insist_on_names(self.source, self.axes)
         _protect(*vars(self).values())
 
     @property

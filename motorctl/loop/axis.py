@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from motorctl.config.guard_keys import OVERSPEED_RATIO
 from motorctl.control import LawFlag, carry_over_gap, law_step, shift_law, start_law
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause, SampleFlag
-from motorctl.loop.axis_records import DRIFT_WEIGHT, OVERSPEED_RATIO, TRUSTED_TICKS
+from motorctl.loop.axis_records import DRIFT_WEIGHT, TRUSTED_TICKS
 from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
@@ -25,6 +26,7 @@ from motorctl.loop.guards.encoder import (
     count_is_ambiguous,
     jump,
     note_step,
+    watch_noise,
 )
 from motorctl.loop.guards.motion import check_motion, set_soft_limits
 from motorctl.loop.guards.readiness import check_readiness, waits_for_power
@@ -267,6 +269,8 @@ def axis_reference(
         begin_quick_stop(settings, axis, law, elapsed)
     if not is_enabled(axis):
         hold_where_it_is(axis)
+        if axis.fault == FaultCause.ENCODER_NOISE and axis.held_ticks == 0:
+            watch_noise(settings, axis)
         check_readiness(settings, axis)
 
 

@@ -127,10 +127,10 @@ AXIS_STATE = np.dtype(
     align=True,
 )
 
-# Motion may exceed the configured top speed by this much, for less than these ticks, before the
-# axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
+# Motion may exceed the configured top speed, by OVERSPEED_RATIO, for less than these ticks, before
+# the axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
 # grow by a fifth of a period in each of five ticks without a whole period being skipped.
-OVERSPEED_RATIO = 1.2
+OVERSPEED_TICKS = 5
 # A prediction starts from the last velocities, each with this weight: one sample that came late
 # reads as up to twice the speed.
 DRIFT_WEIGHT = 0.1
@@ -162,7 +162,6 @@ COOLED_RATIO = 0.9
 # Of `quick_stops`, where every other guard has the number of its cause: a computer that stood still
 # is told by the same cause as late ticks are.
 HOST_FROZEN_BIT = 62
-OVERSPEED_TICKS = 5
 
 
 def fill_axis_settings(

@@ -7,7 +7,7 @@ from typing import Any
 from motorctl.kernels import inner_kernel
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.command import is_hot
-from motorctl.loop.guards.encoder import begin_watching
+from motorctl.loop.guards.encoder import begin_watching, trembles
 from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
 from motorctl.loop.guards.reactions import emergency_stop, stop
 from motorctl.loop.guards.readiness import check_readiness, has_power, is_unwell
@@ -81,7 +81,7 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
     if verb == Verb.RESET:
         if is_unwell(settings, axis):
             return Reply.STILL_FAULTY
-        if is_hot(settings, axis) or is_too_fast(settings, axis):
+        if is_hot(settings, axis) or is_too_fast(settings, axis) or trembles(settings, axis):
             return Reply.CAUSE_LASTS
         axis.fault = 0
     elif verb == Verb.FOLLOW:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,17 +42,54 @@ _WITH_LIMIT = {
 _WITHOUT_LIMIT = {
     FaultCause.NOT_A_NUMBER: "the control law computed a command that is not a finite number",
     FaultCause.ENCODER_LOST: "the encoder's signal is lost",
-    FaultCause.ENCODER_JUMP: "the encoder's count jumped further than the axis can move in a tick",
     FaultCause.AMPLIFIER: "the amplifier reports a fault",
     FaultCause.COMMUNICATION: "communication with the device is lost",
     FaultCause.ESTOP: "emergency stop",
-    FaultCause.LIMIT_SWITCH: "a limit switch is pressed",
-    FaultCause.HOMING_FAILED: "homing found no switch or index mark within homing.timeout_s",
-    FaultCause.OVERRUN: "more overruns of the control period than loop.overrun_policy allows",
-    FaultCause.SUPERVISOR_LOST: "the supervisor process sent no sign of life",
+    FaultCause.OVERRUN: "more overruns of the control period than loop.overrun_policy allows. "
+    "`motorctl latency` measures this computer",
     FaultCause.PARTNER: "an axis tripped that this one stops together with",
 }
 
+
+def _jump_words(value: float, limit: float, status: int) -> str:
+    if abs(value) <= limit:  # no step that is too large, but one that may hide whole turns
+        return "the encoder's counter may have gone round while no sample came"
+    return (
+        f"the encoder's count jumped by {value * 1e3:.4g} mm, limit {limit * 1e3:.4g} mm: further "
+        "than the axis can have moved since the last sample"
+    )
+
+
+def _switch_words(value: float, limit: float, status: int) -> str:
+    ends = {Status.LIMIT_NEGATIVE: "negative ", Status.LIMIT_POSITIVE: "positive "}
+    pressed = [name for bit, name in ends.items() if status & bit]
+    which = pressed[0] if len(pressed) == 1 else ""
+    return f"the {which}limit switch ahead is pressed, position {value * 1e3:.4g} mm"
+
+
+def _homing_words(value: float, limit: float, status: int) -> str:
+    if limit > 0.0:
+        return (
+            f"homing found no switch or index mark in {value:.4g} s, limit {limit:.4g} s "
+            "(homing.timeout_s)"
+        )
+    return (
+        "homing ran onto a limit switch before it found its switch or index mark, position "
+        f"{value * 1e3:.4g} mm"
+    )
+
+
+def _silence_words(value: float, limit: float, status: int) -> str:
+    return f"the supervisor process sent no sign of life for {value:.3g} s"
+
+
+_SENTENCES: dict[FaultCause, Callable[[float, float, int], str]] = {
+    FaultCause.ENCODER_JUMP: _jump_words,
+    FaultCause.LIMIT_SWITCH: _switch_words,
+    FaultCause.HOMING_FAILED: _homing_words,
+    FaultCause.SUPERVISOR_LOST: _silence_words,
+}
+"""Of value, limit and the driver's status word."""
 _DEVICE = {
     Status.BUS_OFF: "the bus or the port is gone",
     Status.DEVICE_RESTARTED: "the device restarted, or was silent for so long that it may have",
@@ -128,6 +165,11 @@ def lasting_words(cause: FaultCause) -> str:
             f"the motor has not cooled down to {COOLED_RATIO:.0%} of "
             "guards.thermal.continuous_voltage_v; wait a part of guards.thermal.time_constant_s"
         )
+    if cause is FaultCause.ENCODER_NOISE:
+        return (
+            "the encoder's count still trembles by more than guards.encoder_noise.rms_m; look at "
+            "its cable, its shield and its head"
+        )
     return "the axis is still faster than its limit; wait until it has come to rest"
 
 
@@ -168,9 +210,12 @@ def fault_message(
         )
     elif cause is FaultCause.OVERRUN and value > 0.0:
         text = (
-            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}. "
+            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}, by "
+            "guards.host_frozen, late.hold_ticks or what the counter may turn meanwhile. "
             "`motorctl latency` measures this computer"
         )
+    elif cause in _SENTENCES:
+        text = _SENTENCES[cause](value, limit, status)
     elif cause in _WITH_LIMIT:
         what, scale, unit = _WITH_LIMIT[cause]
         text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"

@@ -44,8 +44,12 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
     blocked = (axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0) or (
         axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0
     )
-    if axis.phase_ticks > settings.homing_ticks or blocked:
-        trip(axis, FaultCause.HOMING_FAILED, float(axis.phase), 0.0, t)
+    if blocked:
+        trip(axis, FaultCause.HOMING_FAILED, axis.position_m, 0.0, t)
+        return False
+    if axis.phase_ticks > settings.homing_ticks:
+        passed_s = axis.phase_ticks * settings.period_s
+        trip(axis, FaultCause.HOMING_FAILED, passed_s, settings.homing_ticks * settings.period_s, t)
         return False
     # A narrow switch may have been run over while stopping: it has to be met again first.
     if axis.phase in (RETREAT, LATCH_EDGE) and pressed:

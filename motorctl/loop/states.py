@@ -180,18 +180,27 @@ def state_words(state: State) -> str:
     return words if drive == told.name.lower() else f"{words} ({drive})"
 
 
-def possible_words(state: State) -> str:
-    """Return which commands a state obeys, in words; `estop` is always one of them."""
+def possible_words(state: State, absolute: bool = False) -> str:
+    """Return which commands a state obeys, in words; `estop` is always one of them.
+
+    Parameters
+    ----------
+    state
+        Of the axis.
+    absolute
+        Whether its encoder is: then there is nothing to home.
+    """
+    asked = (_E.START, _E.STOP, *(() if absolute else (_E.HOME,)), _E.FOLLOW, _E.RESET)
     commands = [
         line.event.words
-        for event in (_E.START, _E.STOP, _E.HOME, _E.FOLLOW, _E.RESET)
+        for event in asked
         for line in TRANSITIONS
         if line.event is event and state in line.before and line.after is not state
     ]
     if commands:
         return ", ".join(commands)
     if state is State.SWITCH_ON_DISABLED:
-        ready = possible_words(State.READY_TO_SWITCH_ON)
+        ready = possible_words(State.READY_TO_SWITCH_ON, absolute)
         return f"nothing until its device is ready and it stands, then {ready}"
     return "nothing until it stands"
 

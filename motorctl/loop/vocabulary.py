@@ -39,7 +39,7 @@ class Reply(IntEnum):
     STILL_MOVING = 8
     """The axis still moves: it can be enabled when it stands."""
     CAUSE_LASTS = 9
-    """The motor is still warm, or the axis still too fast."""
+    """The motor is still warm, the axis too fast, or its encoder noisy."""
     NOT_POWERED = 10
     """The amplifier is not on yet: what moves the axis would begin without it."""
 

@@ -75,6 +75,8 @@ REFUSED = [
      ["is missing", "switch_index"]),
     ({"dual_drive__max_out_of_square_m": 0.5e-3}, "dual_drive.max_out_of_square_m",
      ["0.0005", "guards.skew.limit_m 0.001"]),
+    ({"dual_drive__max_out_of_square_m": 0.4}, "dual_drive.max_out_of_square_m",
+     ["0.4", "can never trip", "travel"]),
     ({"dual_drive__skew__ks_v_s_m": 400.0}, "dual_drive.skew",
      ["skew loop is unstable", "ks 400", "0.08 V*s^2/m", "2000 Hz"]),
     ({"dual_drive__skew__k1_1_s": 2000.0}, "dual_drive.skew.k1_1_s", ["2000", "below the rate"]),

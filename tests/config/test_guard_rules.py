@@ -3,15 +3,21 @@
 import pytest
 from config_bench import machine, problems, write
 
-from motorctl.config import load
+from motorctl.config import load, load_resolved
 from motorctl.config.summary import summarise
 
 # The machine: 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
 NEVER = [
-    ("encoder_stuck", {"distance_m": 0.003}, "distance_m", ["0.003", "following error", "0.003 m"]),
-    ("encoder_noise", {"rms_m": 0.0041}, "rms_m", ["0.0041", "jump of the encoder", "0.00402"]),
+    ("encoder_stuck", {"distance_m": 0.003}, "distance_m", ["0.003", "following error", "0.003 m",
+                                                           "can never trip"]),
+    ("encoder_noise", {"rms_m": 0.0041}, "rms_m", ["0.0041", "jump of the encoder", "0.00402",
+                                                   "can never trip"]),
     ("thermal", {"continuous_voltage_v": 10.0, "time_constant_s": 20.0}, "continuous_voltage_v",
-     ["found 10", "max_voltage_v 10 V"]),
+     ["found 10", "max_voltage_v 10 V", "can never trip"]),
+    ("host_frozen", {"time_s": 1.0}, "time_s", ["found 1", "not ticked for 1 s", "can never trip"]),
+    ("saturation", {"time_s": 1e6}, "time_s", ["1e+06", "at most 60 s", "can hardly ever trip"]),
+    ("encoder_noise", {"rms_m": 1e-3, "filter_time_s": 1e4}, "filter_time_s",
+     ["10000", "2.88e+03 s of rest", "at most 60 s", "can hardly ever trip"]),
 ]  # fmt: skip
 ALWAYS = [
     ("encoder_stuck", {"distance_m": 2e-6}, "distance_m", ["2e-06", "2 encoder counts"]),
@@ -21,12 +27,14 @@ ALWAYS = [
     ("host_frozen", {"time_s": 5e-4}, "time_s", ["0.0005", "two periods", "0.001 s"]),
     ("thermal", {"continuous_voltage_v": 0.2, "time_constant_s": 0.1}, "continuous_voltage_v",
      ["0.2", "always", "program 'there'"]),
+    ("thermal", {"continuous_voltage_v": 0.05, "time_constant_s": 1e4}, "continuous_voltage_v",
+     ["0.05", "always", "slow motion back and forth, at 0.1 m/s", "0.119 V rms"]),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("guard", "keys", "key", "parts"), NEVER)
 def test_a_guard_that_can_never_trip_is_refused(tmp_path, guard, keys, key, parts):
-    refused(tmp_path, guard, keys, key, [*parts, "can never trip"])
+    refused(tmp_path, guard, keys, key, parts)
 
 
 @pytest.mark.parametrize(("guard", "keys", "key", "parts"), ALWAYS)
@@ -36,16 +44,55 @@ def test_a_guard_that_always_trips_is_refused(tmp_path, guard, keys, key, parts)
 
 def refused(tmp_path, guard, keys, key, parts):
     data = machine(axes__x__guards={guard: keys}, axes__x__program="there")
-    found = problems(tmp_path, data)
-    (told,) = [p for p in found if p.key == f"axes.x.guards.{guard}.{key}"]
-    assert len(found) == 1
+    tells_one(tmp_path, data, f"axes.x.guards.{guard}.{key}", parts)
+
+
+def tells_one(tmp_path, data, key, parts):
+    (told,) = problems(tmp_path, data)
+    assert told.key == key
     assert told.line is not None
     assert all(part in told.message for part in parts), told.message
 
 
+@pytest.mark.parametrize(
+    ("changes", "key", "parts"),
+    [
+        ({"axes__x__limits__following_error__per_velocity_s": 0.4},
+         "axes.x.limits.following_error.per_velocity_s", ["0.401 m", "travel of 0.4 m", "never"]),
+        ({"drivers__line__late": {"hold_ticks": 4001}},
+         "drivers.line.late.hold_ticks", ["found 4001", "2.0005 s", "at most 4000", "hardly ever"]),
+        ({"loop__overrun_policy": "leaky_bucket", "loop__bucket_size": 2001},
+         "loop.bucket_size", ["found 2001", "at most 2000", "hardly ever"]),
+        ({"axes__x__guards": {"late_ticks": {"reaction": "disable"}}},
+         "axes.x.guards.late_ticks", ["never trip", "loop.overrun_policy is count"]),
+        ({"axes__x__guards": {"partner": {"reaction": "disable"}}, "stop_together": []},
+         "axes.x.guards.partner", ["never trip", "no group with axis 'x'"]),
+    ],
+)  # fmt: skip
+def test_a_limit_beside_the_guards_that_can_never_trip_is_refused(tmp_path, changes, key, parts):
+    tells_one(tmp_path, machine(**changes), key, parts)
+
+
+def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
+    # 0.1 V s^2/m at least: 200 m/s^2 for twice 10 V, over 0.4 m to 12.6 m/s.
+    stop = {"acceleration_m_s2": 500.0, "jerk_m_s3": 1e6}
+    limits = machine()["axes"]["x"]["limits"] | {
+        "max_velocity_m_s": 10.6, "max_acceleration_m_s2": 500.0, "max_jerk_m_s3": 1e6, "stop": stop
+    }  # fmt: skip
+    parts = ["found 10.6", "12.72 m/s", "12.6 m/s", "can never trip"]
+    tells_one(tmp_path, machine(axes__x__limits=limits), "axes.x.limits.max_velocity_m_s", parts)
+
+
+def test_a_machine_can_be_built_again_from_what_its_log_holds(tmp_path):
+    thermal = {"continuous_voltage_v": 3.0, "time_constant_s": 5.0}  # trips before the default
+    first = load(write(tmp_path, machine(axes__x__guards={"thermal": thermal})))
+    again = load_resolved(first.resolved, hardware=True)
+    assert again.axes["x"].guards == first.axes["x"].guards
+
+
 def test_a_saturation_guard_that_the_motors_heat_always_precedes_is_refused(tmp_path):
     thermal = {"continuous_voltage_v": 3.0, "time_constant_s": 5.0}
-    data = machine(axes__x__guards={"thermal": thermal, "saturation": {"time_s": 0.5}})
+    data = machine(axes__x__guards={"thermal": thermal, "saturation": {"time_s": 0.6}})
     (told,) = problems(tmp_path, data)
     assert told.key == "axes.x.guards.saturation.time_s"
     assert "0.472 s at 10 V" in told.message
@@ -100,7 +147,9 @@ def test_a_quick_stop_where_nothing_could_follow_it_is_refused_once_with_the_rea
 )  # fmt: skip
 def test_each_guard_of_an_axis_in_order_may_ramp_it_down_or_let_it_go(tmp_path, guard):
     for reaction in ("quick_stop", "disable"):
-        assert problems(tmp_path, machine(axes__x__guards={guard: {"reaction": reaction}})) == ()
+        guards = {guard: {"reaction": reaction}}
+        data = machine(axes__x__guards=guards, loop__overrun_policy="leaky_bucket")
+        assert problems(tmp_path, data) == ()
 
 
 def test_a_reaction_that_there_is_not_is_refused(tmp_path):

@@ -45,11 +45,27 @@ def test_a_stalled_loop_tells_ticks_time_limit_and_what_measures_the_computer():
         (FaultCause.FOLLOWING_ERROR, 2.5e-3, 1e-3, ("2.5 mm", "limit 1 mm")),
         (FaultCause.SOFT_LIMIT, 0.61, 0.6, ("610 mm", "limit 600 mm")),
         (FaultCause.OVERSPEED, 1.3, 1.2, ("1.3 m/s", "limit 1.2 m/s")),
+        (FaultCause.ENCODER_JUMP, -0.03, 1.2e-3, ("jumped by -30 mm", "limit 1.2 mm")),
+        (FaultCause.ENCODER_JUMP, 1e-3, 1.2e-3, ("may have gone round",)),
+        (FaultCause.HOMING_FAILED, 30.01, 30.0, ("30.01 s", "limit 30 s", "homing.timeout_s")),
+        (FaultCause.HOMING_FAILED, 0.46, 0.0, ("ran onto a limit switch", "460 mm")),
+        (FaultCause.SUPERVISOR_LOST, 0.5002, 0.0, ("no sign of life for 0.5 s",)),
     ],
 )
 def test_a_passed_limit_is_told_with_the_value(cause, value, limit, parts):
     message = told(cause, value, limit)
     assert all(part in message for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("device", "words"),
+    [(Status.LIMIT_NEGATIVE, "the negative limit switch"), (Status.LIMIT_POSITIVE, "the positive"),
+     (Status(0), "the limit switch")],
+)  # fmt: skip
+def test_a_limit_switch_is_told_with_its_end_and_the_position(device, words):
+    message = told(FaultCause.LIMIT_SWITCH, 0.46, 0.45, device=int(device))
+    assert words in message
+    assert "position 460 mm" in message
 
 
 def test_what_the_device_reported_stands_beside_the_cause():

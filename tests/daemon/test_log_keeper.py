@@ -344,6 +344,12 @@ def test_a_warning_tells_how_many_hours_are_left_once_until_half_of_them_are_gon
     assert len(caplog.records) == 2
     assert "recording can go on for about" in caplog.records[0].message
     assert keeper.status()["disk"]["warning"] == keeper.warning
+    free[0] = 0.5 * closed * 1e6 + 20e6
+    keeper.look()
+    # Half an hour, and what the open log gives back when it is closed.
+    told = re.search(r"can go on for about ([\d.]+) min:", str(keeper.warning))
+    assert told
+    assert 30.0 <= float(told[1]) < 40.0
     log.close({})
     keeper.finish()
 

@@ -107,3 +107,4 @@ def test_a_refusal_names_the_state_and_what_is_possible(
 ) -> None:
     assert state_words(state) == called
     assert possible_words(state) == possible
+    assert possible_words(state, absolute=True) == possible.replace(", home", "")

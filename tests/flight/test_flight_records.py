@@ -29,7 +29,13 @@ ROWS = 500
 FAULT_ROW = 400
 
 
-def write_record(folder: Path, second: int = 0, cause: str = "overspeed") -> Path:
+def write_record(
+    folder: Path,
+    second: int = 0,
+    cause: str = "overspeed",
+    message: str = "speed 1.3 m/s, limit 1.2 m/s",
+    second_axis: str = "y",
+) -> Path:
     """Write a record of two axes as the daemon does; x trips in row FAULT_ROW."""
     ticks = np.zeros(ROWS, TICK_SAMPLE)
     ticks["tick"] = np.arange(ROWS)
@@ -44,7 +50,7 @@ def write_record(folder: Path, second: int = 0, cause: str = "overspeed") -> Pat
     samples["flags"][:FAULT_ROW] = SampleFlag.SATURATED
     time_s = 7.0 + FAULT_ROW / RATE_HZ
     faults = {
-        "x": {"cause": cause, "message": "speed 1.3 m/s, limit 1.2 m/s", "time_s": time_s},
+        "x": {"cause": cause, "message": message, "time_s": time_s},
         "y": {"cause": "partner", "message": "partner x tripped", "time_s": time_s},
     }
     own = {
@@ -66,7 +72,7 @@ def write_record(folder: Path, second: int = 0, cause: str = "overspeed") -> Pat
     writer = LogWriter(
         free_record_path(folder, when, "x", cause),
         metadata,
-        [LogAxis(name, ("inertia",)) for name in ("x", "y")],
+        [LogAxis(name, ("inertia",)) for name in ("x", second_axis)],
     )
     writer.append(ticks, samples)
     return writer.close()
@@ -178,3 +184,22 @@ def test_show_draws_a_picture_of_each_axis(tmp_path: Path) -> None:
         # The band of states is drawn: running before the fault, fault after it.
         assert np.any(np.all(np.abs(pixels - (0.553, 0.698, 0.553)) < 0.1, axis=-1))
         assert np.any(np.all(np.abs(pixels - (0.827, 0.576, 0.51)) < 0.1, axis=-1))
+
+
+@pytest.mark.parametrize("words", ["$\\frac{$", "a $ or $x_{$", "\x1b[2J\x07 speed", "wide " * 60])
+def test_words_of_others_are_drawn_and_shown_as_they_are(tmp_path: Path, words: str) -> None:
+    write_record(tmp_path / "faults", message=words)
+    shown = run("show", "--log-dir", str(tmp_path), "--out", str(tmp_path / "pictures"))
+    assert shown.exit_code == 0
+    assert "\x1b" not in shown.stdout
+    assert "\x07" not in shown.stdout
+    pictures = sorted((tmp_path / "pictures").glob("*.png"))
+    assert len(pictures) == 2
+    sizes = {imread(picture).shape for picture in pictures}
+    assert len(sizes) == 1  # a title of any length leaves the picture its size
+
+
+def test_a_record_whose_axis_leads_a_picture_elsewhere_is_refused(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "faults", second_axis="../y")
+    with pytest.raises(DataError, match="part of file names"):
+        load_record(path)

@@ -9,6 +9,7 @@ from motorctl.config.guard_keys import EncoderNoise, Saturation, Thermal
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb
+from motorctl.loop.faults import lasting_words
 from motorctl.motion import point_to_point
 
 RESOLUTION_M = 0.5e-6
@@ -82,6 +83,19 @@ def test_noise_that_no_motion_makes_trips_at_rest():
         assert rig.state_of("y") is AxisState.IDLE
         assert "um rms" in told(rig)
         assert "limit 10 um" in told(rig)
+
+
+def test_an_encoder_that_still_trembles_is_not_reset_and_one_that_is_calm_again_is():
+    rig = still(encoder_noise=EncoderNoise(rms_m=10e-6))
+    for k in range(2000):
+        rig.driver.counts[0] = 40 * (k % 2)
+        rig.advance(1)
+    assert rig.fault_of("x") is FaultCause.ENCODER_NOISE
+    assert rig.ask(Verb.RESET) is Reply.CAUSE_LASTS
+    assert "trembles" in lasting_words(FaultCause.ENCODER_NOISE)
+    rig.seconds(0.5)
+    assert rig.ask(Verb.RESET) is Reply.OK
+    assert rig.state_of("x") is AxisState.OFF
 
 
 def test_motion_and_a_knock_are_no_noise():

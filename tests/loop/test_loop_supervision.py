@@ -50,6 +50,27 @@ def test_a_silent_supervisor_stops_every_axis_and_ends_the_loop():
         assert bench.tick.watch["orphaned"][0]
 
 
+@pytest.mark.parametrize("pause_s", [0.6, 0.95])
+def test_a_computer_that_stood_still_as_a_whole_is_told_and_the_loop_goes_on(pause_s):
+    with hand() as bench:
+        moving(bench)
+        bench.steps(500)
+        bench.step(round(pause_s / TS), beat=False)  # the loop is the first that wakes
+        assert bench.status("x")["fault"] == FaultCause.OVERRUN
+        bench.steps(100, beat=False)
+        bench.step()
+        assert not bench.may_end
+        assert not bench.tick.watch["orphaned"][0]
+
+
+def test_a_supervisor_that_died_while_the_loop_stood_still_is_found_out():
+    with hand() as bench:
+        moving(bench)
+        bench.step(2000, beat=False)
+        bench.steps(PATIENCE + 1, beat=False)
+        assert bench.tick.watch["orphaned"][0]
+
+
 def test_a_supervisor_that_beats_now_and_then_is_enough():
     with hand() as bench:
         moving(bench)

@@ -16,8 +16,10 @@ AGAIN_S = 0.1
 """From the start on the axis is watched for so long."""
 GONE_S = 0.05
 """From the repair to the reset."""
-COOLS_S = 0.2
-"""A motor that tripped on its heat is at 90 % of it after 0.21 time constants, of half a second."""
+COOLS_S = {"overheating": 0.2, "encoder_noise": 1.0}
+"""The same for causes that fade. A motor that tripped on its heat is at 90 % of it after 0.21 time
+constants, of half a second; the mean square of noise of five times its limit is below it after 1.6
+time constants, of half a second at most."""
 STILL_S = 4.0
 LARGEST_FORCE_V = 1.0
 """What may push an axis at rest, cogging and friction together; twice that with the overshoot."""
@@ -81,7 +83,7 @@ def start_again(watch: Watch, expected: Expected) -> Restart:
     if key.machine == "stage" and key.fault in LOSE_PLACE and stand.status(made.axis)["homed"]:
         failures.append("the axis still counts as homed")
     stand.device.repair()
-    stand.advance(round(limits.ticks(COOLS_S if key.fault == "overheating" else GONE_S)))
+    stand.advance(round(limits.ticks(COOLS_S.get(key.fault, GONE_S))))
     for _ in range(round(limits.ticks(STILL_S))):
         if float(np.abs(stand.device.speeds_m_s).max()) < STANDS_M_S:
             break

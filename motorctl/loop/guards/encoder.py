@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO
+from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO, OVERSPEED_RATIO
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.axis_records import OVERSPEED_RATIO
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.states import is_off
 
@@ -30,8 +29,14 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
             fastest = min(fastest, abs(axis.velocity_m_s) + gained)
         if elapsed > 1 and fastest * seconds >= 0.75 * span * unit:
             return True
-    reach = JUMP_SPEED_RATIO * settings.max_velocity_m_s * seconds
-    return abs(step) * unit > reach + JUMP_COUNTS * unit  # type: ignore[no-any-return]
+    return abs(step) * unit > longest_step_m(settings, elapsed)  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def longest_step_m(settings: Any, elapsed: int) -> float:
+    """Return the longest step of the count that may be motion [m], in so many periods."""
+    reach = JUMP_SPEED_RATIO * settings.max_velocity_m_s * settings.period_s * elapsed
+    return reach + JUMP_COUNTS * abs(settings.metres_per_count)  # type: ignore[no-any-return]
 
 
 @inner_kernel
@@ -48,7 +53,10 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
         if settings.counter_span and elapsed > 1 and elapsed >= longest:
             trip(axis, FaultCause.OVERRUN, elapsed - 1.0, float(int(longest)), t)
         else:
-            trip(axis, FaultCause.ENCODER_JUMP, step * settings.metres_per_count, 0.0, t)
+            limit_m = longest_step_m(settings, elapsed + axis.blind_ticks)
+            if settings.counter_span:
+                limit_m = min(limit_m, quarter_m)
+            trip(axis, FaultCause.ENCODER_JUMP, step * settings.metres_per_count, limit_m, t)
     axis.homed = settings.absolute
 
 
@@ -86,10 +94,23 @@ def check_encoder(settings: Any, axis: Any, sampled: bool, t: float) -> None:
                 trip(axis, FaultCause.ENCODER_STUCK, moved, settings.stuck_distance_m, t)
     if sampled and settings.noise_rms_m > 0.0 and axis.reference_velocity_m_s == 0.0:
         # In motion, a sample that is late by a part of a period would look like noise.
-        bend_m = axis.bend_counts * settings.metres_per_count
-        bend_m2 = bend_m * bend_m
-        if settings.predict:
-            bend_m2 = min(bend_m2, settings.noise_most_m2)
-        axis.bend_m2 += settings.noise_share * (bend_m2 - axis.bend_m2)
+        watch_noise(settings, axis)
         if axis.bend_m2 > settings.noise_rms_m**2:
             trip(axis, FaultCause.ENCODER_NOISE, axis.bend_m2**0.5, settings.noise_rms_m, t)
+
+
+@inner_kernel
+def watch_noise(settings: Any, axis: Any) -> None:
+    """Take the last sample into the mean square of the second difference."""
+    bend_m = axis.bend_counts * settings.metres_per_count
+    bend_m2 = bend_m * bend_m
+    if settings.predict:
+        bend_m2 = min(bend_m2, settings.noise_most_m2)
+    axis.bend_m2 += settings.noise_share * (bend_m2 - axis.bend_m2)
+
+
+@inner_kernel
+def trembles(settings: Any, axis: Any) -> bool:
+    """Return whether an axis that tripped on its encoder's noise still has it."""
+    noisy = axis.bend_m2 > settings.noise_rms_m**2
+    return axis.fault == FaultCause.ENCODER_NOISE and noisy  # type: ignore[no-any-return]

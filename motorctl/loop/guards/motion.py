@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from motorctl.config.guard_keys import OVERSPEED_RATIO
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.axis_records import OVERSPEED_RATIO, OVERSPEED_TICKS, STANDSTILL_RATIO
+from motorctl.loop.axis_records import OVERSPEED_TICKS, STANDSTILL_RATIO
 from motorctl.loop.guards.reactions import react, trip
 
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)

@@ -12,6 +12,11 @@ from motorctl.loop.axis_records import HOST_FROZEN_BIT
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.reactions import quick_stop, react_to_others, trip
 
+PAUSE_PARTS = 5
+"""One pause of the loop counts for at most this part of the silence that the supervisor may keep: a
+frozen computer is then told as one, and a supervisor that lives has time for its next sign. Fewer
+tell a pause as a silent supervisor, more keep a loop that often pauses waiting for a dead one.
+Chosen by hand."""
 WATCH = np.dtype(
     [
         ("silent_limit", "i8"),  # ticks without a beat; 0: there is no supervisor
@@ -40,12 +45,14 @@ def supervise(
         if beat != watch.last_beat:
             watch.last_beat, watch.silent_ticks = beat, 0
         else:
-            watch.silent_ticks += elapsed
+            # While the loop stood still, the supervisor may have as well: a frozen computer.
+            watch.silent_ticks += min(elapsed, max(watch.silent_limit // PAUSE_PARTS, 1))
         if watch.silent_ticks > watch.silent_limit and not watch.orphaned:
             watch.orphaned = 1
             watch.shutdown = 1
             for i in range(axes.size):
-                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, 0.0, t)
+                silent_s = watch.silent_ticks * settings[i].tick_s
+                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, silent_s, t)
     skipped = elapsed - 1
     if overran:
         status.overruns += 1

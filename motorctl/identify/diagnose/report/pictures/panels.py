@@ -12,7 +12,7 @@ import numpy as np
 from motorctl.identify.columns.measured import Array
 from motorctl.identify.diagnose.report.pictures.axis_signals import AxisSignals
 from motorctl.identify.diagnose.report.pictures.statistics import Bins, unbroken
-from motorctl.picture_style import COLOURS, STYLE, draw_curve
+from motorctl.picture_style import COLOURS, STYLE, draw_curve, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def figure_in_file(path: Path, layout: list[str], height: float) -> Iterator[dic
         FigureCanvasAgg(figure)
         panels = figure.subplot_mosaic([list(row) for row in layout])
         yield {str(key): panel for key, panel in panels.items()}
-        figure.savefig(path, metadata={"Software": None})
+        save(figure, path)
 
 
 def force_scale(panel: Axes, axis: AxisSignals, per: str = "") -> None:
