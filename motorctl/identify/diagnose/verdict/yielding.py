@@ -1,0 +1,142 @@
+"""Whether an axis yields before it slides, as a friction that bends first must.
+
+Friction that is dry holds an axis to the last micrometre while the command sweeps from one side to
+the other, and lets go at once. What bends first moves meanwhile, by its own displacement. So the
+way that the axis makes while its friction rises is compared with the one that the effect would give
+it. What the filters add to that way, where an axis turns round quickly, speaks for the effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.stretches import Stretch, smoothed
+from motorctl.identify.diagnose.search.hypothesis import PREDICTED_BAND, Hypothesis
+from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.model import basic_effects
+
+Array = NDArray[np.float64]
+
+FROM, TO = 0.3, 0.85
+"""Parts of the friction between which it is followed, in the direction in which it rises. Further
+apart they reach into what noise does at rest or into sliding, closer together they leave no way to
+measure. Chosen by hand."""
+SEEN_HZ = 50.0
+"""Band in which friction and position are followed [Hz]. Larger adds the noise of the acceleration,
+smaller takes what comes after the breakaway for yielding. Chosen by hand."""
+LONGEST_S = 0.5
+"""Longest time of a rise [s]. Larger adds creep and drift, smaller misses slow controllers. Chosen
+by hand."""
+MOST_WAY = 10.0
+"""Way of a rise, in displacements of the effect, beyond which the axis was sliding. Larger counts
+forces that vary in motion, smaller leaves out softer machines. Chosen by hand."""
+FEWEST_RISES = 3
+"""Slow rises from which it is judged. More judges few recordings, fewer judges by one event. Chosen
+by hand."""
+YIELDS = 0.3
+"""Way that the axis makes, over what the effect would give it, from which it yields. Larger refutes
+effects whose form is not quite the machine's, smaller keeps those of dry friction. Chosen by
+hand."""
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """What an axis does while its friction rises."""
+
+    rises: int
+    way_m: float
+    """The median way, in the direction in which friction rises."""
+    expected_m: float
+    """What the effect would give it."""
+
+
+def without_rigid(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without effects that yield where the axis does not, and why."""
+    notes = []
+    for effect in found.final.added:
+        if not effect.yields_m > 0.0:
+            continue
+        rest = found.final.without(effect.name).refreshed()
+        seen = yielding(rest, effect.yields_m)
+        if seen is None or seen.way_m >= YIELDS * seen.expected_m:
+            continue
+        found = replace(found, final=rest, rival_gains=rival_gains(rest))
+        unit = rest.regressors.signals.data.position_unit
+        notes.append(
+            f"{effect.name} is refuted: with it the axis would move by {seen.expected_m:.2g} "
+            f"{unit} while friction rises from {100.0 * FROM:g} to {100.0 * TO:g} %; in "
+            f"{seen.rises} rises it moves by {seen.way_m:.2g} {unit} (limit "
+            f"{100.0 * YIELDS:g} % of that): it sticks, and lets go at once"
+        )
+    return found, tuple(notes)
+
+
+def yielding(rest: Hypothesis, displacement_m: float) -> Yielding | None:
+    """Return what the axis does in rises of its friction; None where there are too few.
+
+    Parameters
+    ----------
+    rest
+        The model without the effect.
+    displacement_m
+        The effect's.
+    """
+    ways = list(_ways(rest, displacement_m))
+    if len(ways) < FEWEST_RISES:
+        return None
+    expected = displacement_m * math.log((1.0 - FROM) / (1.0 - TO))
+    return Yielding(len(ways), float(np.median(ways)), expected)
+
+
+def _ways(rest: Hypothesis, displacement_m: float) -> Iterator[float]:
+    signals = rest.regressors.signals
+    period_s = signals.period_s
+    for s, friction in zip(signals.stretches, _friction(rest), strict=False):
+        x = smoothed(s.position, SEEN_HZ, period_s)
+        for side in (1.0, -1.0):
+            for start, end in _rises(side * friction):
+                way = side * float(x[end] - x[start])
+                lasts_s = (end - start) * period_s
+                if lasts_s <= LONGEST_S and abs(way) < MOST_WAY * displacement_m:
+                    yield way
+
+
+def _rises(friction: Array) -> Iterator[tuple[int, int]]:
+    """Yield where friction is at `FROM` for the last time before it reaches `TO`, and where."""
+    low = np.flatnonzero(friction <= FROM)
+    reached = np.flatnonzero((friction[1:] >= TO) & (friction[:-1] < TO)) + 1
+    last = -1
+    for end in reached:
+        before = int(np.searchsorted(low, end)) - 1
+        if before < 0 or low[before] <= last:
+            continue  # it fell only a little in between
+        last = int(end)
+        yield int(low[before]), int(end)
+
+
+def _friction(rest: Hypothesis) -> Iterator[Array]:
+    """Yield the measured friction of each stretch, over Coulomb friction, (N,)."""
+    signals, b = rest.regressors.signals, rest.b
+    direction = basic_effects()["direction"].name
+    places = [i for i, name in enumerate(rest.names) if name == direction]
+    effect = next((e for e in rest.of_kind("state") if e.name == direction), None)
+    if effect is None or not places or not float(b[places[0]]) < 0.0:
+        return
+    level = float(b[places[0]])
+    band_hz = PREDICTED_BAND * signals.band_hz
+    for s, predicted in zip(signals.stretches, rest.predicted_acceleration(), strict=True):
+        turning = smoothed(s.columns(effect)[0], band_hz, signals.period_s)
+        yield smoothed(
+            (_acceleration(s, signals.period_s) - predicted) / level + turning,
+            SEEN_HZ,
+            signals.period_s,
+        )
+
+
+def _acceleration(s: Stretch, period_s: float) -> Array:
+    return np.asarray(np.gradient(s.v, period_s))
