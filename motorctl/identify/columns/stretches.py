@@ -53,6 +53,10 @@ TOLD_APART = 8e-3
 """Part of the top speed: an encoder that cannot tell slower motion from a rest within `STICK_S`
 shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
 by hand."""
+TOLD_AT_ONCE = 4e-3
+"""The same part where it is told in a shorter time than that: no faster motion is taken for
+sticking. Larger drops slow motion behind coarser encoders, smaller keeps short sticking. Chosen by
+hand: half of the other, which keeps the slow motion of a gentle friction."""
 COUNTS_PER_PERIOD = 1.0
 """Counts that a coarse encoder passes in a period of the band's end, below which its steps are no
 motion that the rows could show. Larger drops slow motion, smaller takes an encoder's stairs for
@@ -312,7 +316,8 @@ def sticks(
         if np.mean(stuck) > MOST_SLOW:
             stuck = np.zeros_like(stuck)
     else:
-        told_s = max(SHORTEST_STICK_S, within / slow if slow > 0.0 else STICK_S)
+        at_once_s = within * TOLD_APART / (TOLD_AT_ONCE * slow) if slow > 0.0 else STICK_S
+        told_s = min(max(SHORTEST_STICK_S, at_once_s), STICK_S)
         size = max(FEWEST_STUCK_SAMPLES, round(told_s / period_s))
         stuck = _stays(stretch.x, within, size)
     reach = size + 2 * round(margin_s / period_s)
