@@ -157,8 +157,9 @@ def _axis(
     resolution = _number(_mapping(config.get("encoder")).get("resolution_m"))
     recorded = grid.recorded_without(blanks)
     return AxisRecording(
-        name=axis, theta_hat=theta, resolution=resolution, recorded=recorded, **found
-    )
+        name=axis, theta_hat=theta, resolution=resolution, recorded=recorded,
+        uneven=grid.resampled, **found,
+    )  # fmt: skip
 
 
 def _read_described(path: Path, description: Description) -> Recording:
@@ -229,6 +230,7 @@ def _described_axis(
         force_per_command=axis.force_per_command.known if axis.force_per_command else None,
         resolution=None if axis.position is None else axis.position.count,
         recorded=grid.recorded_without(blanks),
+        uneven=grid.resampled,
     )
 
 

@@ -60,6 +60,8 @@ class AxisRecording:
     force_per_command: ForcePerCommand | None = None
     recorded: NDArray[np.bool_] | None = None
     """Which samples were recorded and not filled in; None: all."""
+    uneven: bool = False
+    """Whether the samples were taken unevenly and brought to a uniform rate."""
     resolution: float | None = None
     """One count of the encoder in `position_unit`, where it is known."""
 

@@ -8,16 +8,22 @@ whole periods are a hole, other steps are uneven sampling or clocks that were re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from motorctl.errors import DataError
+from motorctl.log.between_samples import smooth_between
 from motorctl.log.table import Table
-from motorctl.log.uneven_times import counted_ticks, is_even_by_index, longest_step, usual_step
+from motorctl.log.uneven_times import (
+    counted_ticks,
+    is_even_by_index,
+    longest_step,
+    usual_step,
+    with_holes_in_place,
+)
 
 Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
@@ -59,8 +65,10 @@ class Grid:
     _ticks: Ticks | Array
     """The place of each row taken, in periods from 0."""
     recorded: NDArray[np.bool_] | None = None
-    """Which samples were recorded and not filled in; None: all."""
+    """Which samples were recorded, or stand between two that were, and not filled in; None: all."""
     resampled: bool = False
+    bridged: int = 0
+    """Missing samples that count as recorded, as both neighbours were."""
 
     @property
     def _as_it_is(self) -> bool:
@@ -69,22 +77,21 @@ class Grid:
     def floats(self, values: Array, held: bool = False) -> Array:
         """Bring a column of the file onto the grid, linearly over what is filled.
 
-        Of uneven samples a smooth column is interpolated by monotone cubics, which never overshoot,
-        even between samples that nearly coincide; of one that is `held` between samples, as a
-        command, each period has the mean.
+        Of uneven samples, and where single ones are missing, a smooth column is interpolated by
+        cubics; of one that is `held` between samples, as a command, each uneven period has the
+        mean.
         """
         taken = values[self._rows]
         if self._as_it_is:
             return taken.copy()
         grid = np.arange(len(self.time_s))
-        if not self.resampled:
-            return np.interp(grid, self._ticks, taken)
-        if held:
+        if held and self.resampled:
             return self._mean_held(taken)
-        smooth = np.asarray(PchipInterpolator(self._ticks, taken)(grid))
-        if self.recorded is None:
-            return smooth
-        return np.where(self.recorded, smooth, np.interp(grid, self._ticks, taken))
+        straight = np.interp(grid, self._ticks, taken)
+        if held or not (self.resampled or self.bridged):
+            return straight
+        smooth = smooth_between(self._ticks.astype(np.float64), taken, grid.astype(np.float64))
+        return smooth if self.recorded is None else np.where(self.recorded, smooth, straight)
 
     def measured(self, values: Array) -> Array:
         """Bring a column onto the grid, NaN where it is filled."""
@@ -202,18 +209,24 @@ def _filled(table: Table, time_s: Array, ticks: Ticks, rate: float) -> Grid:
         )
     if filled:
         notes.append(f"{filled} skipped ticks of {int(taken[-1]) + 1} are filled in linearly")
-    return _with_holes(rate, float(time_s[rows.start]), notes, rows, taken)
+    return _with_holes(rate, float(time_s[rows.start]), notes, rows, taken, bridge=False)
 
 
 def _with_holes(
-    rate: float, begin_s: float, notes: Sequence[str], rows: slice, ticks: Ticks
+    rate: float, begin_s: float, notes: Sequence[str], rows: slice, ticks: Ticks, bridge: bool
 ) -> Grid:
-    """Make the grid of rows that lie at whole periods, some of which are missing."""
+    """Make the grid of rows that lie at whole periods, some of which are missing.
+
+    bridge has single missing ones count as recorded: else they would cut a motion into pieces.
+    """
     count = int(ticks[-1]) + 1
     recorded = np.zeros(count, dtype=np.bool_)
     recorded[ticks] = True
+    single = ticks[:-1][np.diff(ticks) == 2] + 1 if bridge else ticks[:0]
+    recorded[single] = True
     uniform = begin_s + np.arange(count) / rate
-    return Grid(rate, uniform, tuple(notes), count - len(ticks), rows, ticks, recorded)
+    filled = count - len(ticks)
+    return Grid(rate, uniform, tuple(notes), filled, rows, ticks, recorded, bridged=len(single))
 
 
 def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Array]) -> Grid:
@@ -237,12 +250,18 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
                 f"{1e3 * usual * single.max():.3g} ms a sample, which the position does not show: "
                 f"its samples are taken as uniform, at {rate:g} Hz"
             )
-        if missing:
+            ticks = with_holes_in_place(ticks, motion)
+        grid = _with_holes(rate, float(time_s[0]), notes, slice(None), ticks, bridge=True)
+        if grid.bridged:
             notes.append(
-                f"{missing} samples of {int(ticks[-1]) + 1} were not recorded: filled in for the "
-                "time base, and left out of every judgement"
+                f"{grid.bridged} single samples of {len(grid.time_s)} are missing: interpolated"
             )
-        return _with_holes(rate, float(time_s[0]), notes, slice(None), ticks)
+        if missing > grid.bridged:
+            notes.append(
+                f"{missing - grid.bridged} samples of {len(grid.time_s)} were not recorded: filled "
+                "in for the time base, and left out of every judgement"
+            )
+        return replace(grid, notes=tuple(notes))
     return _resampled(time_s, steps, usual)
 
 
@@ -259,7 +278,7 @@ def _resampled(time_s: Array, steps: Array, usual: float) -> Grid:
     notes = [
         f"samples are uneven ({1e3 * usual * np.percentile(steps, 1):.3g} to "
         f"{1e3 * usual * np.percentile(steps, 99):.3g} ms apart): brought to {rate:g} Hz, smooth "
-        "columns by monotone cubics, commands as they were held"
+        "columns by cubics, commands as they were held"
     ]
     if filled:
         notes.append(

@@ -224,6 +224,11 @@ class Effect(ABC):
         return 0.0
 
     @property
+    def yields_m(self) -> float:
+        """Way that a friction gives before it slides [m]; 0 where it does not."""
+        return 0.0
+
+    @property
     def is_spline(self) -> bool:
         """Whether the parameters are heights of a smooth function of no form of its own."""
         return False

@@ -156,6 +156,38 @@ def test_a_clock_that_alternates_while_the_motion_does_not_is_taken_as_uniform(t
     assert "position does not show" in recording.notes[0]
 
 
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000), late=st.floats(0.1, 0.2))
+def test_stamps_that_are_late_move_no_sample_though_some_are_missing(tmp_path_factory, seed, late):
+    random = np.random.default_rng(seed)
+    even = 0.005 * np.arange(6000)
+    kept = np.ones(6000, dtype=bool)
+    kept[np.arange(150, 5900, 300) + random.integers(0, 100, 20)] = False
+    kept[3000:3025] = False
+    stamps = even + 0.005 * np.minimum(random.exponential(late, 6000), 0.9)
+    table = {name: values[kept] for name, values in (sines(even) | {"time_s": stamps}).items()}
+    path = tmp_path_factory.mktemp("late") / "a.csv"
+    recording = read_recording(write_table(path, table))
+    axis = recording.axes["x"]
+    assert recording.sample_rate_hz == pytest.approx(200.0, rel=3e-4)
+    assert len(recording.time_s) == 6000
+    used = axis.recorded.copy()
+    used[2990:3035] = False  # where a long hole begins and ends is told to a sample
+    assert used.sum() > 5900
+    np.testing.assert_allclose(axis.position[used], np.sin(6.0 * even)[used], atol=1e-4)
+    assert "single samples" in " ".join(recording.notes)
+
+
+def test_between_uneven_samples_a_steady_acceleration_is_met_exactly(tmp_path):
+    time_s = 0.005 * (np.arange(1000) + np.random.default_rng(4).uniform(-0.3, 0.3, 1000))
+    table = sines(time_s) | {"x.position_m": 0.5 * time_s**2}
+    recording = read_recording(write_table(tmp_path / "a.csv", table))
+    inner = slice(3, -3)
+    np.testing.assert_allclose(
+        recording.axes["x"].position[inner], 0.5 * recording.time_s[inner] ** 2, atol=1e-9
+    )
+
+
 def test_a_few_blank_values_are_filled_told_and_marked(tmp_path):
     table = sines(np.arange(2000) / 200)
     table["x.command_v"][[30, 31, 900]] = np.nan

@@ -64,6 +64,8 @@ class Measured:
     """One count of the encoder, where it is known."""
     position_unit: PositionUnit = "m"
     command_unit: CommandUnit = "V"
+    uneven: bool = False
+    """Whether the samples were taken unevenly and brought to this rate."""
     force_per_command: float | None = None
     force_unit: str = "N"
     others: Mapping[str, Measured] = field(default_factory=dict, repr=False)
@@ -139,6 +141,7 @@ def measured(recording: Recording, axis: str) -> Measured:
         resolution=record.resolution,
         position_unit=record.position_unit,
         command_unit=record.command_unit,
+        uneven=record.uneven,
         force_per_command=None if force is None else force.value,
         force_unit="N" if force is None else force.force_unit,
     )

@@ -28,7 +28,7 @@ from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_s
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
-from motorctl.identify.diagnose.verdict.late_command import late_command
+from motorctl.identify.diagnose.verdict.late_command import late_command, read_between
 from motorctl.identify.diagnose.verdict.position_faults import without_stuck
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_explains,
@@ -167,7 +167,8 @@ def diagnose_axis(
     heard = check_explains(data, pieces, model, bool(plain), data.others)
     hint = late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
-    if band_hz < signals.band_hz:
+    data, read = read_between(data, heard)
+    if band_hz < signals.band_hz or read:
         signals = make_signals(data, band_hz, slope)
     if plain:
         found = nothing_sought(signals, model)
@@ -179,4 +180,4 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint))))
+    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint, read))))

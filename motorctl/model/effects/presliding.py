@@ -74,6 +74,11 @@ class Presliding(Effect):
         return 1.0 / self.options.displacement_m, *self.options.sign.constants
 
     @property
+    def yields_m(self) -> float:
+        """x_s."""
+        return self.options.displacement_m
+
+    @property
     def picture(self) -> Picture:
         """Friction against the way after a reversal."""
         return Picture(

@@ -63,6 +63,7 @@ from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, u
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
 from motorctl.identify.diagnose.verdict.verdict import Judged, low_hz
+from motorctl.identify.diagnose.verdict.yielding import without_rigid
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
 
@@ -95,6 +96,7 @@ def assemble(
     split = split_rows(found.final, segments)
     found, refuted = without_refuted(found, split.held_out)
     found, shown = without_shown(found)
+    found, rigid = without_rigid(found)
     fitted = found.final.added
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
@@ -172,6 +174,7 @@ def assemble(
             *found.refuted,
             *refuted,
             *shown,
+            *rigid,
             *useless,
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,

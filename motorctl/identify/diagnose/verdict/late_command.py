@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.command_timing import later
+from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
@@ -53,6 +57,44 @@ def late_command(heard: Hypothesis) -> str | None:
         f"(this leaves {100.0 * left[best] / left[0]:.0f} % of the squared residual): where the "
         f"column is late, give the command late_s: {lead_s:.2g} in the description"
     )
+
+
+def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | None]:
+    """Return an axis with its command where it acted, if its samples were taken unevenly.
+
+    Who writes a row with each command knows when that began to act. A recorder that comes by reads
+    what was written before: then it is half a period late on average, and the motion shows it.
+
+    Parameters
+    ----------
+    data
+        The axis as measured.
+    heard
+        As of `late_command`.
+
+    Returns
+    -------
+    Measured
+        With the command half a period earlier where the motion answers to that.
+    str or None
+        A note that says so.
+    """
+    if not data.uneven:
+        return data, None
+    signals = heard.regressors.signals
+    rows = heard.problem.joined(signals.rows)
+    earlier = [_half_earlier(s.command) for s in signals.stretches]
+    read = signals.filtered([0.5 * (u + later(u, 1))[None] for u in earlier])[0]
+    if _left(rows[heard.regressors.command_column], rows) <= _left(read, rows):
+        return data, None
+    return replace(data, command=_half_earlier(data.command)), (
+        f"samples are uneven, and the motion answers to a command {500.0 * data.period_s:.2g} ms "
+        "before it was recorded: it was taken as one that was written before the sample came"
+    )
+
+
+def _half_earlier(u: Array) -> Array:
+    return 0.5 * (u + _earlier(u, 1))
 
 
 def _earlier(u: Array, samples: int) -> Array:

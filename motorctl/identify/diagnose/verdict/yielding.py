@@ -1,0 +1,140 @@
+"""Whether an axis yields before it slides, as a friction that bends first must.
+
+Friction that is dry holds an axis to the last micrometre while the command sweeps from one side to
+the other, and lets go at once. What bends first moves meanwhile, by its own displacement. So the
+way that the axis makes while its friction rises is compared with the one that the effect would give
+it. What the filters add to that way, where an axis turns round quickly, speaks for the effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.identify.columns.stretches import smoothed
+from motorctl.identify.diagnose.search.hypothesis import PREDICTED_BAND, Hypothesis
+from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.model import Effect, basic_effects
+
+Array = NDArray[np.float64]
+
+FROM, TO = 0.3, 0.85
+"""Parts of the friction between which it is followed, in the direction in which it rises. Further
+apart they reach into what noise does at rest or into sliding, closer together they leave no way to
+measure. Chosen by hand."""
+SEEN_HZ = 50.0
+"""Band in which friction and position are followed [Hz]. Larger adds the noise of the acceleration,
+smaller takes what comes after the breakaway for yielding. Chosen by hand."""
+LONGEST_S = 0.5
+"""Longest time of a rise [s]. Larger adds creep and drift, smaller misses slow controllers. Chosen
+by hand."""
+MOST_WAY = 10.0
+"""Way of a rise, in displacements of the effect, beyond which the axis was sliding. Larger counts
+forces that vary in motion, smaller leaves out softer machines. Chosen by hand."""
+FEWEST_RISES = 3
+"""Slow rises from which it is judged. More judges few recordings, fewer judges by one event. Chosen
+by hand."""
+YIELDS = 0.3
+"""Way that the axis makes, over what the effect would give it, from which it yields. Larger refutes
+effects whose form is not quite the machine's, smaller keeps those of dry friction. Chosen by hand:
+four machines of other hands that yield have 0.8 to 1.04, a real ball screw 2.4, two that are dry
+-0.1 and 0.01."""
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """What an axis does while its friction rises."""
+
+    rises: int
+    way_m: float
+    """The median way, in the direction in which friction rises."""
+    expected_m: float
+    """What the effect would give it."""
+
+
+def without_rigid(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without effects that yield where the axis does not, and why."""
+    notes = []
+    for effect in found.final.added:
+        if not effect.yields_m > 0.0:
+            continue
+        seen = yielding(found.final, effect)
+        if seen is None or seen.way_m >= YIELDS * seen.expected_m:
+            continue
+        rest = found.final.without(effect.name).refreshed()
+        found = replace(found, final=rest, rival_gains=rival_gains(rest))
+        unit = rest.regressors.signals.data.position_unit
+        notes.append(
+            f"{effect.name} is refuted: with it the axis would move by {seen.expected_m:.2g} "
+            f"{unit} while friction rises from {100.0 * FROM:g} to {100.0 * TO:g} %; in "
+            f"{seen.rises} rises it moves by {seen.way_m:.2g} {unit} (limit "
+            f"{100.0 * YIELDS:g} % of that): it sticks, and lets go at once"
+        )
+    return found, tuple(notes)
+
+
+def yielding(final: Hypothesis, effect: Effect) -> Yielding | None:
+    """Return what the axis does in rises of its friction; None where there are too few.
+
+    Parameters
+    ----------
+    final
+        A model that has the effect: without it inertia and friction may be far off.
+    effect
+        The one that yields.
+    """
+    ways = list(_ways(final, effect))
+    if len(ways) < FEWEST_RISES:
+        return None
+    expected = effect.yields_m * math.log((1.0 - FROM) / (1.0 - TO))
+    return Yielding(len(ways), float(np.median(ways)), expected)
+
+
+def _ways(final: Hypothesis, effect: Effect) -> Iterator[float]:
+    signals = final.regressors.signals
+    period_s = signals.period_s
+    for s, friction in zip(signals.stretches, _friction(final, effect), strict=False):
+        x = smoothed(s.position, SEEN_HZ, period_s)
+        for side in (1.0, -1.0):
+            for start, end in _rises(side * friction):
+                way = side * float(x[end] - x[start])
+                lasts_s = (end - start) * period_s
+                if lasts_s <= LONGEST_S and abs(way) < MOST_WAY * effect.yields_m:
+                    yield way
+
+
+def _rises(friction: Array) -> Iterator[tuple[int, int]]:
+    """Yield where friction is at `FROM` for the last time before it reaches `TO`, and where."""
+    low = np.flatnonzero(friction <= FROM)
+    reached = np.flatnonzero((friction[1:] >= TO) & (friction[:-1] < TO)) + 1
+    last = -1
+    for end in reached:
+        before = int(np.searchsorted(low, end)) - 1
+        if before < 0 or low[before] <= last:
+            continue  # it fell only a little in between
+        last = int(end)
+        yield int(low[before]), int(end)
+
+
+def _friction(final: Hypothesis, effect: Effect) -> Iterator[Array]:
+    """Yield the measured friction of each stretch, over Coulomb friction, (N,); none without it."""
+    signals = final.regressors.signals
+    direction = basic_effects()["direction"].name
+    level = sum(float(b) for b, name in zip(final.b, final.names, strict=True) if name == direction)
+    if not level < 0.0:
+        return
+    frictions = [e for e in final.of_kind("state") if e.name in (direction, effect.name)]
+    places = [[i for i, name in enumerate(final.names) if name == e.name] for e in frictions]
+    band_hz = PREDICTED_BAND * signals.band_hz
+    for s, predicted in zip(signals.stretches, final.predicted_acceleration(), strict=True):
+        modelled = sum(
+            (final.b[own] @ s.columns(e) for e, own in zip(frictions, places, strict=True)),
+            start=np.zeros_like(s.x),
+        )
+        left = np.gradient(s.v, signals.period_s) - predicted
+        measured = left + smoothed(modelled, band_hz, signals.period_s)
+        yield smoothed(measured / level, SEEN_HZ, signals.period_s)
