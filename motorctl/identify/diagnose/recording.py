@@ -28,9 +28,11 @@ from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_s
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
+from motorctl.identify.diagnose.verdict.far_spring import far_spring
 from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.position_faults import without_stuck
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
+    UnexplainedMotionError,
     check_explains,
     check_magnitude,
     check_motion,
@@ -164,8 +166,16 @@ def diagnose_axis(
     pieces = shortened(signals, LONGEST_SEARCH_S)
     model, dropped = without_undetermined(pieces, declared)
     plain = too_plain(signals)
-    heard = check_explains(data, pieces, model, bool(plain), data.others)
-    hint = late_command(heard)
+    far = None
+    try:
+        heard = check_explains(data, pieces, model, bool(plain), data.others)
+    except UnexplainedMotionError as unexplained:
+        far = far_spring(unexplained.plain)
+        if far is None:
+            raise
+        signals = make_signals(data, far.together_hz, slope)
+        heard = check_explains(data, signals, model, bool(plain), data.others)
+    hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     if band_hz < signals.band_hz:
         signals = make_signals(data, band_hz, slope)

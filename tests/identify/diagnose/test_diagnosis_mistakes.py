@@ -280,3 +280,16 @@ def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
     told = diagnose_axis(moved, C1)
     assert (told.verdict, told.effects) == ("insufficient_data", ())
     assert "only 2 times" in told.sentence
+
+
+def test_an_axis_that_rests_nearly_all_of_the_time_is_not_called_noise():
+    """A torque grows until friction gives way: one short move in the end, behind coarse counts."""
+    count = 6.3e-4
+    time_s = np.arange(3000) / 1000.0
+    position = count * np.rint(30.0 * np.exp((time_s - 3.0) / 0.25) / count)
+    ramp = Measured(
+        source="a.csv", axis="x", sample_rate_hz=1000.0, time_s=time_s, position=position,
+        command=time_s / 60.0, usable=np.ones(3000, dtype=np.bool_), position_unit="rad",
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"too little motion: it moves over 29\.\d rad, but rests"):
+        diagnose_axis(ramp, C1)
