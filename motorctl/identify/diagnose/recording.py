@@ -37,6 +37,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_magnitude,
     check_motion,
 )
+from motorctl.identify.diagnose.verdict.speed_command import speed_told
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
 from motorctl.log.recording import Part
@@ -189,4 +190,4 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint))))
+    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint, speed_told(axis)))))

@@ -1,4 +1,4 @@
-"""An encoder beyond a spring: the load follows the motor well below the resonance, and not above."""
+"""An encoder beyond a spring: the load follows the motor below the resonance, and not above."""
 
 from __future__ import annotations
 
