@@ -219,8 +219,8 @@ def _with_turns_counted(
             angle = angle / described.factor
             out[described.column] = angle if blank is None else np.where(blank, np.nan, angle)
             notes.append(
-                f"axis {name}: column '{described.column}' begins anew after a turn, {wraps} "
-                "times: whole turns are counted on"
+                f"axis {name}: column '{described.column}' begins anew after a turn, "
+                f"{'once' if wraps == 1 else f'{wraps} times'}: whole turns are counted on"
             )
     return out, notes
 
