@@ -21,8 +21,8 @@ from motorctl_benchmarks.real_machines.readers import (
     mat,
 )
 
-GUIDE_ROWS = 40_000
-"""Of a guide's recording, which repeats its motion every 5 s, 20 times: 40 s tell as much."""
+GUIDE_ROWS = 20_000
+"""Of a guide's recording, which repeats its motion every 5 s, 20 times: 20 s tell as much."""
 
 BELT_CART_ROWS = 2_200
 """Of a cart's recording at most: the longest has 7000 rows of one kind of step."""
