@@ -22,11 +22,13 @@ from motorctl.log.description import (
     VelocityColumn,
     read_description,
 )
+from motorctl.log.interleaved import brought_together
 from motorctl.log.open_table import open_table
 from motorctl.log.recording import AxisRecording, Recording
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
+from motorctl.log.turns import counted_on
 
 _POSITION = ".position_m"
 _COMMAND = ".command_v"
@@ -83,6 +85,8 @@ def read_recording(
 
 
 def _read_columns(table: Table, gaps: Gaps) -> Recording:
+    for name in sorted(table.repeated):
+        raise DataError(table.missing(name))
     axes = [n.removesuffix(_POSITION) for n in table.names if n.endswith(_POSITION)]
     if "time_s" not in table.names or not axes:
         missing = "time_s" if "time_s" not in table.names else f"<axis>{_POSITION}"
@@ -175,7 +179,8 @@ def _read_described(path: Path, description: Description) -> Recording:
             if column not in table.names:
                 key = f"axes.{name}.{signal}.column"
                 raise DataError(f"{path}: {key}: {table.missing(column)}")
-    columns = table.read(wanted)
+    columns, together = brought_together(table.read(wanted), description)
+    columns, turns = _with_turns_counted(table, columns, description)
     if clock is None:
         assert description.sample_rate_hz is not None
         rows = len(columns[wanted[0]])
@@ -195,8 +200,30 @@ def _read_described(path: Path, description: Description) -> Recording:
             for name, axis in description.axes.items()
         },
         segments=description.segments.given,
-        notes=(*grid.notes, *_description_notes(columns, description)),
+        notes=(*together, *turns, *grid.notes, *_description_notes(columns, description)),
     )
+
+
+def _with_turns_counted(
+    table: Table, columns: Mapping[str, Array], description: Description
+) -> tuple[dict[str, Array], list[str]]:
+    """Count whole turns on in angles that begin anew after each; return columns and notes."""
+    out, notes = dict(columns), []
+    for name, axis in description.axes.items():
+        for described in (axis.position, axis.reference):
+            if described is None or described.base_unit != "rad":
+                continue
+            values, blank = table.without_blanks(described.column, columns[described.column])
+            angle, wraps = counted_on(values * described.factor)
+            if not wraps:
+                continue
+            angle = angle / described.factor
+            out[described.column] = angle if blank is None else np.where(blank, np.nan, angle)
+            notes.append(
+                f"axis {name}: column '{described.column}' begins anew after a turn, "
+                f"{'once' if wraps == 1 else f'{wraps} times'}: whole turns are counted on"
+            )
+    return out, notes
 
 
 def _described_axis(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,11 +35,8 @@ class Table(ABC):
         self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None
     ) -> None:
         self.path = path
-        self.names = tuple(names)
+        self.names, self.repeated = _told_apart(names)
         self.metadata = dict(metadata or {})
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
-        if twice:
-            raise DataError(f"{path}: there is more than one column '{twice[0]}'")
 
     @abstractmethod
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
@@ -73,15 +71,18 @@ class Table(ABC):
             raise DataError(self.missing(name))
 
     def missing(self, name: str) -> str:
-        """Return a sentence: there is no such column, and which there are."""
+        """Return a sentence: there is no such column, or more than one, and which there are."""
+        if name in self.repeated:
+            return f"{self.path}: there is more than one column '{name}'; say '{name} (1)', or (2)"
         close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.75)
         hint = f"; did you mean '{close[0]}'?" if close else "."
         return f"{self.path}: no column '{name}'{hint} There are: {self.listing()}"
 
     def listing(self) -> str:
         """List the columns, shortened where they are many."""
-        shown = ", ".join(self.names[:_SHOWN_NAMES])
-        more = len(self.names) - _SHOWN_NAMES
+        named = [name for name in self.names if name]
+        shown = ", ".join(named[:_SHOWN_NAMES])
+        more = len(named) - _SHOWN_NAMES
         return (shown or "none") + (f" and {more} more" if more > 0 else "")
 
     def without_blanks(self, name: str, values: Array) -> tuple[Array, NDArray[np.bool_] | None]:
@@ -118,3 +119,14 @@ class Table(ABC):
                 f"{self.path}: {self.row(k)}: column '{name}' is {value} "
                 f"({wrong.size} such of {len(values)} rows)"
             )
+
+
+def _told_apart(names: Sequence[str]) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Return names of which none stands twice, and those that did: they are numbered, from 1."""
+    repeated = frozenset(name for name, count in Counter(names).items() if count > 1)
+    numbers: Counter[str] = Counter()
+    apart: list[str] = []
+    for name in names:
+        numbers[name] += 1
+        apart.append(f"{name} ({numbers[name]})" if name in repeated else name)
+    return tuple(apart), repeated

@@ -127,19 +127,23 @@ def _read_head(path: Path) -> _Head:
         raise DataError(f"{path}: no header line with the names of columns")
     header, count = lines[comments], comments + 1
     headless = _is_numeric(header)
+    width = len(_without_end(_cells(header)))
     if comments and headless:
         named = lines[comments - 1].lstrip("".join(_COMMENTS))
-        if len(_cells(named)) == len(_cells(header)):
+        if len(_without_end(_cells(named))) == width:
             header, count, headless = named, comments, False
     delimiter = _delimiter(header)
     if headless:
-        names = tuple(str(k + 1) for k in range(len(_cells(header))))
+        names = tuple(str(k + 1) for k in range(width))
         count -= 1
     elif delimiter == _BLANKS:
         names = tuple(header.split())
     else:
         names = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
     first_row = lines[count] if count < len(lines) else ""
+    ends = delimiter != _BLANKS and first_row.rstrip(" ").endswith(delimiter)
+    if ends and first_row.count(delimiter) == len(names):
+        names = (*names, "")  # rows end with a separator: behind it is a column of nothing
     if delimiter == _BLANKS and len(first_row.split()) != len(names):
         delimiter = ","  # one column, whose name may have blanks
         names = (header.strip(),)
@@ -175,9 +179,14 @@ def _cells(line: str) -> list[str]:
     return line.split() if delimiter == _BLANKS else line.split(delimiter)
 
 
+def _without_end(cells: list[str]) -> list[str]:
+    """Return the cells of a line, without the empty one behind a separator at its end."""
+    return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
+
+
 def _is_numeric(line: str) -> bool:
     try:
-        [float(cell) for cell in _cells(line)]
+        [float(cell) for cell in _without_end(_cells(line))]
     except ValueError:
         return False
     return True

@@ -24,7 +24,8 @@ METADATA_VARIABLE = "motorctl"
 class MatTable(Table):
     """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
 
-    Columns of a matrix are ``name(:,k)``, what cells hold is ``name{k}``, k from 1.
+    Columns of a matrix are ``name(:,k)``, what cells hold is ``name{k}``, and the structs of an
+    array are ``name(k)``, k from 1, as the signals that dSPACE and Simulink write.
 
     A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
     """
@@ -61,6 +62,10 @@ def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
     if value.dtype.names and value.size == 1:
         for field in value.dtype.names:
             yield from _vectors(f"{name}.{field}", value.ravel()[0][field])
+    elif value.dtype.names and value.size <= MOST_MATRIX_COLUMNS:
+        for k, struct in enumerate(value.ravel(order="F"), 1):
+            for field in value.dtype.names:
+                yield from _vectors(f"{name}({k}).{field}", struct[field])
     elif value.dtype == object and value.size <= MOST_MATRIX_COLUMNS:
         for k, cell in enumerate(value.ravel(order="F"), 1):
             yield from _vectors(f"{name}{{{k}}}", cell)

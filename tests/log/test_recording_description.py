@@ -203,6 +203,86 @@ def test_columns_without_names_are_found_by_their_number(tmp_path, file, write, 
     np.testing.assert_allclose(recording.axes["b"].command, ROWS[:, 2])
 
 
+def test_rows_that_end_with_a_separator_have_no_further_column(tmp_path):
+    """So writes many a C program; the cell behind it is no value, and the rows are no header."""
+    lines = ["\t".join(f"{value:.6f}" for value in row) + "\t" for row in ROWS]
+    (tmp_path / "a.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "named.txt").write_text("t\tq\tu\n" + "\n".join(lines) + "\n")
+    for file, (q, u) in {"a.txt": ("2", "3"), "named.txt": ("q", "u")}.items():
+        (tmp_path / "d.yaml").write_text(
+            f"file: {file}\nsample_rate_hz: 250\naxes:\n  b:\n"
+            f'    position: {{column: "{q}", unit: m}}\n    command: {{column: "{u}", unit: A}}\n'
+        )
+        axis = read_recording(tmp_path / "d.yaml").axes["b"]
+        np.testing.assert_allclose(axis.position, ROWS[:, 1], atol=1e-6)
+        np.testing.assert_allclose(axis.command, ROWS[:, 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("rad", 2.0 * math.pi), ("deg", 360.0), ("turn", 1.0)])
+def test_an_angle_that_begins_anew_after_a_turn_counts_on(tmp_path, unit, turn):
+    count = np.arange(400)
+    turns = 1.3 * np.sin(count / 60.0) + 0.2
+    rows = np.column_stack([turn * (turns % 1.0), np.cos(count)])
+    np.savetxt(tmp_path / "a.txt", rows)
+    (tmp_path / "d.yaml").write_text(
+        "file: a.txt\nsample_rate_hz: 250\naxes:\n  b:\n"
+        f'    position: {{column: "1", unit: {unit}}}\n    command: {{column: "2", unit: A}}\n'
+    )
+    recording = read_recording(tmp_path / "d.yaml")
+    moved = np.diff(recording.axes["b"].position)
+    np.testing.assert_allclose(moved, 2.0 * math.pi * np.diff(turns), atol=1e-9)
+    times = np.count_nonzero(np.diff(np.floor(turns)))
+    assert f"begins anew after a turn, {times} times" in recording.notes[0]
+
+
+@pytest.mark.parametrize("unit", ["m", "rad"])
+def test_a_position_that_jumps_in_other_ways_stays_as_it_is(tmp_path, unit):
+    rows = np.column_stack([np.sin(np.arange(400) / 60.0), np.cos(np.arange(400))])
+    rows[200:, 0] += 3.0 if unit == "rad" else 2.0 * math.pi
+    np.savetxt(tmp_path / "a.txt", rows)
+    (tmp_path / "d.yaml").write_text(
+        "file: a.txt\nsample_rate_hz: 250\naxes:\n  b:\n"
+        f'    position: {{column: "1", unit: {unit}}}\n    command: {{column: "2", unit: A}}\n'
+    )
+    recording = read_recording(tmp_path / "d.yaml")
+    np.testing.assert_allclose(recording.axes["b"].position, rows[:, 0])
+    assert recording.notes == ()
+
+
+def test_signals_in_an_array_of_structs_are_counted_as_dspace_writes_them(tmp_path):
+    signals = np.zeros(2, dtype=[("Name", object), ("Data", object)])
+    signals[0], signals[1] = ("enc1 (mm)", ROWS[:, 1]), ("input (V)", ROWS[:, 2])
+    run = {"X": {"Data": ROWS[:, 0]}, "Y": signals}
+    scipy.io.savemat(tmp_path / "a.mat", {"exp1": run})
+    (tmp_path / "d.yaml").write_text(
+        "file: a.mat\ntime: {column: exp1.X.Data}\naxes:\n  b:\n"
+        "    position: {column: exp1.Y(1).Data, unit: mm}\n"
+        "    command: {column: exp1.Y(2).Data, unit: V}\n"
+    )
+    axis = read_recording(tmp_path / "d.yaml").axes["b"]
+    np.testing.assert_allclose(axis.position, 1e-3 * ROWS[:, 1])
+    np.testing.assert_allclose(axis.command, ROWS[:, 2])
+
+
+@pytest.mark.parametrize(("asked", "told"), [("u", r"say 'u \(1\)', or \(2\)"), ("u (2)", "")])
+def test_of_columns_with_one_name_each_can_be_had_by_its_number(tmp_path, asked, told):
+    np.savetxt(
+        tmp_path / "a.csv",
+        np.column_stack([ROWS, 2.0 * ROWS[:, 2]]),
+        delimiter=",", header="t,q,u,u", comments="",
+    )  # fmt: skip
+    (tmp_path / "d.yaml").write_text(
+        "file: a.csv\ntime: {column: t}\naxes:\n  b:\n    position: {column: q, unit: m}\n"
+        f"    command: {{column: {asked}, unit: A}}\n"
+    )
+    if told:
+        with pytest.raises(DataError, match=told):
+            read_recording(tmp_path / "d.yaml")
+        return
+    axis = read_recording(tmp_path / "d.yaml").axes["b"]
+    np.testing.assert_allclose(axis.command, 2.0 * ROWS[:, 2])
+
+
 @pytest.mark.parametrize(
     ("unit", "position", "command", "translated"),
     [

@@ -21,6 +21,15 @@ from motorctl_benchmarks.real_machines.arm_readers import (
     ur10,
     xmate,
 )
+from motorctl_benchmarks.real_machines.bench_readers import (
+    belt_cart,
+    coupled_motors,
+    crane_cart,
+    guide,
+    seventh_joint,
+    small_servo,
+    trolley,
+)
 from motorctl_benchmarks.real_machines.lab_readers import (
     DRIVETRAIN_RUNS,
     FLYWHEEL_RUNS,
@@ -141,6 +150,18 @@ WITH_PLAY = ("backlash", "flexible_mode")
 mass hangs on a spring whose antiresonance its authors put at 2.5 Hz."""
 SEEN_AT_THE_LOAD = (*WITH_PLAY, "input_lag", "input_delay")
 RUNS_ONE_WAY = ("quadratic_drag", "input_lag", "input_delay")
+COUPLED = ("flexible_mode",)
+"""Motor and load hang together by a coupling: antiresonance at 54 Hz, resonance at 76 Hz."""
+ON_A_SPRING = ("flexible_mode", "position_force")
+"""A spring holds the motor in its place (1 Hz), another the second mass: antiresonance at 11 Hz."""
+TROLLEY = "Step response 700 with random"
+LATE_DUTY = ("input_lag", "input_delay", "cross_axis")
+"""The cart answers 10 ms late, and the pole swings on it."""
+BELT_CARTS = {
+    "steps": "5ms Trajectories/CP_PID_2022-01-20_21-44-38 5ms measurement short",
+    "longer": "20ms Trajectories/CP_PID_2022-01-21_18-56-13 20ms measurement",
+    "swing-up": "Results/Swingup/CP_mppi-tf-Euler_2022-02-21_01-27-23",
+}
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
 AXES: tuple[RealAxis, ...] = (
@@ -257,6 +278,32 @@ AXES: tuple[RealAxis, ...] = (
     *(
         RealAxis(f"mouse's wheel, {name}", wheel_of_mouse(name), "%", (), "turn")
         for name in ("testPid1", "testPid6")
+    ),
+    *(
+        RealAxis(f"coupled motors, {kind}, {side}", coupled_motors(kind, side), "A", COUPLED)
+        for kind in "AB"
+        for side in ("motor", "load")
+    ),
+    *(
+        RealAxis(f"guide, run {k}, mass {m}", guide(k, m), "V", ON_A_SPRING, "mm", scale=-1)
+        for k, m in ((1, 1), (1, 2), (3, 1), (3, 2))
+    ),
+    RealAxis("crane's cart, speed", crane_cart, "V", position_unit="m"),
+    *(
+        RealAxis(f"trolley{more}", trolley(f"{TROLLEY}{more}"), "V", position_unit="m")
+        for more in ("", " v1")
+    ),
+    *(
+        RealAxis(f"cart on a belt, {what}", belt_cart(name), "%", LATE_DUTY, "m")
+        for what, name in BELT_CARTS.items()
+    ),
+    *(
+        RealAxis(f"small servo, {name}", small_servo(name), "N*m", HYSTERESIS)
+        for name in ("J_1", "01")
+    ),
+    *(
+        RealAxis(f"seventh joint, {speed} rad/s", seventh_joint(f"{speed}00000"), "A")
+        for speed in ("0.5", "1.5")
     ),
 )
 

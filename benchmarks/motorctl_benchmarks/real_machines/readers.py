@@ -63,6 +63,12 @@ CYLINDER = "EvaZillen/3D-printed-pneumatic-actuator"
 MILL = "ejhusom/cnc_milling_tool_wear"
 STAGES = "ParthSareen/controls-projects"
 WHEELS = "opatiny/micromouse"
+COUPLED_MOTORS = "HoriFujimotoLab/FdiTools"
+GUIDES = "meco-group/lc_toolbox"
+CRANE = "Cristian-Napitupulu/gantry_crane_ws"
+BELT_CART = "SensorsINI/physical-cartpole"
+SMALL_SERVO = "TeacherRock/LuGre_Friction"
+SEVENTH_JOINT = "HBRS-SDP/joint-friction-model"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -106,11 +112,19 @@ REPOSITORIES = (
     MILL,
     STAGES,
     WHEELS,
+    COUPLED_MOTORS,
+    GUIDES,
+    CRANE,
+    BELT_CART,
+    SMALL_SERVO,
+    SEVENTH_JOINT,
 )
 """On GitHub."""
 COMMITS = {
     BARE_MOTOR: "54611550c141fb024b663d1d17fc98dc2c5b7fd3",
     LINKS: "b30002b6f7fb9bb7d4410ab304c18fbcbbedcfd5",
+    CRANE: "adf4a81b4a2389b1dff19aad86cbc33450f59e54",
+    BELT_CART: "89b023a2117fcd8a74efc22a287523423317abdf",
     SCHUNK: "3897268a9545555f8010b2b7ed913645fb87fc13",
 }
 """Of those whose newest commit has not the recordings."""

@@ -79,6 +79,10 @@ loses recordings with many gaps. Chosen by hand."""
 FEWEST_ROWS = 100
 """Fewest rows in motion with which diagnosis begins. Smaller names effects from next to nothing,
 larger refuses short recordings. Chosen by hand."""
+FAR_BEYOND_NOISE = 100.0
+"""Way over what counts as rest behind the encoder's noise, from which an axis that hardly ever
+moves did move at times. Larger calls short moves noise, smaller calls noise a move. Chosen by
+hand: drift reaches ten times, the moves of axes that rest ten thousand."""
 MOST_GAINS = 64
 """Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
 forms them again. Chosen by hand."""
@@ -391,7 +395,16 @@ def make_signals(
         row_s = decimation * data.period_s
         used &= ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band, slowest)
         kept.append(used)
-    if enough >= FEWEST_ROWS and sum(int(k.sum()) for k in kept) < FEWEST_ROWS:
+    moving = sum(int(k.sum()) for k in kept)
+    if enough >= FEWEST_ROWS and moving < FEWEST_ROWS:
+        moved = float(np.ptp(data.position[data.usable]))
+        if moved > FAR_BEYOND_NOISE * REST_RANGE * rms:
+            raise DataError(
+                f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "
+                f"but rests nearly all of the time: in motion are {moving} rows below "
+                f"{band:.3g} Hz, and at least {FEWEST_ROWS} are needed: record a longer motion, "
+                "or shorter rests"
+            )
         raise DataError(
             f"{data.place}: only noise: the position hardly ever moves by more than "
             f"{REST_RANGE * rms:.3g} {data.position_unit} in {REST_S:g} s, as its own noise does: "

@@ -28,13 +28,16 @@ from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_s
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
+from motorctl.identify.diagnose.verdict.far_spring import far_spring
 from motorctl.identify.diagnose.verdict.late_command import late_command, read_between
 from motorctl.identify.diagnose.verdict.position_faults import without_stuck
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
+    UnexplainedMotionError,
     check_explains,
     check_magnitude,
     check_motion,
 )
+from motorctl.identify.diagnose.verdict.speed_command import speed_told
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
 from motorctl.log.recording import Part
@@ -164,8 +167,16 @@ def diagnose_axis(
     pieces = shortened(signals, LONGEST_SEARCH_S)
     model, dropped = without_undetermined(pieces, declared)
     plain = too_plain(signals)
-    heard = check_explains(data, pieces, model, bool(plain), data.others)
-    hint = late_command(heard)
+    far = None
+    try:
+        heard = check_explains(data, pieces, model, bool(plain), data.others)
+    except UnexplainedMotionError as unexplained:
+        far = far_spring(unexplained.plain)
+        if far is None:
+            raise
+        signals = make_signals(data, far.together_hz, slope)
+        heard = check_explains(data, signals, model, bool(plain), data.others)
+    hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     data, read = read_between(data, heard)
     if band_hz < signals.band_hz or read:
@@ -180,4 +191,5 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    return replace(axis, notes=(*axis.notes, *filter(None, (stuck, hint, read))))
+    notes = filter(None, (stuck, hint, read, speed_told(axis)))
+    return replace(axis, notes=(*axis.notes, *notes))

@@ -280,3 +280,35 @@ def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
     told = diagnose_axis(moved, C1)
     assert (told.verdict, told.effects) == ("insufficient_data", ())
     assert "only 2 times" in told.sentence
+
+
+def test_an_axis_that_rests_nearly_all_of_the_time_is_not_called_noise():
+    """A torque grows until friction gives way: one short move in the end, behind coarse counts."""
+    count = 6.3e-4
+    time_s = np.arange(3000) / 1000.0
+    position = count * np.rint(30.0 * np.exp((time_s - 3.0) / 0.25) / count)
+    ramp = Measured(
+        source="a.csv", axis="x", sample_rate_hz=1000.0, time_s=time_s, position=position,
+        command=time_s / 60.0, usable=np.ones(3000, dtype=np.bool_), position_unit="rad",
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"too little motion: it moves over 29\.\d rad, but rests"):
+        diagnose_axis(ramp, C1)
+
+
+def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it(run):
+    """The drive follows within a millisecond, and is recorded every 20 ms."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(3000) / 50.0
+    lines = np.arange(0.1, 4.0, 0.1)
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(lines))
+    waves = 2.0 * np.pi * np.outer(lines, time_s) + phases[:, None]
+    position = 0.02 * np.sum(np.sin(waves) / lines[:, None], axis=0) / (2.0 * np.pi)
+    speed = 0.02 * np.cos(waves).sum(axis=0)
+    servo = Measured(
+        source="a.csv", axis="x", sample_rate_hz=50.0, time_s=time_s,
+        position=3e-6 * np.rint(position / 3e-6), command=1.6 * speed,
+        usable=np.ones(3000, dtype=np.bool_),
+    )  # fmt: skip
+    told = "the command is its speed, and no inertia can be seen"
+    assert any(told in note for note in diagnose_axis(servo, C1).notes)
+    assert not any(told in note for note in diagnose_axis(run, C1).notes)

@@ -35,6 +35,11 @@ from motorctl_benchmarks.real_machines.axes import (
     RealAxis,
     described,
 )
+from motorctl_benchmarks.real_machines.bench_readers import (
+    coupled_motors,
+    guide,
+    small_servo,
+)
 from motorctl_benchmarks.real_machines.lab_readers import (
     egg_lift,
     milling_axis,
@@ -121,6 +126,9 @@ def test_a_current_of_the_other_sign_is_told_as_that(tmp_path: Path) -> None:
         (RealAxis("ball in a tube", ball_in_tube, "%", position_unit="mm"), "only noise"),
         (RealAxis("ball, random", BALL_RANDOM, "%", position_unit="mm"), "explains none of"),
         (RealAxis("magnet as recorded", levitated_magnet, "mA", position_unit="mm"), "reversed"),
+        (RealAxis("guide", guide(1, 1), "V", position_unit="mm"), "reversed"),
+        (RealAxis("servo in stiction", small_servo("sigma0_1"), "N*m"), "6 counts, limit 10"),
+        (RealAxis("servo, ramp", small_servo("Fs_1"), "N*m"), "rests nearly all of the time"),
         (RealAxis("mill, X", MILL_X, "A", position_unit="mm"), "the position jumps 94 times"),
         (RealAxis("mill, Y", MILL_Y, "A", position_unit="mm"), "Rows are missing there"),
     ],
@@ -130,6 +138,18 @@ def test_what_cannot_be_diagnosed_is_refused_with_the_reason(
     machine: RealAxis, told: str, tmp_path: Path
 ) -> None:
     assert told in refusal(machine, tmp_path)
+
+
+@pytest.mark.parametrize(("kind", "side"), [("A", "motor"), ("B", "motor"), ("A", "load")])
+def test_motors_on_a_coupling_have_its_resonance(kind: str, side: str, tmp_path: Path) -> None:
+    """Seen at the motor, the load holds it still at 54 Hz; at the load, 76 Hz swing up."""
+    axis = diagnosed(RealAxis("coupled", coupled_motors(kind, side), "A"), tmp_path)
+    if side == "motor":
+        (mode,) = axis.effects
+        assert mode.effect.options.frequency_hz == pytest.approx(53.7, abs=0.5)
+        assert mode.confidence > 0.9
+        return
+    assert any("through a spring: behind a resonance of 77 Hz" in note for note in axis.notes)
 
 
 @pytest.mark.parametrize("number", [2, 6])

@@ -66,6 +66,14 @@ OWN_DRIVES = 0.5
 smaller misses exchanged columns. Chosen by hand."""
 
 
+class UnexplainedMotionError(DataError):
+    """The command explains none of the acceleration; `plain` are the signals that show it."""
+
+    def __init__(self, message: str, plain: Signals) -> None:
+        super().__init__(message)
+        self.plain = plain
+
+
 def check_magnitude(data: Measured) -> None:
     """Raise DataError where a column has values that no machine has in any unit."""
     columns = {"position": data.position, "command": data.command}
@@ -135,6 +143,8 @@ def check_explains(
 
     Raises
     ------
+    UnexplainedMotionError
+        The command explains none of the acceleration, and no mistake that is known says why.
     DataError
         Naming the mistake, or what to record.
     """
@@ -177,12 +187,13 @@ def check_explains(
             )
         if coarse is not None:
             raise coarse
-        raise DataError(
+        raise UnexplainedMotionError(
             f"{data.place}: the command explains none of the acceleration, and the motion "
             f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
             f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
             "of the same axis, in time with each other? Where other axes load this one, as in an "
-            "arm, record them beside it"
+            "arm, record them beside it",
+            plain,
         )
     return hypothesis
 

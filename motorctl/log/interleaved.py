@@ -1,0 +1,98 @@
+"""Columns that were recorded apart and stand in one file row by row, most cells blank.
+
+So write PlotJuggler, and an outer join of tables: a row has the time of one message, and the values
+that came with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.log.description import Description
+from motorctl.log.table import Array
+
+FEWEST_VALUES = 16
+"""Of each column; fewer are no recording. Larger refuses short ones, smaller takes an empty column
+for one of its own times. As many as the time base needs."""
+TOGETHER = 0.5
+"""Part of the values of the sparser of position and command that may stand in a row with the
+other. Where more do, they were recorded together, and blanks are damage. Larger takes a damaged
+column for one of its own times, smaller refuses streams that often share a time. Chosen by hand."""
+
+
+def brought_together(
+    columns: Mapping[str, Array], description: Description
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return columns in the rows of the first axis' motion, where position and command stand apart.
+
+    A command holds from the row where it stands; of motions and references straight lines lead from
+    one value to the next. Rows before every column has begun and behind the end of one are left
+    out.
+
+    Parameters
+    ----------
+    columns
+        Every column that the description names, (N,) each; a blank is NaN.
+    description
+        Which of them is what.
+
+    Returns
+    -------
+    columns : dict of str to ndarray
+        The same columns, (M,) each; those that came in where they were recorded together.
+    notes : tuple of str
+        What was done.
+    """
+    clock = description.time
+    axes = description.axes.values()
+    apart = [name for name, axis in description.axes.items() if _apart(columns, axis.columns)]
+    streams = dict.fromkeys(name for axis in axes for name in axis.columns.values())
+    fewest = min(np.count_nonzero(_given(columns[name])) for name in streams)
+    if clock is None or not apart or fewest < FEWEST_VALUES:
+        return dict(columns), ()
+    held = {axis.command.column for axis in axes}
+    lead = description.axes[apart[0]].motion.column
+    time = columns[clock.column]
+    at = np.flatnonzero(_given(columns[lead]))
+    begin, end = _common(time, [_given(columns[name]) for name in streams])
+    at = at[(time[at] >= begin) & (time[at] <= end)]
+    out = {name: values[at] for name, values in columns.items()}
+    for name in streams:
+        values = columns[name]
+        rows = np.flatnonzero(_given(values))
+        if name in held:
+            before = np.searchsorted(rows, at, side="right") - 1
+            out[name] = values[rows[np.maximum(before, 0)]]
+        else:
+            out[name] = np.interp(time[at], time[rows], values[rows])
+    note = (
+        f"column '{lead}' stands in {np.count_nonzero(_given(columns[lead]))} of {len(time)} rows, "
+        f"the command of axis {apart[0]} in others: commands are taken as they were held when the "
+        f"{len(at)} positions were recorded"
+    )
+    return out, (note,)
+
+
+def _given(values: Array) -> NDArray[np.bool_]:
+    return ~np.isnan(values)
+
+
+def _apart(columns: Mapping[str, Array], of_axis: Mapping[str, str]) -> bool:
+    """Return whether an axis' motion and command hardly ever stand in one row."""
+    motion = _given(columns[of_axis.get("position") or of_axis["velocity"]])
+    command = _given(columns[of_axis["command"]])
+    fewer = min(np.count_nonzero(motion), np.count_nonzero(command))
+    shared = np.count_nonzero(motion & command)
+    return bool(shared < TOGETHER * fewer)
+
+
+def _common(time: Array, streams: Iterable[NDArray[np.bool_]]) -> tuple[float, float]:
+    """Return when the last of all streams begins, and when the first of them ends."""
+    spans = []
+    for given in streams:
+        times = time[given]
+        spans.append((times[0], times[-1] + float(np.median(np.diff(times)))))
+    return max(begin for begin, _ in spans), min(end for _, end in spans)
