@@ -35,6 +35,7 @@ from motorctl.identify.diagnose.search.physics import is_physical
 from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
+from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
 from motorctl.identify.diagnose.verdict.confidence import (
     TOLD,
     DoubtedMember,
@@ -97,6 +98,7 @@ def assemble(
     found, refuted = without_refuted(found, split.held_out)
     found, shown = without_shown(found)
     found, rigid = without_rigid(found)
+    found, commanded = without_commanded_waves(found)
     fitted = found.final.added
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
@@ -175,6 +177,7 @@ def assemble(
             *refuted,
             *shown,
             *rigid,
+            *commanded,
             *useless,
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,

@@ -41,6 +41,11 @@ FAINTEST = 1e-3
 """Shares and parts below it count as it. Larger does not tell steady effects from very steady ones,
 smaller lets their logarithms run away. Convention: a thousandth."""
 
+FEWEST_REPEATS = 2.0
+"""Times that a wave over position must fit into the travel to be known as one that repeats. Larger
+doubts long pitches, smaller names as a wave what any smooth function of the place is. Arithmetic: a
+second time is the first that can be compared with another."""
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -129,9 +134,15 @@ def _change_by(final: Hypothesis, effect: Effect, name: str, value: float) -> Ar
 
 
 def _contains(found: Found, other: str, effect: Effect) -> bool:
-    """Return whether another effect is a spline of the same family: it can draw any form of it."""
+    """Return whether another effect is a spline of the same family: it can draw any form of it.
+
+    Then it is no rival. It is one of a wave that the travel does not show to repeat.
+    """
     cls = found.final.regressors.catalogue.get(other)
     if cls is None or effect.is_spline or cls.family() != effect.family():
+        return False
+    over_position = "wave_over_position" in effect.groups
+    if over_position and FEWEST_REPEATS * effect.repeats_every > found.spans.travel_m:
         return False
     return any(form.is_spline for form in cls.trials(found.spans))
 

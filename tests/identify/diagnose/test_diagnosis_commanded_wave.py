@@ -1,0 +1,41 @@
+"""A sine in the command that the motion does not answer: another's force, or nobody's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from other_plant import OtherPlant
+
+from motorctl.identify.diagnose.recording import diagnose_axis
+
+FREQUENCY_HZ = 1.7
+
+
+def answered_by_nothing(times):
+    """Return an axis with a sine in its command that something else takes back.
+
+    It is `times` as large in rms as what moves the axis. Another axis is recorded beside it, which
+    might do that.
+    """
+    data, beside = (OtherPlant().run(seed=seed, duration_s=16.0) for seed in (4, 9))
+    size = times * np.sqrt(2.0) * np.std(data.command)
+    wave = size * np.sin(2 * np.pi * FREQUENCY_HZ * data.time_s)
+    return replace(data, command=data.command + wave, others={"y": beside})
+
+
+@pytest.mark.slow
+def test_a_force_that_the_loop_answers_beside_its_motion_is_named():
+    found = diagnose_axis(answered_by_nothing(0.5), C1)
+    named = {effect.name: effect for effect in found.effects}
+    disturbance = named["periodic_disturbance"]
+    assert disturbance.effect.options.frequency_hz == pytest.approx(FREQUENCY_HZ, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_force_that_cancels_the_whole_command_is_not():
+    found = diagnose_axis(answered_by_nothing(3.5), C1)
+    assert "periodic_disturbance" not in {effect.name for effect in found.effects}
+    assert any("the command itself is a sine of 1.7 Hz" in note for note in found.notes)
