@@ -69,10 +69,9 @@ harmonics of friction's steps alias into the band, larger takes time. Chosen by 
 EVEN_FROM = 8
 """Decimation from which it is made even. Smaller adds rows, larger forms columns of the motion more
 finely than is needed. Chosen by hand."""
-STUCK_PERIODS = 0.75
+STUCK_PERIODS = 0.5
 """Rows dropped on each side of where an axis sticks, in periods of the band's end. Larger loses the
-reversal itself, smaller keeps what the filter smears out of it. Chosen by hand on two machines with
-dry friction, of 0.5, 0.75 and 1: a shorter one leaves up to 1.3 times as much, a longer one 0.8."""
+reversal itself, smaller keeps what the filter smears out of it. Chosen by hand."""
 SHORTEST_S = 0.3
 """Shortest stretch without a gap that is used [s]. Smaller leaves nothing after trimming, larger
 loses recordings with many gaps. Chosen by hand."""

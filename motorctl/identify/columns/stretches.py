@@ -38,25 +38,16 @@ REST_EDGE_S = 0.03
 """What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
 that say nothing, smaller hides the breakaway. Chosen by hand."""
 STICK_S = 0.02
-"""Shortest time that an axis stays within what its encoder shows, to stick [s], where the encoder
-tells a rest from slow motion no sooner. Larger keeps rows in which friction is whatever the command
-is, smaller takes slow motion for sticking. Chosen by hand: machines of other hands stick for 40 to
-80 ms at a reversal."""
-SHORTEST_STICK_S = 0.005
-"""The same where the encoder tells it at once [s]. Larger keeps short sticking, which looks like
-another friction, smaller takes the turning point of a gentle reversal for it. Chosen on two
-machines with dry friction, of 3, 5, 10 and 20 ms: at 5 they are down to their noise, at 20 not."""
+"""Shortest time that an axis stays within what its encoder shows, to stick [s]. Larger keeps rows
+in which friction is whatever the command is, smaller takes slow motion for sticking. Chosen by
+hand: machines of other hands stick for 40 to 80 ms at a reversal."""
 FEWEST_STUCK_SAMPLES = 4
 """The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
 hand."""
 TOLD_APART = 8e-3
-"""Part of the top speed: an encoder that cannot tell slower motion from a rest within `STICK_S`
+"""Part of the top speed: an encoder that cannot tell slower motion from a rest within that time
 shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
 by hand."""
-TOLD_AT_ONCE = 4e-3
-"""The same part where it is told in a shorter time than that: no faster motion is taken for
-sticking. Larger drops slow motion behind coarser encoders, smaller keeps short sticking. Chosen by
-hand: half of the other, which keeps the slow motion of a gentle friction."""
 COUNTS_PER_PERIOD = 1.0
 """Counts that a coarse encoder passes in a period of the band's end, below which its steps are no
 motion that the rows could show. Larger drops slow motion, smaller takes an encoder's stairs for
@@ -309,16 +300,13 @@ def sticks(
         Which rows are dropped, (m,).
     """
     period_s = row_period_s / decimation
+    size = max(FEWEST_STUCK_SAMPLES, round(STICK_S / period_s))
     within = REST_RANGE * noise
-    slow = TOLD_APART * float(np.percentile(np.abs(stretch.v), 99.0))
-    if within > slow * STICK_S:
+    if within > TOLD_APART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S:
         stuck, size = np.abs(stretch.v) < slowest, 1
         if np.mean(stuck) > MOST_SLOW:
             stuck = np.zeros_like(stuck)
     else:
-        at_once_s = within * TOLD_APART / (TOLD_AT_ONCE * slow) if slow > 0.0 else STICK_S
-        told_s = min(max(SHORTEST_STICK_S, at_once_s), STICK_S)
-        size = max(FEWEST_STUCK_SAMPLES, round(told_s / period_s))
         stuck = _stays(stretch.x, within, size)
     reach = size + 2 * round(margin_s / period_s)
     return np.asarray(maximum_filter1d(stuck.astype(np.int8), reach)[::decimation] > 0)

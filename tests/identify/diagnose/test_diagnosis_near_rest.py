@@ -52,12 +52,6 @@ def test_rows_in_which_an_axis_sticks_are_dropped_and_no_others(margin_s):
     assert found.sum() * PERIOD_S == pytest.approx(0.1 + 2.0 * margin_s, abs=2e-3)
 
 
-def test_sticking_for_some_milliseconds_is_dropped_where_the_encoder_tells_it():
-    shortly = np.interp(T, [0.0, 0.9, 0.908, 2.0], [0.0, 0.45, 0.45, 0.99])
-    assert dropped(shortly, 1e-7).sum() * PERIOD_S == pytest.approx(0.008, abs=1e-3)
-    assert not dropped(shortly, 4e-6).any()  # slow motion takes as long for four counts
-
-
 def test_the_turning_point_of_a_reversal_is_kept():
     assert not dropped(0.25 * (T - 1.0) ** 2, 1e-7).any()
 
