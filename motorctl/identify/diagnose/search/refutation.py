@@ -7,13 +7,11 @@ model. Such an effect is taken out, and it is told why.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.physics import beyond_physics, physical
-from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.search.search import Found, with_final
 from motorctl.identify.diagnose.search.simulated_position import (
     Missed,
     Rows,
@@ -58,7 +56,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         final = final.without(effect.name).refreshed()
     if final is found.final:
         return found, ()
-    return replace(found, final=final, rival_gains=rival_gains(final)), tuple(notes)
+    return with_final(found, final), tuple(notes)
 
 
 def _yardstick(found: Found) -> tuple[Hypothesis, str]:

@@ -133,7 +133,12 @@ class Found:
 
 def declared_alone(found: Found) -> Found:
     """Return a search's outcome with nothing added to the declared model."""
-    return replace(found, final=found.base, rival_gains=rival_gains(found.base))
+    return with_final(found, found.base)
+
+
+def with_final(found: Found, final: Hypothesis) -> Found:
+    """Return a search's outcome with another final model, and what is left beside that."""
+    return replace(found, final=final, rival_gains=rival_gains(final))
 
 
 def whitened(

@@ -7,12 +7,11 @@ then says no more than that the command does not move the axis, whatever does.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from motorctl.identify.columns.signals import Signals
-from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.search.search import Found, with_final
 
 ALL_OF_COMMAND = 0.9
 """Part of the command's variance that waves may take before they count as the command itself.
@@ -29,8 +28,7 @@ def without_commanded_waves(found: Found) -> tuple[Found, tuple[str, ...]]:
         share = share_of_command(found.final.regressors.signals, effect.lines)
         if share < ALL_OF_COMMAND:
             continue
-        rest = found.final.without(effect.name).refreshed()
-        found = replace(found, final=rest, rival_gains=rival_gains(rest))
+        found = with_final(found, found.final.without(effect.name).refreshed())
         lines = ", ".join(f"{line:.4g} Hz" for line in effect.lines)
         notes.append(
             f"{effect.name} is refuted: the command itself is a sine of {lines} "

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import expit
 
 from motorctl.identify.diagnose.result import Alternative
-from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.search.search import Found, with_final
 from motorctl.identify.diagnose.verdict.errors import alternatives, ambiguous_with
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of, features
 from motorctl.model import Effect
@@ -194,4 +194,4 @@ def without_doubtful(found: Found) -> tuple[Found, dict[str, Evidence]]:
     for name in doubted:
         final = final.without(name)
     final = final.refreshed()
-    return replace(found, final=final, rival_gains=rival_gains(final)), doubted
+    return with_final(found, final), doubted

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.stretches import smoothed
 from motorctl.identify.diagnose.search.hypothesis import PREDICTED_BAND, Hypothesis
-from motorctl.identify.diagnose.search.search import Found, rival_gains
+from motorctl.identify.diagnose.search.search import Found, with_final
 from motorctl.model import Effect, basic_effects
 
 Array = NDArray[np.float64]
@@ -65,9 +65,8 @@ def without_rigid(found: Found) -> tuple[Found, tuple[str, ...]]:
         seen = yielding(found.final, effect)
         if seen is None or seen.way_m >= YIELDS * seen.expected_m:
             continue
-        rest = found.final.without(effect.name).refreshed()
-        found = replace(found, final=rest, rival_gains=rival_gains(rest))
-        unit = rest.regressors.signals.data.position_unit
+        found = with_final(found, found.final.without(effect.name).refreshed())
+        unit = found.final.regressors.signals.data.position_unit
         notes.append(
             f"{effect.name} is refuted: with it the axis would move by {seen.expected_m:.2g} "
             f"{unit} while friction rises from {100.0 * FROM:g} to {100.0 * TO:g} %; in "
