@@ -158,7 +158,10 @@ def _problem(
     also: Iterable[str] = (),
 ) -> Problem:
     """Return one of pydantic's errors at the place in the file that it is about."""
-    loc = tuple(part for part in detail["loc"] if part != "[key]")
+    loc = tuple(detail["loc"])
+    # pydantic ends the place of a key that is wrong itself with "[key]"; a file may have that key
+    if loc[-1:] == ("[key]",) and detail["type"] not in ("extra_forbidden", "missing"):
+        loc = loc[:-1]
     where: list[int | str] = []
     value = data
     for key in loc:  # some name no place in the file, such as the branch of a union

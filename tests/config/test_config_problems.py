@@ -57,6 +57,8 @@ MISTAKES = [
     ("axes.x.model.coulomb_friction.inital", 0.1, None, ["unknown key", "'initial'"]),
     ("axes.x.model.inertia.parameters", {"mass": {}}, "axes.x.model.inertia.parameters.mass",
      ["unknown parameter"]),
+    ("axes.x.model.inertia.[key]", 1, None, ["unknown key"]),
+    ("axes.x.model.inertia", {"[key]": None}, "axes.x.model.inertia.[key]", ["unknown key"]),
     ("axes.x.model.spring", {"type": "config_bench:Spring", "initial": 1.0},
      "axes.x.model.spring.initial", ["parameters", "linear, cubic"]),
     ("axes.x.model.spring", {"type": "config_bench:Nothing"}, "axes.x.model.spring.type",
