@@ -17,6 +17,11 @@ from motorctl.model import EffectList
 
 COUNTS_AT_REST = 2
 """A following error of so many counts is quantisation."""
+HOMING_CROSSINGS = 10
+"""Of the travel, in which homing must be given up. Search, clearance and latch are three; fewer
+leave no room for a slow stop, more let an axis search for a switch that is not there. By hand."""
+SHORT_HOMING_S = 60.0
+"""Time that homing may take whatever its speeds are [s]: an operator waits so long. By hand."""
 
 
 def out_of_order(found: Any) -> str | None:
@@ -135,6 +140,17 @@ def check_homing(homing: Homing, limits: Limits, encoder: Encoder | None) -> Ite
             f"found {homing.timeout_s:g}, should be above {travel / abs(velocity):.3g} s: "
             f"the search crosses {travel:g} m at {abs(velocity):g} m/s",
         )
+    speeds = [abs(v) for v in (velocity, homing.latch_velocity_m_s) if v]
+    if homing.timeout_s and speeds and low < high:
+        slowest = min(speeds)
+        most = max(SHORT_HOMING_S, HOMING_CROSSINGS * travel / slowest)
+        if homing.timeout_s > most:
+            yield (
+                ("homing", "timeout_s"),
+                f"found {homing.timeout_s:g}, homing would hardly ever be given up: {travel:g} m "
+                f"at {slowest:g} m/s are crossed {HOMING_CROSSINGS} times in "
+                f"{HOMING_CROSSINGS * travel / slowest:.3g} s; should be at most {most:.3g} s",
+            )
 
 
 def check_adaptation(adaptation: Adaptation, rate_hz: float) -> Iterator[Finding]:
