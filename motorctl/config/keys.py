@@ -110,6 +110,12 @@ class LoopSettings(Keys):
         default=10, description="overruns in a leaky bucket that stop the machine"
     )
 
+    supervisor_timeout_s: Annotated[float, Field(ge=0.1, le=10)] = Field(
+        default=0.5,
+        description="so long without a sign of life from the supervisor, and every axis is "
+        "stopped; longer only where the computer starves programs, as an emulated one does",
+    )
+
     @property
     def waits(self) -> bool:
         """Whether the machine's time stands still while the computer pauses."""

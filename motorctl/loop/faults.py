@@ -45,8 +45,6 @@ _WITHOUT_LIMIT = {
     FaultCause.AMPLIFIER: "the amplifier reports a fault",
     FaultCause.COMMUNICATION: "communication with the device is lost",
     FaultCause.ESTOP: "emergency stop",
-    FaultCause.OVERRUN: "more overruns of the control period than loop.overrun_policy allows. "
-    "`motorctl latency` measures this computer",
     FaultCause.PARTNER: "an axis tripped that this one stops together with",
 }
 
@@ -79,6 +77,14 @@ def _homing_words(value: float, limit: float, status: int) -> str:
     )
 
 
+def _overrun_words(value: float, limit: float, status: int) -> str:
+    """Of the bucket of overruns; a pause of the loop has ticks to tell."""
+    return (
+        f"late ticks: {limit:.0f} more overruns and skipped periods than ticks in time, by "
+        "loop.overrun_policy and bucket_size. `motorctl latency` measures this computer"
+    )
+
+
 def _silence_words(value: float, limit: float, status: int) -> str:
     return f"the supervisor process sent no sign of life for {value:.3g} s"
 
@@ -87,6 +93,7 @@ _SENTENCES: dict[FaultCause, Callable[[float, float, int], str]] = {
     FaultCause.ENCODER_JUMP: _jump_words,
     FaultCause.LIMIT_SWITCH: _switch_words,
     FaultCause.HOMING_FAILED: _homing_words,
+    FaultCause.OVERRUN: _overrun_words,
     FaultCause.SUPERVISOR_LOST: _silence_words,
 }
 """Of value, limit and the driver's status word."""

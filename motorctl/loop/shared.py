@@ -34,10 +34,9 @@ KEPT_FOR_STOPS = 4
 PROGRAM_SEGMENTS = 65536
 """Longest program of one axis, in segments."""
 RING_SECONDS = 8.0
-BEAT_TIMEOUT_S = 0.5
-"""How long the loop goes on without a sign of life from the supervisor."""
 WAITING_BEAT_TIMEOUT_S = 5.0
-"""The same for a simulated machine that waits for a busy computer: nothing of it can be damaged."""
+"""How long the loop at least goes on without a sign of life from the supervisor, for a simulated
+machine that waits for a busy computer: nothing of it can be damaged."""
 
 LOOP_STATUS = np.dtype(
     [
@@ -79,7 +78,7 @@ COMMAND = np.dtype(
 
 def beat_timeout_s(loop: LoopSettings) -> float:
     """Return how long a loop goes on without a sign of life from the supervisor [s]."""
-    return WAITING_BEAT_TIMEOUT_S if loop.waits else BEAT_TIMEOUT_S
+    return max(loop.supervisor_timeout_s, WAITING_BEAT_TIMEOUT_S if loop.waits else 0.0)
 
 
 def axis_status(parameters: int) -> np.dtype[np.void]:
@@ -236,7 +235,7 @@ class LoopMemory:
                 return told
 
     def beat(self) -> None:
-        """Tell the loop that the supervisor lives; call several times within BEAT_TIMEOUT_S."""
+        """Tell the loop that the supervisor lives; call several times within `beat_timeout_s`."""
         self.status["beat"][0] += 1
 
     def post(

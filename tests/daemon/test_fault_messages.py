@@ -42,6 +42,7 @@ def test_a_stalled_loop_tells_ticks_time_limit_and_what_measures_the_computer():
     ("cause", "value", "limit", "parts"),
     [
         (FaultCause.NO_NEW_SAMPLE, 51, 50, ("51 ticks (10.2 ms)", "limit 50", "hold_ticks")),
+        (FaultCause.OVERRUN, 0.0, 10, ("10 more overruns", "bucket_size", "`motorctl latency`")),
         (FaultCause.FOLLOWING_ERROR, 2.5e-3, 1e-3, ("2.5 mm", "limit 1 mm")),
         (FaultCause.SOFT_LIMIT, 0.61, 0.6, ("610 mm", "limit 600 mm")),
         (FaultCause.OVERSPEED, 1.3, 1.2, ("1.3 m/s", "limit 1.2 m/s")),

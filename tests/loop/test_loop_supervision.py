@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from loop_bench import TS, Hand, changed, gantry, with_sim
 
+from motorctl.config.keys import LoopSettings
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
-from motorctl.loop.shared import BEAT_TIMEOUT_S
 from motorctl.motion import point_to_point
 
-PATIENCE = round(BEAT_TIMEOUT_S / TS)
+PATIENCE = round(LoopSettings().supervisor_timeout_s / TS)
 
 
 def hand(**loop) -> Hand:
@@ -48,6 +48,17 @@ def test_a_silent_supervisor_stops_every_axis_and_ends_the_loop():
             assert bench.status(axis)["state"] == AxisState.FAULT
             assert bench.status(axis)["fault"] == FaultCause.SUPERVISOR_LOST
         assert bench.tick.watch["orphaned"][0]
+
+
+def test_how_long_the_supervisor_may_be_silent_is_configured():
+    with hand(supervisor_timeout_s=2.0) as bench:
+        moving(bench)
+        bench.steps(500)
+        for _ in range(round(2.0 / TS)):
+            bench.step(beat=False)
+        assert bench.status("x")["fault"] == FaultCause.NONE
+        bench.step(beat=False)
+        assert bench.status("x")["fault"] == FaultCause.SUPERVISOR_LOST
 
 
 @pytest.mark.parametrize("pause_s", [0.6, 0.95])
@@ -183,6 +194,7 @@ def test_the_stop_policy_stops_every_axis_at_the_first_overrun():
         for axis in ("x", "y"):
             assert bench.status(axis)["state"] == AxisState.FAULT
             assert bench.status(axis)["fault"] == FaultCause.OVERRUN
+            assert bench.status(axis)["fault_limit"] == 1.0
         assert not bench.may_end  # the loop itself goes on
 
 

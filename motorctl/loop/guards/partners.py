@@ -26,7 +26,7 @@ def stop_partners(settings: Any, axes: Any, t: float) -> None:
             for j in range(axes.size):
                 partner = axes[j]
                 if j != i and partner.fault == 0 and _are_partners(settings, axes, i, j):
-                    react_to_others(settings[j], partner, FaultCause.PARTNER, float(i), t)
+                    react_to_others(settings[j], partner, FaultCause.PARTNER, float(i), 0.0, t)
 
 
 @inner_kernel

@@ -39,10 +39,12 @@ def _note(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 
 
 @inner_kernel
-def react_to_others(settings: Any, axis: Any, cause: int, value: float, t: float) -> None:
+def react_to_others(
+    settings: Any, axis: Any, cause: int, value: float, limit: float, t: float
+) -> None:
     """Stop an axis that is in order itself; one that is off, or is being stopped, is left so."""
     if is_powered(axis):
-        react(settings, axis, cause, value, 0.0, t)
+        react(settings, axis, cause, value, limit, t)
 
 
 @inner_kernel

@@ -52,7 +52,7 @@ def supervise(
             watch.shutdown = 1
             for i in range(axes.size):
                 silent_s = watch.silent_ticks * settings[i].tick_s
-                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, silent_s, t)
+                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, silent_s, 0.0, t)
     skipped = elapsed - 1
     if overran:
         status.overruns += 1
@@ -64,8 +64,9 @@ def supervise(
             watch.bucket -= 1
         if watch.bucket >= watch.bucket_size:
             watch.bucket = 0
+            size = float(watch.bucket_size)
             for i in range(axes.size):
-                react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, t)
+                react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, size, t)
 
 
 @inner_kernel

@@ -89,7 +89,8 @@ def write_files() -> None:
 def _write_gantry(name: str, bus: str, driver: dict[str, Any], device: dict[str, Any]) -> None:
     driver["late"] = {"hold_ticks": RATE_HZ, "predict": True}
     machine = loop_config.config(driver) | {"name": name, "rate_hz": RATE_HZ}
-    machine["loop"] |= {"spin_s": 0.0}  # no emulated processor wakes up that exactly
+    # no emulated processor wakes up that exactly, and the supervisor waits for it, too
+    machine["loop"] |= {"spin_s": 0.0, "supervisor_timeout_s": 2.0}
     for axis in machine["axes"].values():
         axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
         axis["encoder"]["counter_bits"] = device["channels"][0]["counter_bits"]

@@ -56,7 +56,11 @@ def config(driver: dict[str, Any]) -> dict[str, Any]:
         "drivers": {"gantry": driver},
         "axes": {"x": _axis("x", 0, 0.19), "y": _axis("y", 1, 0.55)},
         "programs": {f"shuttle_{axis}": _program(axis) for axis in "xy"},
-        "loop": {"without_realtime": "degrade", "overrun_policy": "count"},
+        "loop": {
+            "without_realtime": "degrade",
+            "overrun_policy": "count",
+            "supervisor_timeout_s": 10.0,  # on an emulated processor an import takes seconds
+        },
     }
 
 
