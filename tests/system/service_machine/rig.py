@@ -189,8 +189,18 @@ class Service:
         """Enable x and let it go on a way of many seconds, to the far end from here."""
         wait_for("standing still", self.start)
         far = 0.35 if self.axis()["position_m"] < 0.2 else 0.05
-        self.ask("move", axis="x", position_m=far, velocity_m_s=velocity_m_s)
+        wait_for("the order", lambda: self._move(far, velocity_m_s), 60)
         wait_for("the motion", lambda: abs(self.axis()["velocity_m_s"]) > 0.3 * velocity_m_s)
+
+    def _move(self, position_m: float, velocity_m_s: float) -> bool:
+        """Tell x to go there, and tell whether the order came in time: the emulator pauses."""
+        try:
+            self.ask("move", axis="x", position_m=position_m, velocity_m_s=velocity_m_s)
+        except RuntimeError as error:
+            if "try again" in str(error):
+                return False
+            raise
+        return True
 
     def start(self) -> bool:
         """Enable x, and tell whether it could be: it may still coast."""

@@ -193,18 +193,20 @@ def canopen() -> str:
     drives = Service(DRIVES)
     shell(f"{MOTORCTL} service install {DRIVES} --config /job/{DRIVES}.yaml")
     shell(f"systemctl start device@{drives.bus} {drives.unit}")
-    wait_for("the service", drives.ready)
-    drives.begin_to_move()
-    state, before = drives.axis()["drive_state"], drives.restarts
-    assert state == "operation_enabled", state
-    os.kill(drives.loop, signal.SIGKILL)
-    took = drives.wait_until_anew(before)
-    drives.insist_on_off()
-    said = shell(f"journalctl -b -u {drives.unit} -o cat")
-    told = [line for line in said.splitlines() if "(axis x) was in Fault and was reset" in line]
-    assert len(told) == 1, said
-    drives.begin_to_move()
-    shell(f"systemctl stop {drives.unit} device@{drives.bus}")
+    try:
+        wait_for("the service", drives.ready)
+        drives.begin_to_move()
+        state, before = drives.axis()["drive_state"], drives.restarts
+        assert state == "operation_enabled", state
+        os.kill(drives.loop, signal.SIGKILL)
+        took = drives.wait_until_anew(before)
+        drives.insist_on_off()
+        said = shell(f"journalctl -b -u {drives.unit} -o cat")
+        told = [line for line in said.splitlines() if "(axis x) was in Fault and was reset" in line]
+        assert len(told) == 1, said
+        drives.begin_to_move()
+    finally:  # what it left would slow down all that comes after
+        shell(f"systemctl stop {drives.unit} device@{drives.bus}")
     assert drives.show("Result") == "success"
     shell(f"{MOTORCTL} service remove {DRIVES}")
     assert LEFT.ready()
