@@ -54,6 +54,7 @@ def _diagnose(
     from motorctl.identify.diagnose.report.terminal import print_diagnosis
     from motorctl.identify.fit.declared_models import (
         declared_models,
+        is_file,
         machine_of,
         untried_effects,
     )
@@ -62,7 +63,7 @@ def _diagnose(
     from motorctl.model.catalog import failed_effects
 
     may_run = allowed_by(allow_code or ())
-    config = None if model in (None, "C1", "C2") else model
+    config = model if is_file(model) else None
     with showing_stages() as progress:
         progress("reading", 0.0)
         read = read_recording(recording, gaps="keep", whole_run=whole_run)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 from motorctl.config import Machine, load, load_resolved
 from motorctl.config.chosen_code import MayRun, allowed_by
@@ -58,7 +58,7 @@ def declared_models(
     names = list(recording.axes) if axis is None else [axis]
     if machine is None:
         machine = machine_of(recording, model, may_run)
-    if machine is not None and model not in (None, "C1", "C2"):
+    if machine is not None and is_file(model):
         return {name: _of_axis(machine, name) for name in names}
     own = {} if machine is None else machine.axes
     return {
@@ -74,7 +74,12 @@ def machine_of(
     None where nothing is known of it; `may_run` is that of `declared_models`. Raises DataError and
     ConfigError.
     """
-    return _own(recording, may_run) if model is None or model in ("C1", "C2") else load(model)
+    return load(model) if is_file(model) else _own(recording, may_run)
+
+
+def is_file(model: str | None) -> TypeGuard[str]:
+    """Return whether a model is named by its configuration, and not by its controller or at all."""
+    return model not in (None, "C1", "C2")
 
 
 def untried_effects(recording: Recording, machine: Machine | None) -> list[str]:

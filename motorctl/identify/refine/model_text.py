@@ -13,7 +13,7 @@ from motorctl.config.freeze import decode
 from motorctl.config.machine import Estimate
 from motorctl.identify.refine.yaml_text import Item, KeyPath, YamlText
 from motorctl.model import Effect, Parameter
-from motorctl.model.effect import option_unit
+from motorctl.model.option_units import option_unit
 
 
 @dataclass(frozen=True)

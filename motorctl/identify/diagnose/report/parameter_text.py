@@ -12,7 +12,7 @@ from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, Unknow
 from motorctl.json_values import finite
 from motorctl.log.units import unit_for
 from motorctl.model import Effect, EffectList, Parameter
-from motorctl.model.effect import option_unit
+from motorctl.model.option_units import option_unit
 
 _PREFIXES = {
     "m": ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm")),

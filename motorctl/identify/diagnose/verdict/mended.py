@@ -9,7 +9,7 @@ from motorctl.identify.diagnose.search.declared_shape import turning_over
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
 from motorctl.model import EffectList
-from motorctl.model.effect import option_unit
+from motorctl.model.option_units import option_unit
 from motorctl.model.sign_function import sign_of
 
 ALONE = 0.95
