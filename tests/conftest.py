@@ -1,14 +1,38 @@
 """What all tests share."""
 
+import gc
 import os
 import tempfile
+from pathlib import Path
 
 import pauses
 import pytest
 import real_time
+from hypothesis import HealthCheck, settings
 
 _state = tempfile.TemporaryDirectory(prefix="motorctl-state-")
 os.environ["XDG_STATE_HOME"] = _state.name  # what tests learn or choose is nobody's
+
+# A run judges the change, not luck: the same examples each time, until a test's own text changes,
+# however slow the computer is. `--hypothesis-profile explore` tries others.
+_any_speed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("same", _any_speed, derandomize=True, database=None)
+settings.register_profile("explore", _any_speed, derandomize=False, print_blob=True)
+settings.load_profile("same")
+
+
+RARE = ("slow", "wall_clock")
+"""Marks that few files name: to import all the others takes longer than what is asked of them."""
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files without any test of a mark that is asked for."""
+    asked = config.option.markexpr.replace("(lanes=2)", "").split(" and ")
+    wanted = [mark for mark in RARE if mark in asked]
+    if not wanted or collection_path.suffix != ".py" or collection_path.name == "conftest.py":
+        return None
+    text = collection_path.read_text(encoding="utf-8")
+    return True if any(mark not in text for mark in wanted) else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -16,6 +40,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("wall_clock"):
             item.add_marker(anew)
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()  # thousands of tests and all modules: else each collection goes through them anew
 
 
 @pytest.hookimpl(tryfirst=True)

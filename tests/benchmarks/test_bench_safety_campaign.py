@@ -27,13 +27,14 @@ from motorctl_benchmarks.safety.kinds import FAULTS
 from motorctl_benchmarks.safety.run_case import run_case
 
 HANDFUL = (
-    "gantry:C2:ring:encoder_lost:default:3",
+    "gantry:C1:ring:encoder_lost:default:3",
     "gantry:C2:hold:shove:quick_stop:3",
-    "serial:C1:cruise:encoder_stuck:default:3",
-    "serial:C1:off:amplifier_fault:default:3",
+    "serial:C2:cruise:encoder_stuck:default:3",
+    "serial:C2:off:amplifier_fault:default:3",
     "modbus:C2:reaction:estop:default:3",
     "stage:C2:homing:silence:default:3",
 )
+"""All machines and both controllers, on ticks that each other or other tests need anyhow."""
 
 
 @pytest.mark.parametrize("text", HANDFUL)

@@ -9,7 +9,9 @@ import pytest
 from config_bench import BenchDriver, machine, problems
 
 from motorctl.config import load, summarise
+from motorctl.errors import UsageError
 from motorctl.hal import RateBudget
+from motorctl.hal.registry import driver_class
 
 
 class Odd(BenchDriver):
@@ -120,3 +122,15 @@ def test_the_time_of_a_machine_of_metal_waits_for_no_computer(tmp_path):
     (problem,) = problems(tmp_path, machine(loop__without_realtime="wait"))
     assert problem.key == "loop.without_realtime"
     assert problem.message.startswith("found 'wait', should be degrade or refuse: driver 'line'")
+
+
+def test_a_driver_is_found_in_a_folder_that_is_looked_in_later(tmp_path, monkeypatch):
+    driver_class("sim")
+    info = tmp_path / "late-0.1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: late\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text(f"[motorctl.drivers]\nlate = {__name__}:Odd\n")
+    with pytest.raises(UsageError, match="unknown driver 'late'"):
+        driver_class("late")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert driver_class("late") is Odd

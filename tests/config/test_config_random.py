@@ -149,7 +149,7 @@ def test_every_valid_machine_survives_its_own_plain_data(
 
 
 @pytest.mark.slow
-@settings(QUICK, max_examples=2000)
+@settings(QUICK, max_examples=500)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), junk), min_size=1, max_size=4))
 def test_many_more_random_machines_are_judged(tmp_path, changes):
     test_any_value_anywhere_is_a_machine_or_problems_with_places.hypothesis.inner_test(

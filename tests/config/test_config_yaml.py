@@ -3,11 +3,13 @@
 import math
 
 import pytest
+import yaml
 from config_bench import MACHINE, machine, problems, write
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorctl.config import load
+from motorctl.config.shipped import shipped_config, shipped_configs
 from motorctl.errors import ConfigError
 from motorctl.located_yaml import read_document
 
@@ -161,3 +163,28 @@ def test_random_damage_to_the_text_never_gives_a_traceback(tmp_path_factory, dat
     with pytest.raises(ConfigError) as raised:  # what is left lacks the end of the machine
         load(path)
     assert raised.value.problems
+
+
+def read_or_refused(path):
+    """Return what a file holds and where, or what is told of it."""
+    try:
+        document = read_document(path)
+    except ConfigError as error:
+        return error.problems
+    return document.data, document.lines, document.problems
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.sampled_from(sorted(shipped_configs())), st.data())
+def test_libyaml_reads_what_pyyaml_reads(tmp_path_factory, name, data):
+    path = tmp_path_factory.mktemp("readers") / "machine.yaml"
+    text = shipped_config(name).read_text()
+    for _ in range(data.draw(st.integers(0, 3))):
+        place = data.draw(st.integers(0, len(text) - 1))
+        new = data.draw(st.text(":\n&*{[]},'\"#-?|>! \tä", max_size=4))
+        text = text[:place] + new + text[place + 1 :]
+    path.write_text(text)
+    quick = read_or_refused(path)
+    with pytest.MonkeyPatch.context() as without:
+        without.setattr(yaml, "__with_libyaml__", False)
+        assert read_or_refused(path) == quick

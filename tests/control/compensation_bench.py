@@ -55,6 +55,8 @@ EVERY: dict[str, dict[str, Any]] = {
 }
 """What the law declares, unless a test gives other times. A declared delay lets the model act on
 time, so that what an effect leaves can be seen."""
+FEW = {name: EVERY[name] for name in ("cogging", "dead_zone", "input_delay", "encoder_error")}
+"""One effect of the motion, one of the command, and what every plant has: soon compiled."""
 PLANT: dict[str, Any] = {
     "input_delay": {"time_s": 0.1e-3},
     "encoder_error": {"amplitude_m": 0.3e-6, "period_m": 17e-6},
@@ -81,10 +83,11 @@ def machine(
     plant: Mapping[str, Any],
     estimates: Mapping[str, Mapping[str, float]],
     options: Mapping[str, Mapping[str, Any]] | None = None,
+    known: Mapping[str, Mapping[str, Any]] = EVERY,
 ) -> Machine:
     """Return the gantry with more in the plant of axis x, and a law that knows every effect.
 
-    estimates gives the parameters of x that are not zero; options takes the place of EVERY's.
+    estimates gives the parameters of x that are not zero; options takes the place of what is known.
     """
     data = copy.deepcopy(dict(gantry().resolved))
     data["drivers"] = {
@@ -98,7 +101,7 @@ def machine(
         model = axis["model"]
         for effect, value in zip(NAMES, TRUTH[name], strict=True):
             model[effect]["initial"] = value
-        for effect, given in (EVERY | dict(options or {})).items():
+        for effect, given in (dict(known) | dict(options or {})).items():
             own = {"axes": ["y" if name == "x" else "x"]} if effect == "cross_axis" else given
             values = estimates.get(effect, {}) if name == "x" else {}
             model[effect] = {**own, **_estimates(effect, own, values)}

@@ -1,5 +1,7 @@
 """Guards of encoder, command, motor and computer: what trips them, what does not, what is told."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from loop_bench import TS, Hand, Rig, Still, gantry, homed_by, with_axes, with_driver, with_sim
@@ -227,16 +229,17 @@ def test_a_pause_of_the_computer_is_never_told_as_the_encoders_fault(elapsed):
 # Ordinary motion
 
 
-@pytest.mark.parametrize("controller", ["C1", "C2"])
+SHIPPED = ("published_gantry", "small_stage", "can_gantry", "canopen_gantry", "serial_gantry",
+           "modbus_gantry")  # fmt: skip
+QUICK = [("published_gantry", "C1"), ("published_gantry", "C2"), ("small_stage", "C2")]
+"""Each compiles a tick of its own, unless other tests share it."""
+
+
 @pytest.mark.parametrize(
-    "name",
+    ("name", "controller"),
     [
-        "published_gantry",
-        "small_stage",
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in ("can_gantry", "canopen_gantry", "serial_gantry", "modbus_gantry")
-        ),
+        pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.slow)
+        for pair in product(SHIPPED, ("C1", "C2"))
     ],
 )
 def test_the_shipped_configurations_move_without_tripping(name, controller):

@@ -8,10 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from motorctl.identify.columns.measured import Measured
+from motorctl.kernels import kernels_cached
 from motorctl.model import EffectList, effect_class, make_effect
+
+with kernels_cached():
+    from plant_kernels.fit import closed_loop
 
 COGGING_PITCH_M = 0.05
 X_THETA = (0.197, 0.2265, 0.139, 0.012, -0.0122, -0.00104)
@@ -88,9 +91,9 @@ def simulate(
     feedforward = theta.copy()
     feedforward[0] *= 0.9
     feedforward[4:] *= 0.5
-    y, u = _closed_loop(
+    y, u = closed_loop(
         *reference, force, theta, feedforward, slope, period, delay_samples, resolution, bandwidth,
-        limit, substeps, cogging,
+        limit, substeps, cogging, COGGING_PITCH_M,
     )  # fmt: skip
     time = np.arange(len(y)) * period
     return Run(rate_hz, time, y, u, *reference)
@@ -121,73 +124,3 @@ def random_moves(rng, duration_s, rate_hz, peak_acceleration, peak_velocity, tra
         x[stop:rest] = there
         here, k = there, rest
     return x, v, a
-
-
-@njit
-def _acceleration(v, u, w, theta, slope):
-    drive = u + theta[4] * u * abs(u) + theta[5] * u**3
-    friction = theta[1] * v + theta[2] * 2.0 / math.pi * math.atan(slope * v)
-    return (drive - friction + theta[3] + w) / theta[0]
-
-
-@njit
-def _invert(v, theta, limit):
-    """Find u with v = u + theta5 u|u| + theta6 u^3 by bisection."""
-    low, high = -limit, limit
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        if middle + theta[4] * middle * abs(middle) + theta[5] * middle**3 < v:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-@njit
-def _closed_loop(
-    xd,
-    vd,
-    ad,
-    force,
-    theta,
-    ff,
-    slope,
-    period,
-    delay,
-    resolution,
-    bandwidth,
-    limit,
-    substeps,
-    cogging,
-):
-    n = len(xd)
-    y, u = np.zeros(n), np.zeros(n)
-    x, v, before = 0.0, 0.0, 0.0
-    for k in range(n):
-        y[k] = np.round(x / resolution) * resolution
-        if k == 0:
-            before = y[0]
-        e, de = y[k] - xd[k], (y[k] - before) / period - vd[k]
-        before = y[k]
-        drive = ff[0] * ad[k] + ff[1] * vd[k] - ff[3]
-        drive += ff[2] * 2.0 / math.pi * math.atan(slope * vd[k])
-        drive -= 2.0 * bandwidth * theta[0] * (de + bandwidth * e)
-        u[k] = min(max(_invert(drive, ff, limit), -limit), limit)
-        # the command of tick j acts from (j + delay) periods on, so it changes once in a period
-        whole = math.floor(delay)
-        change = delay - whole
-        for part in range(2):
-            j = k - whole - 1 + part
-            command = u[j] if j >= 0 else 0.0
-            span = change if part == 0 else 1.0 - change
-            h = span * period / substeps
-            for _ in range(substeps):
-                w = force[k] + cogging * math.sin(2.0 * math.pi * x / COGGING_PITCH_M)
-                # classical Runge-Kutta over one substep of constant command
-                a1 = _acceleration(v, command, w, theta, slope)
-                a2 = _acceleration(v + 0.5 * h * a1, command, w, theta, slope)
-                a3 = _acceleration(v + 0.5 * h * a2, command, w, theta, slope)
-                a4 = _acceleration(v + h * a3, command, w, theta, slope)
-                x += h * v + h * h * (a1 + a2 + a3) / 6.0
-                v += h * (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0
-    return y, u

@@ -23,7 +23,7 @@ SMOOTH = [(0.9, 0.15, 0.3, 0.0), (0.1, 0.15, 0.3, 0.0)] * 6
 THERE_AND_BACK = [(0.9, 0.04, 0.5, 0.0), (0.5, 0.04, 0.5, 0.0)]
 
 
-@pytest.mark.parametrize("seed", [23, *(pytest.param(s, marks=pytest.mark.slow) for s in (24, 28))])
+@pytest.mark.parametrize("seed", [28, *(pytest.param(s, marks=pytest.mark.slow) for s in (23, 24))])
 def test_on_smooth_motion_the_feedback_of_noise_is_no_effect(tmp_path, seed):
     found = diagnosed(moving(clean_case(seed), 0.1, SMOOTH), tmp_path)
     assert found.verdict == "complete"
