@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
+from scipy.io.matlab import MatlabOpaque
 
 from motorctl.errors import DataError
 from motorctl.log.columns import AXIS_SIGNALS
+from motorctl.log.mat_objects import WITHIN, held_by_objects
 from motorctl.log.mat_structure import check_structure
 from motorctl.log.table import MOST_MATRIX_COLUMNS, Array, Table
 
@@ -25,7 +27,8 @@ class MatTable(Table):
     """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
 
     Columns of a matrix are ``name(:,k)``, what cells hold is ``name{k}``, and the structs of an
-    array are ``name(k)``, k from 1, as the signals that dSPACE and Simulink write.
+    array are ``name(k)``, k from 1, as the signals that dSPACE and Simulink write. What objects
+    hold, as a timeseries or Simulink's output, is ``objects{k}`` or ``objects{k}.field``.
 
     A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
     """
@@ -43,6 +46,9 @@ class MatTable(Table):
             cause = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise DataError(f"{path}: not a MAT file, or a damaged one: {cause}") from error
         metadata = _metadata(variables.pop(METADATA_VARIABLE, None))
+        within = variables.pop(WITHIN, None)
+        held = () if within is None else held_by_objects(within)
+        variables |= {f"objects{{{number}}}": value for number, value in held}
         self._columns = {
             _dotted(name): values
             for name, value in variables.items()
@@ -57,8 +63,8 @@ class MatTable(Table):
 
 def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
     """Return the numeric vectors in a variable; a struct has some in its fields, a cell in it."""
-    if not isinstance(value, np.ndarray):
-        return
+    if not isinstance(value, np.ndarray) or isinstance(value, MatlabOpaque):
+        return  # an object is only a reference; what it holds is listed beside it
     if value.dtype.names and value.size == 1:
         for field in value.dtype.names:
             yield from _vectors(f"{name}.{field}", value.ravel()[0][field])

@@ -8,6 +8,7 @@ from typing import Literal
 
 Group = Literal[
     "friction",
+    "friction_of_position",
     "force_of_position",
     "wave_over_position",
     "wave_over_time",
@@ -20,6 +21,7 @@ Group = Literal[
 """What code that must treat kinds of effects apart may ask for; effects of one group look alike.
 
 - friction: opposes the motion; pictures and sums of friction contain it
+- friction_of_position: friction whose level position decides; asked away from where the axis turned
 - force_of_position: position alone decides it, and it is a force on the carriage
 - wave_over_position: repeats over the travel; its options are `PitchOptions`
 - wave_of_measurement: repeats over the travel, but in the measured position alone

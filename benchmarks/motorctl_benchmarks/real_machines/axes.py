@@ -30,6 +30,15 @@ from motorctl_benchmarks.real_machines.bench_readers import (
     small_servo,
     trolley,
 )
+from motorctl_benchmarks.real_machines.drive_readers import (
+    creeping_servo,
+    fluid_damper,
+    gimbal_motor,
+    instrument_drive,
+    shaking_table,
+    students_motor,
+    winch,
+)
 from motorctl_benchmarks.real_machines.lab_readers import (
     DRIVETRAIN_RUNS,
     FLYWHEEL_RUNS,
@@ -162,6 +171,20 @@ BELT_CARTS = {
     "longer": "20ms Trajectories/CP_PID_2022-01-21_18-56-13 20ms measurement",
     "swing-up": "Results/Swingup/CP_mppi-tf-Euler_2022-02-21_01-27-23",
 }
+AGAINST_A_BRAKE = ("position_force",)
+"""The brake pulls back with a force that grows with the angle."""
+LATE_MOTION = ("input_lag", "input_delay")
+"""The table moves 40 to 50 ms after its voltage; the motor's speed is told 12 to 24 ms late."""
+SWINGING_LOAD = ("gravity", "flexible_mode")
+"""At rest the torque is a sine of the angle; acceleration over torque has a dip at 11 Hz."""
+YIELDS = ("presliding", "position_force")
+"""A magnetic fluid that bends before it yields, and a gas spring."""
+STUDENT_RUNS = {
+    "chirp": "2026-02-06_20-21-20_Chirp",
+    "stairs": "2026-02-06_20-12-42_Stair",
+    "sine": "2026-02-06_20-06-51_Sine_pi",
+}
+TABLE_RUNS = {"chirp": "chirpFi1Ff9", "square": "SquareA5F08", "random": "RandomA05F01"}
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
 AXES: tuple[RealAxis, ...] = (
@@ -305,6 +328,28 @@ AXES: tuple[RealAxis, ...] = (
         RealAxis(f"seventh joint, {speed} rad/s", seventh_joint(f"{speed}00000"), "A")
         for speed in ("0.5", "1.5")
     ),
+    *(
+        RealAxis(f"instrument's drive, {hz} Hz", instrument_drive(name), "A", AGAINST_A_BRAKE)
+        for hz, name in ((0.1, "00"), (0.3, "22"), (0.5, "43"))
+    ),
+    RealAxis(
+        "instrument's drive, torque", instrument_drive("43", "torque"), "N*m", AGAINST_A_BRAKE
+    ),
+    *(
+        RealAxis(f"shaking table, {what}", shaking_table(name), "V", LATE_MOTION, "mm")
+        for what, name in TABLE_RUNS.items()
+    ),
+    *(
+        RealAxis(f"students' motor, {what}", students_motor(name), "V", LATE_MOTION)
+        for what, name in STUDENT_RUNS.items()
+    ),
+    *(
+        RealAxis(f"fluid damper, {name}", fluid_damper(name), "N", YIELDS, "mm")
+        for name in ("ensaio.A.1", "ensaio1")
+    ),
+    RealAxis("rod on a gimbal motor, turned", gimbal_motor, "%", SWINGING_LOAD, "deg", -1),
+    RealAxis("winch 3, Down25", winch(3, "Down25"), "A", HANGING, "turn"),
+    RealAxis("creeping servo", creeping_servo, "%", ("cogging",), "turn"),
 )
 
 

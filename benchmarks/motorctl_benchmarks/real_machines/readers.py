@@ -69,6 +69,13 @@ CRANE = "Cristian-Napitupulu/gantry_crane_ws"
 BELT_CART = "SensorsINI/physical-cartpole"
 SMALL_SERVO = "TeacherRock/LuGre_Friction"
 SEVENTH_JOINT = "HBRS-SDP/joint-friction-model"
+INSTRUMENT_DRIVE = "MRDLab/mis-tool-characterization"
+WINCHES = "eliasoa/TTK4900_CDPR"
+STUDENTS_MOTOR = "Korn-XD/Control_LAB_1"
+SHAKING_TABLE = "labcontrol-data/randomized_LPV_shakingTable"
+FLUID_DAMPERS = "labcontrol-data/mr-damper"
+GIMBAL_MOTOR = "Cobular/LKMTechCanDriver-Rust"
+SERVO_PROJECT = "adamb314/ServoProject"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -118,6 +125,13 @@ REPOSITORIES = (
     BELT_CART,
     SMALL_SERVO,
     SEVENTH_JOINT,
+    INSTRUMENT_DRIVE,
+    WINCHES,
+    STUDENTS_MOTOR,
+    SHAKING_TABLE,
+    FLUID_DAMPERS,
+    GIMBAL_MOTOR,
+    SERVO_PROJECT,
 )
 """On GitHub."""
 COMMITS = {

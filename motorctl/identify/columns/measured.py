@@ -205,10 +205,12 @@ def check_usable(data: Measured) -> None:
     where, rows = data.place, data.usable
     length = len(data.position)
     if length < SHORTEST_SAMPLES or length < SHORTEST_S * data.sample_rate_hz:
+        many = length >= SHORTEST_SAMPLES
+        wrong_unit = ", or are its times in another unit than is said?" if many else ""
         raise DataError(
             f"{where}: too short: {length} samples at {data.sample_rate_hz:g} Hz are "
             f"{length / data.sample_rate_hz:.3g} s; at least {SHORTEST_SAMPLES} samples and "
-            f"{SHORTEST_S:g} s are needed: record a longer motion"
+            f"{SHORTEST_S:g} s are needed: record a longer motion{wrong_unit}"
         )
     for name, column in (("position", data.position), ("command", data.command)):
         bad = ~np.isfinite(column) & rows

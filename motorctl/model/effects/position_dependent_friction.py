@@ -39,7 +39,7 @@ class PositionDependentFriction(Effect):
         "travel over the whole range in both directions, each place passed both ways: the part "
         "that keeps its sign is a force of position instead"
     )
-    groups = frozenset({"friction"})
+    groups = frozenset({"friction", "friction_of_position"})
     ordinary = True
     revealed_by = ("two_speeds",)
     Options = PositionFrictionOptions

@@ -247,6 +247,28 @@ def test_a_weight_on_one_move_one_way_is_no_reversed_sign(weight_n_m, friction_n
     assert "reversed" not in refusal(driven(x, command, 1000.0))
 
 
+def hoisted(way_back_n_m, rate_hz=20.0, drum_kg_m2=0.002):
+    """Return an axis that lowers a load slowly and comes back quickly, resting in between."""
+    rest, down, up = (np.zeros(round(s * rate_hz)) for s in (1.0, 4.0, 1.0))
+    once = np.concatenate([rest, down + 5.0, rest, up - 20.0])
+    v = np.tile(once, 8)
+    v = np.convolve(np.pad(v, 3, mode="edge"), np.ones(7) / 7, "valid")
+    load = np.where(v < -0.5, -way_back_n_m, -17.0)
+    noise = 0.3 * np.random.default_rng(0).standard_normal(len(v))
+    command = drum_kg_m2 * np.gradient(v, 1.0 / rate_hz) + 1.0 * np.tanh(v) + load + noise
+    return driven(np.cumsum(v) / rate_hz, command, rate_hz)
+
+
+@pytest.mark.parametrize("way_back_n_m", [11.0, 4.0, 0.5])
+def test_a_hoist_that_comes_back_without_its_load_is_no_reversed_sign(way_back_n_m):
+    assert "reversed" not in refusal(hoisted(way_back_n_m))
+
+
+def test_an_axis_that_carries_a_load_and_moves_briskly_shows_a_reversed_sign(run):
+    load = 4.0 * float(np.std(run.command))
+    assert "reversed" in refusal(replace(run, command=load - run.command))
+
+
 def test_a_command_that_is_the_position_is_told(run):
     noise = (
         0.01

@@ -7,6 +7,7 @@ the others hold a constant force and friction by direction for the same.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,8 +18,11 @@ from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.columns.signals import FEWEST_ROWS, make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
+from motorctl.identify.diagnose.result import ModelError
+from motorctl.identify.diagnose.search.search import nothing_sought
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
+from motorctl.identify.diagnose.verdict.undetermined_model import why_undetermined
 
 RATE_HZ = 250.0
 INERTIA, VISCOUS, COULOMB, WEIGHT = 0.8, 10.0, 0.6, 1.5
@@ -139,3 +143,17 @@ def test_a_command_of_which_the_motion_explains_a_quarter_is_refused_as_that_of_
     other = replace(data, command=velocity / velocity.std() + 1.4 * slow / slow.std())
     with pytest.raises(DataError, match="explains none of the acceleration"):
         check_explains(other, make_signals(other, slope_s_m=900.0), C1)
+
+
+@pytest.mark.parametrize(("left_over_change", "determined"), [(0.5, True), (2.0, False)])
+def test_a_load_that_is_carried_all_the_time_is_explained_by_no_model_as_well(
+    left_over_change, determined
+):
+    """What a model leaves is set against what the command changes by, not against its mean."""
+    lifted = replace(joint(), command=joint().command + 20.0)
+    found = nothing_sought(make_signals(lifted), C1)
+    changes = float(np.std(lifted.command))
+    error = ModelError("N*m", 1.0, left_over_change * changes, 0.0, 0.0, 20.0, None, None)
+    why = why_undetermined(found, SimpleNamespace(as_twin=False), error, None)
+    assert (why is None) == determined
+    assert determined or "of what the command changes by" in why

@@ -19,6 +19,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     position_of_declared,
     simulated_position,
 )
+from motorctl.identify.diagnose.search.turning_places import shown_by_turning
 from motorctl.model import Effect
 
 WORSE = 1.02
@@ -48,7 +49,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
             final = allowed.refreshed()
             continue
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
-        refuted = forbidden or next(filter(None, worse), None)
+        refuted = forbidden or shown_by_turning(final) or next(filter(None, worse), None)
         if refuted is None:
             break
         effect, why = refuted

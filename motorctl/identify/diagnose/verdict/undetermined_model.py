@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
@@ -26,7 +28,7 @@ def why_undetermined(
     `doubted` is an effect that is not named and takes most of the error: with it the recording
     determines a model.
     """
-    return _drowned(found, judged) or (None if doubted else _worse_than_nothing(error))
+    return _drowned(found, judged) or (None if doubted else _worse_than_nothing(found, error))
 
 
 def _drowned(found: Found, judged: Judged) -> str | None:
@@ -41,15 +43,22 @@ def _drowned(found: Found, judged: Judged) -> str | None:
     )
 
 
-def _worse_than_nothing(error: ModelError) -> str | None:
-    """Return why a recording does not determine even the declared parameters, or None."""
-    if error.held_out_after_rms <= error.command_rms:
+def _worse_than_nothing(found: Found, error: ModelError) -> str | None:
+    """Return why a recording does not determine even the declared parameters, or None.
+
+    No model at all is a command that does not change: a load that an axis carries all the time is
+    explained by any model, and by none.
+    """
+    regressors = found.final.regressors
+    rows = found.final.problem.columns[:, regressors.command_column].ravel()
+    changes = float(np.std(rows[: regressors.signals.rows]))
+    if error.held_out_after_rms <= min(changes, error.command_rms):
         return None
-    part = 100.0 * error.held_out_after_rms / max(error.command_rms, TINY)
+    part = 100.0 * error.held_out_after_rms / max(changes, TINY)
     return (
-        f"fitted to one part of the recording, the model is {part:.0f} % of the command off on "
-        "the rest, more than no model at all: the motion does not determine its parameters, or "
-        "sign, unit or model are not those of this machine"
+        f"fitted to one part of the recording, the model is {part:.0f} % of what the command "
+        "changes by off on the rest, more than no model at all: the motion does not determine its "
+        "parameters, or sign, unit or model are not those of this machine"
     )
 
 
