@@ -85,7 +85,8 @@ def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
     weights = problem.blocks.split(chosen[None].astype(np.float64))
     columns = problem.columns * weights
     gram = columns @ columns.swapaxes(1, 2)
-    return solve(BlockedRegression(problem.blocks, (columns,), gram, problem.soft), problem)
+    part = BlockedRegression(problem.blocks, (columns,), gram, problem.soft, problem.tied)
+    return solve(part, problem)
 
 
 def columns_of(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
