@@ -109,6 +109,18 @@ def test_a_size_that_many_blocks_show_is_theirs_and_not_the_usual_one():
     assert held_out_sse(tied).sum() < 0.1 * usual @ usual
 
 
+def test_a_rare_event_that_contradicts_its_usual_size_is_not_believed():
+    draw = np.random.default_rng(5)
+    blocks = make_blocks(3000, 0.02)
+    command, error = draw.standard_normal((2, 3000))
+    beyond = np.zeros(3000)
+    beyond[20:100] = command[20:100]
+    y = command - 0.5 * beyond + 0.01 * error
+    columns = np.stack([command, beyond])
+    tied = make_problem(blocks, columns, y, tied=np.array([np.nan, -1.0]))
+    assert held_out_sse(tied).sum() == held_out_sse(make_problem(blocks, columns, y)).sum()
+
+
 def test_smoothing_leaves_slow_motion_alone_and_takes_fast_away():
     t = np.arange(5000) / 5000.0
     slow, fast = np.sin(2 * np.pi * 20.0 * t), np.sin(2 * np.pi * 900.0 * t)

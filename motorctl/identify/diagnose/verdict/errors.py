@@ -63,6 +63,11 @@ MOST_AHEAD = 10.0
 effect gains nothing at all. Larger or smaller changes the report's figure alone: confidence counts
 no more. Convention: a name ten times behind is no name."""
 
+CLEARLY_BEATEN = 2.0
+"""Squared error that a name leaves over what an effect of the input leaves, from which that one is
+its rival. Larger overlooks rivals, smaller doubts what a tie says nothing against. Chosen by hand:
+as a plain effect's lead; a payload named for a motor's heat has 3."""
+
 
 @dataclass(frozen=True)
 class Split:
@@ -234,7 +239,7 @@ def _of_input(found: Found, name: str) -> tuple[Alternative, ...]:
         key=lambda form: form.held_out,
         default=None,
     )
-    if own is None or best is None or best.held_out >= own.held_out:
+    if own is None or best is None or CLEARLY_BEATEN * best.held_out >= own.held_out:
         return ()
     share = gain(before, best.held_out) / max(gain(before, own.held_out), 1e-9)
     why = (
