@@ -245,6 +245,9 @@ def _check_knowledge(cls: type[Effect], refuse: Refusal) -> None:
     ends = refuse.asked("refuted_at_end", lambda: dict(cls.refuted_at_end))
     refuse.among("refuted_at_end", ends, options)
     refuse.among("refuted_at_end", ends.values(), get_args(End))
+    usual = refuse.asked("usual", lambda: dict(cls.usual))
+    if usual and cls.kind != "input":
+        raise refuse("usual", f"is for input effects; its kind is '{cls.kind}'")
     if cls.proportional_to is not None:
         refuse.among("proportional_to", [cls.proportional_to], get_args(Signal))
     if "wave_over_position" in cls.groups and not issubclass(cls.Options, PitchOptions):

@@ -137,6 +137,9 @@ class Effect(ABC):
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})
     """Options that mean another effect where they come to an end of the range that is tried."""
+    usual: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Parameters of an input effect whose value is known before any recording: taken where the rows
+    at hand hardly show the effect."""
     revealed_by: ClassVar[tuple[Motion, ...]] = ()
     """Motions that show it and tell it from others, besides moves all over the travel."""
     load_sign: ClassVar[float] = 1.0

@@ -434,3 +434,17 @@ def test_a_mistake_that_users_make_is_told(kind):
     # a coarse encoder, as that of machine 7, hides milliseconds
     case = run_machine.run_machine(MachineKey("energy", kind, 840 if kind == LATE else 7))
     assert case.right, str(case)
+
+
+@pytest.mark.slow
+def test_a_motor_that_weakens_with_its_heat_is_not_called_a_payload():
+    """Its loss shows as an effect of the input, which has no place where the command is left."""
+    found = run_machine.run_machine(MachineKey("scipy_ode", "unknown_winding_heat", 900))
+    assert "payload_change" not in found.answer.names, found
+    assert found.right, found
+
+
+@pytest.mark.slow
+def test_a_limit_of_the_supply_that_few_moves_meet_is_named():
+    found = run_machine.run_machine(MachineKey("scipy_ode", "voltage_clipping", 900))
+    assert found.answer.names == {"voltage_clipping"}, found

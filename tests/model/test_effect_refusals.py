@@ -81,6 +81,8 @@ CASES = [
      "refuted_at_end names 'center_m'; expected one of: middle_m, half_length_m"),
     ("brake_zone", *with_attribute('refuted_at_end = {"middle_m": "left"}'),
      "refuted_at_end names 'left'; expected one of: either, upper"),
+    ("brake_zone", *with_attribute('usual = {"share": 1.0}'),
+     "usual is for input effects; its kind is 'state'"),
     ("brake_zone", *with_attribute('proportional_to = "jerk"'),
      "proportional_to names 'jerk'; expected one of: acceleration"),
     ("brake_zone", *with_attribute('proportional_to = "velocity"'),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from numba import njit
 from pydantic import Field
@@ -55,6 +56,7 @@ class VoltageClipping(Effect):
     visible_in = "the hardest accelerations that are used, up to the top speed, in both directions"
     scan_shows_part = True
     revealed_by = ("two_accelerations", "two_speeds")
+    usual = MappingProxyType({"share": 1.0})  # a supply has no more than its voltage
     Options = VoltageClippingOptions
     options: VoltageClippingOptions
 

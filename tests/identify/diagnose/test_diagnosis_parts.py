@@ -74,6 +74,53 @@ def test_a_held_command_is_aligned_with_the_second_difference(late, lag, seed):
         assert got[k] == pytest.approx(expected, abs=2e-4)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 29), st.floats(0.3, 3.0), st.floats(1e-4, 1e-2), st.integers(0, 100))
+def test_one_rare_event_is_known_in_the_rows_held_out_where_its_size_is_usual(k, b, noise, seed):
+    """A limit is met in one block alone; filters smear a thousandth of that into the next."""
+    draw = np.random.default_rng(seed)
+    rows, blocks = 3000, make_blocks(3000, 0.02)
+    command = draw.standard_normal(rows)
+    beyond = np.zeros(rows)
+    inside = slice(k * blocks.length + 20, (k + 1) * blocks.length - 20)
+    beyond[inside] = command[inside] * (np.abs(command[inside]) > 0.5)
+    beyond[((k + 1) % blocks.count) * blocks.length + 5] = 1e-3
+    error = noise * draw.standard_normal(rows)
+    y = b * (command - beyond) + error
+    columns = np.stack([command, beyond])
+    tied = make_problem(blocks, columns, y, tied=np.array([np.nan, -1.0]))
+    free = make_problem(blocks, columns, y)
+    assert held_out_sse(tied).sum() < 1.1 * error @ error
+    assert held_out_sse(free).sum() > held_out_sse(tied).sum()
+    assert solve(tied).b == pytest.approx(solve(free).b, rel=1e-12)
+
+
+def test_a_size_that_many_blocks_show_is_theirs_and_not_the_usual_one():
+    draw = np.random.default_rng(4)
+    blocks = make_blocks(3000, 0.02)
+    command, error = draw.standard_normal((2, 3000))
+    beyond = command * (np.abs(command) > 1.5)
+    columns = np.stack([command, beyond])
+    y = command - 0.4 * beyond + 0.1 * error
+    tied = make_problem(blocks, columns, y, tied=np.array([np.nan, -1.0]))
+    free = make_problem(blocks, columns, y)
+    assert held_out_sse(tied).sum() == pytest.approx(held_out_sse(free).sum(), rel=0.01)
+    usual = y - columns.T @ (1.0, -1.0)
+    assert held_out_sse(tied).sum() < 0.1 * usual @ usual
+
+
+def test_a_rare_event_that_contradicts_its_usual_size_is_not_believed():
+    draw = np.random.default_rng(5)
+    blocks = make_blocks(3000, 0.02)
+    command, error = draw.standard_normal((2, 3000))
+    beyond = np.zeros(3000)
+    beyond[20:100] = command[20:100]
+    y = command - 0.5 * beyond + 0.01 * error
+    columns = np.stack([command, beyond])
+    tied = make_problem(blocks, columns, y, tied=np.array([np.nan, -1.0]))
+    assert held_out_sse(tied).sum() == held_out_sse(make_problem(blocks, columns, y)).sum()
+
+
 def test_smoothing_leaves_slow_motion_alone_and_takes_fast_away():
     t = np.arange(5000) / 5000.0
     slow, fast = np.sin(2 * np.pi * 20.0 * t), np.sin(2 * np.pi * 900.0 * t)

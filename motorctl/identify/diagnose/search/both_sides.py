@@ -112,6 +112,7 @@ def both_ways(
     if progress is not None:
         progress("unexplained forces outweigh the noise: searching with the command on the left")
     other = search(short, declared, sign, progress, "command", catalogue)
+    other = replace(other, across=next(iter(found.steps), None))
     found, other = (over_all(each, signals, catalogue) for each in (found, other))
     # effects of the input cannot be sought there
     return found if _explained(other) < _explained(found) - LOSES else other

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -217,10 +218,17 @@ class Hypothesis:
             y, X = X[0].copy(), np.vstack([regressors.measured_acceleration(undo)[None], X[1:]])
         if self.regressors.offset is not None:
             y = y + self.regressors.offset
-        return make_problem(self.regressors.blocks, X, y, self._soft())
+        return make_problem(self.regressors.blocks, X, y, self._soft(), self._tied())
 
     def _soft(self) -> NDArray[np.bool_]:
         return np.array([False, *(is_loose(effect) for effect, _ in self.places)])
+
+    def _tied(self) -> Array:
+        """Return what coefficients usually are over the command's; unknown where that is left."""
+        ratios = np.array([math.nan, *(usual_ratios(effect)[j] for effect, j in self.places)])
+        if self.regressors.side == "command":
+            ratios[:] = math.nan
+        return ratios
 
     @cached_property
     def solution(self) -> BlockedFit:
@@ -280,7 +288,7 @@ class Hypothesis:
         if held:
             columns = columns.copy()
             columns[held] = 0.0
-        return with_columns(self.problem, columns, is_loose(effect))
+        return with_columns(self.problem, columns, is_loose(effect), usual_ratios(effect))
 
     def refreshed(self) -> Hypothesis:
         """Let effects that act on the acceleration see the one that this hypothesis predicts.
@@ -351,6 +359,17 @@ def held_columns(effect: Effect) -> list[int]:
     if not effect.held or effect.kind == "measurement":
         return []
     return [j for j, p in enumerate(effect.parameters) if p.name in effect.held]
+
+
+def usual_ratios(effect: Effect) -> Array:
+    """Return what the coefficients of an effect's columns usually are over the command's.
+
+    (p,); NaN where that is not known before a recording. An input effect's column is -h(u), so that
+    all of h(u) is lost where its coefficient is minus the command's.
+    """
+    if effect.kind == "measurement":
+        return np.full(len(effect.amplitudes), np.nan)
+    return np.array([-effect.usual.get(p.name, math.nan) for p in effect.parameters])
 
 
 def is_loose(effect: Effect) -> bool:

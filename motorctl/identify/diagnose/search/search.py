@@ -129,6 +129,9 @@ class Found:
     """What smooth functions take away of the squared residual that the final model leaves."""
     refuted: tuple[str, ...] = ()
     """Why effects were refuted that an earlier search found."""
+    across: Step | None = None
+    """The first round with the acceleration on the left, of a search with the command there: it
+    tried effects of the input, too."""
 
 
 def declared_alone(found: Found) -> Found:

@@ -58,6 +58,16 @@ SAME = 0.02
 """Forms whose squared residuals differ by less than this part of it cannot be told apart. Larger
 doubts clear names, smaller gives one of two by chance. Chosen by hand."""
 
+MOST_AHEAD = 10.0
+"""Gain of a rival over that of the effect named, beyond which more says nothing, as where the
+effect gains nothing at all. Larger or smaller changes the report's figure alone: confidence counts
+no more. Convention: a name ten times behind is no name."""
+
+CLEARLY_BEATEN = 2.0
+"""Squared error that a name leaves over what an effect of the input leaves, from which that one is
+its rival. Larger overlooks rivals, smaller doubts what a tie says nothing against. Chosen by hand:
+as a plain effect's lead; a payload named for a motor's heat has 3."""
+
 
 @dataclass(frozen=True)
 class Split:
@@ -85,7 +95,8 @@ def fit_rows(problem: BlockedRegression, chosen: Rows) -> BlockedFit:
     weights = problem.blocks.split(chosen[None].astype(np.float64))
     columns = problem.columns * weights
     gram = columns @ columns.swapaxes(1, 2)
-    return solve(BlockedRegression(problem.blocks, (columns,), gram, problem.soft), problem)
+    part = BlockedRegression(problem.blocks, (columns,), gram, problem.soft, problem.tied)
+    return solve(part, problem)
 
 
 def columns_of(hypothesis: Hypothesis, extra: Effect | None = None) -> BlockedRegression:
@@ -208,6 +219,39 @@ def draws_any_form(other: Effect, effect: Effect) -> bool:
 
 def alternatives(found: Found, name: str, most: int = 4) -> tuple[Alternative, ...]:
     """Return what else was tried in an effect's place, and why it was not taken."""
+    return (*_of_input(found, name), *_in_its_place(found, name, most))
+
+
+def _of_input(found: Found, name: str) -> tuple[Alternative, ...]:
+    """Return the effect of the input that beats another where both can be tried, if any does.
+
+    With the command on the left none is: what it asks for would be explained by itself. There the
+    next best stands without the rival that it has. Only what was taken first is asked: the round
+    across knew of no other.
+    """
+    first = {s.taken.effect.name for s in found.steps if s.taken and not s.before.added}
+    if found.across is None or name not in first:
+        return ()
+    before, forms = found.across.before, found.across.forms
+    own = next((form for form in forms if form.effect.name == name), None)
+    best = min(
+        (form for form in forms if form.effect.kind == "input"),
+        key=lambda form: form.held_out,
+        default=None,
+    )
+    if own is None or best is None or CLEARLY_BEATEN * best.held_out >= own.held_out:
+        return ()
+    share = gain(before, best.held_out) / max(gain(before, own.held_out), 1e-9)
+    why = (
+        "cannot be tried with the command on the left; with the acceleration there it leaves "
+        f"{100.0 * best.held_out / before.held_out:.2g} % of the squared error where {name} "
+        f"leaves {100.0 * own.held_out / before.held_out:.2g} %"
+    )
+    return (Alternative(best.effect.name, why, float(min(share, MOST_AHEAD))),)
+
+
+def _in_its_place(found: Found, name: str, most: int) -> tuple[Alternative, ...]:
+    """Return what came behind an effect in the round in which it was taken."""
     for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != name:
             continue

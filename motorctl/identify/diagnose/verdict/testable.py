@@ -54,8 +54,8 @@ def unexplained(hypothesis: Hypothesis, effect: Effect) -> float:
             continue
         order = [*range(n), column]
         gram = problem.gram[:, order][:, :, order]
-        soft = problem.soft[:n]
-        left = solve(type(problem)(problem.blocks, (problem.columns[:, order],), gram, soft)).sse
+        columns, free = problem.columns[:, order], (problem.soft[:n], problem.tied[:n])
+        left = solve(type(problem)(problem.blocks, (columns,), gram, *free)).sse
         parts.append(float(np.sqrt(max(left, 0.0) / own)))
     return max(parts, default=0.0)
 
