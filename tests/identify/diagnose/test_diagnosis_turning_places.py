@@ -10,7 +10,6 @@ from fit_plant import C1
 from other_plant import OtherPlant
 
 from motorctl.identify.columns.signals import make_signals
-from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.turning_places import shown_by_turning
@@ -89,11 +88,3 @@ def test_what_follows_each_reversal_is_no_friction_of_the_place():
 @pytest.mark.parametrize("share", [0.1, 0.5, -0.8])
 def test_friction_that_grows_along_the_way_is_one_wherever_the_axis_turns(share):
     assert shown_by_turning(with_two_functions_of_the_place(axis(along_the_way(share)))) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("friction", [bent, along_the_way(0.5)], ids=["bends", "grows"])
-def test_a_test_to_and_fro_does_not_give_a_friction_of_the_place_away(friction):
-    found = diagnose_axis(axis(friction), C1)
-    names = {effect.name for effect in found.effects}
-    assert ("position_dependent_friction" in names) == (friction is not bent), found.sentence
