@@ -68,7 +68,7 @@ CASES = [
      "amplitudes names 'step_m'; expected one of: place_m, width_m, shift_m"),
     ("push_pull", *with_attribute('amplitudes = ("d",)'), "amplitudes is for measurement effects"),
     ("brake_zone", '{"friction"}', '{"frictoin"}',
-     "groups names 'frictoin'; expected one of: friction, force_of_position"),
+     "groups names 'frictoin'; expected one of: friction, friction_of_position"),
     ("brake_zone", '("two_speeds",)', '("three_speeds",)',
      "revealed_by names 'three_speeds'; expected one of: two_speeds"),
     ("brake_zone", 'Picture("friction_over_position"', 'Picture("friction_over_lunch"',

@@ -36,6 +36,9 @@ LASTS_S = 0.9
 BETWEEN_S = 1.4
 """From a fault's end to the next: reset, started, and under way again."""
 SETTLE_S = 0.4
+REST_S = 0.6
+"""From a fault's begin to the reset: the watchdog has fired, and the amplifiers have been off
+for so long that the device's report takes it for a rest."""
 SOON_S = 1.0
 """A command is taken within that, once the device is back."""
 
@@ -105,7 +108,7 @@ def run_through(
                 wait_until(lambda: all(daemon.state(axis) == "fault" for axis in AXES), 10.0)
                 time.sleep(SETTLE_S)
                 status = daemon.ask("status")
-                over_s = began_s + order["at_s"] + order["duration_s"]
+                over_s = began_s + order["at_s"] + max(order["duration_s"], REST_S)
                 time.sleep(max(0.0, over_s + 0.05 - time.monotonic()))
                 answers = [_reset(daemon, axis) for axis in AXES]
                 told.append((status, "opened" in answers[0]))
