@@ -56,13 +56,6 @@ alone, smaller by an inertia that unknown forces make. Chosen by hand."""
 ACTS = (5.0, 95.0)
 """Percentiles of the command between which its way is asked. Further apart a few damaged values
 hide a load, closer together a rare reversal is overlooked. Chosen by hand."""
-ACTS_BACK = 0.1
-"""Command the other way, over that the usual way, up to which an axis carries a load. Larger takes
-unequal friction for a load, smaller misses one that is set down. Chosen by hand."""
-SEEN_ALONE = 0.3
-"""The same as `INERTIA_SEEN` where inertia alone tells the sign. Larger misses reversed commands of
-loaded axes, smaller judges by a tenth of the command, which unknown forces make as well: hoists
-have 0.002 to 0.14. Chosen by hand."""
 CHANGES = 0.1
 """Changes of the command, over its rms, from which it may be called reversed: a torque that is held
 tells nothing of a sign. Larger misses reversed commands of loaded axes, smaller judges noise.
@@ -187,11 +180,10 @@ def moved_by(signals: Signals) -> tuple[float, bool]:
         of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
         if explained > share:
             best, share = beside, explained
-    one_way = bool(dropped) or _carries(signals)
-    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, one_way)
+    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, bool(dropped))
     of_motion = 1.0 - float(held_out_sse(motion.problem).sum()) / whole
     believed = of_motion > max(share, REVERSED)
-    if believed and not _drives_back(signals, motion, motion.problem, one_way):
+    if believed and not _drives_back(signals, motion, motion.problem, bool(dropped)):
         share = of_motion
     return share, backwards and command_changes(signals.data)
 
@@ -201,9 +193,9 @@ def _drives_back(
 ) -> bool:
     """Return whether friction gives energy and inertia, where it is seen, is negative.
 
-    Of a motion one way inertia alone tells it: friction is a constant force there. So does it where
-    the command always acts the same way: it carries a load, and what it carries on the way there
-    and back may differ by more than friction.
+    Of a motion one way inertia alone tells it: friction is a constant force there. Where the
+    command always acts the same way friction alone does not: it carries a load, and what it
+    carries on the way there and back may differ by more than friction.
     """
     basic = basic_effects()
     b = solve(problem).b
@@ -217,15 +209,14 @@ def _drives_back(
     inertia = abs(float(b[0])) * float(np.std(rows[0])) / float(np.std(rows[-1]))
     seen = inertia >= INERTIA_SEEN
     if one_way:
-        return bool(b[0] < 0.0 and inertia >= SEEN_ALONE)
-    return bool(power < 0.0 and (b[0] < 0.0 or not seen))
+        return bool(b[0] < 0.0 and seen)
+    return bool(power < 0.0 and (b[0] < 0.0 if seen else not _carries(signals)))
 
 
 def _carries(signals: Signals) -> bool:
-    """Return whether the command always acts the same way, or hardly ever the other."""
+    """Return whether the command always acts the same way."""
     ends = np.percentile(np.concatenate([s.command for s in signals.stretches]), ACTS)
-    less, more = np.sort(np.abs(ends))
-    return bool(ends[0] * ends[1] > 0.0 or less < ACTS_BACK * more)
+    return bool(ends[0] * ends[1] > 0.0)
 
 
 def _of_command(signals: Signals, model: EffectList) -> tuple[Hypothesis, Array, float]:
