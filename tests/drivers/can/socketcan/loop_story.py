@@ -31,8 +31,9 @@ def main() -> None:
         [*DEVICE, str(path), "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
-        # beside each other: the daemon takes longer until it opens the bus
-        starting = Daemon(RESULT / "daemon", yaml.safe_dump(config(can_driver())))
+        # Effects in the order that was compiled outside. Beside each other: the daemon takes longer
+        # until it opens the bus.
+        starting = Daemon(RESULT / "daemon", yaml.safe_dump(config(can_driver()), sort_keys=False))
         assert device.stderr is not None
         told["ready"] = device.stderr.readline().strip()
         with starting as daemon:
