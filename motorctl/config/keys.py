@@ -109,7 +109,6 @@ class LoopSettings(Keys):
     bucket_size: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=10, description="overruns in a leaky bucket that stop the machine"
     )
-
     supervisor_timeout_s: Annotated[float, Field(ge=0.1, le=10)] = Field(
         default=0.5,
         description="so long without a sign of life from the supervisor, and every axis is "

@@ -15,17 +15,13 @@ import stat
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import PathFinder
-from importlib.metadata import (
-    EntryPoint,
-    PackageNotFoundError,
-    entry_points,
-    packages_distributions,
-)
+from importlib.metadata import PackageNotFoundError, packages_distributions
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Literal
 
 from motorctl.config.shipped import locate
+from motorctl.entry_points import registered
 from motorctl.errors import Problem, UsageError
 from motorctl.hal.registry import GROUP as DRIVERS
 from motorctl.located_yaml import Document, KeyPath, dotted, read_document
@@ -212,18 +208,13 @@ def _named(key: KeyPath, kind: Literal["driver", "effect"], target: str) -> Name
 def _registered(
     key: KeyPath, kind: Literal["driver", "effect"], group: str, name: str
 ) -> NamedCode | None:
-    point = _points(group).get(name)
+    point = registered(group).get(name)
     if point is None:  # an effect of motorctl, or a name that nobody knows: others tell
         return None
     package, version = (point.dist.name, point.dist.version) if point.dist else (None, None)
     origin: Literal["motorctl", "installed"] = "motorctl" if package == OWN_PACKAGE else "installed"
     file = _file_of(point.value.partition(":")[0])
     return NamedCode(key, kind, point.value, origin, package, version, file)
-
-
-@cache
-def _points(group: str) -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=group)}
 
 
 @cache

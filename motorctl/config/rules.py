@@ -143,13 +143,14 @@ def check_homing(homing: Homing, limits: Limits, encoder: Encoder | None) -> Ite
     speeds = [abs(v) for v in (velocity, homing.latch_velocity_m_s) if v]
     if homing.timeout_s and speeds and low < high:
         slowest = min(speeds)
-        most = max(SHORT_HOMING_S, HOMING_CROSSINGS * travel / slowest)
+        crossed_s = HOMING_CROSSINGS * travel / slowest
+        most = max(SHORT_HOMING_S, crossed_s)
         if homing.timeout_s > most:
             yield (
                 ("homing", "timeout_s"),
                 f"found {homing.timeout_s:g}, homing would hardly ever be given up: {travel:g} m "
                 f"at {slowest:g} m/s are crossed {HOMING_CROSSINGS} times in "
-                f"{HOMING_CROSSINGS * travel / slowest:.3g} s; should be at most {most:.3g} s",
+                f"{crossed_s:.3g} s; should be at most {most:.3g} s",
             )
 
 

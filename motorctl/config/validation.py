@@ -160,7 +160,7 @@ def _problem(
     """Return one of pydantic's errors at the place in the file that it is about."""
     loc = tuple(detail["loc"])
     # pydantic ends the place of a key that is wrong itself with "[key]"; a file may have that key
-    if loc[-1:] == ("[key]",) and detail["type"] not in ("extra_forbidden", "missing"):
+    if loc[-1:] == ("[key]",) and detail["type"] != "extra_forbidden":
         loc = loc[:-1]
     where: list[int | str] = []
     value = data

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
+from motorctl.entry_points import registered
 from motorctl.errors import UsageError
 from motorctl.hal.contract import Driver
 
@@ -58,18 +56,12 @@ def driver_class(type_name: str) -> type[Driver]:
     """
     if ":" in type_name:
         return _import(type_name, type_name, "")
-    points = _points(tuple(sys.path))
+    points = registered(GROUP)
     if type_name not in points:
         known = ", ".join(sorted(points)) or "none"
         raise UsageError(f"unknown driver '{type_name}'; installed: {known}")
     point = points[type_name]
     return _import(point.value, point.name, _remedy(point))
-
-
-@cache
-def _points(_path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
-    """Return what is registered, by name: looked up once for what modules are looked for in."""
-    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def _load(point: EntryPoint) -> DriverEntry:

@@ -51,6 +51,11 @@ def spans_of(signals: Signals) -> Spans:
     )
 
 
+def turning_points(x: Array, way: float) -> NDArray[np.intp]:
+    """Return where positions (N,) turn round and go back by at least a way, in their order."""
+    return np.sort(np.concatenate([find_peaks(s * x, prominence=way)[0] for s in (1.0, -1.0)]))
+
+
 def slow_reversal(x: Array, noise: float, period_s: float) -> float | None:
     """Return the acceleration with which the slower reversals are left, None where none is.
 
@@ -68,7 +73,7 @@ def slow_reversal(x: Array, noise: float, period_s: float) -> float | None:
     way = max(SEEN * noise, 1e-6 * float(np.ptp(x)))
     if not way > 0.0:
         return None
-    turns = np.sort(np.concatenate([find_peaks(s * x, prominence=way)[0] for s in (1.0, -1.0)]))
+    turns = turning_points(x, way)
     if not len(turns):
         return None
     found = []

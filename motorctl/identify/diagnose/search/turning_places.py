@@ -8,12 +8,11 @@ place leave nothing. So friction that depends on the place has to show away from
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.spans import turning_points
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
@@ -84,16 +83,7 @@ def _away(signals: Signals) -> Rows:
 
 def _gone(place: Array, back: float) -> Array:
     """Return how far the axis is from where it turned round last, or began."""
-    turns, side, extreme = [0], 0.0, 0
-    for i in range(1, len(place)):
-        step = place[i] - place[extreme]
-        if side == 0.0 and abs(step) > back:
-            side, extreme = math.copysign(1.0, step), i
-        elif side * step > 0.0:
-            extreme = i
-        elif side * step < -back:
-            turns.append(extreme)
-            side, extreme = -side, i
+    turns = np.concatenate([[0], turning_points(place, back)])
     last = np.searchsorted(turns, np.arange(len(place)), side="right") - 1
-    gone: Array = np.abs(place - place[np.asarray(turns)[last]])
+    gone: Array = np.abs(place - place[turns[last]])
     return gone

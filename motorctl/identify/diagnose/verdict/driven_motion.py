@@ -180,10 +180,11 @@ def moved_by(signals: Signals) -> tuple[float, bool]:
         of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
         if explained > share:
             best, share = beside, explained
-    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, bool(dropped))
+    one_way = bool(dropped)
+    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, one_way)
     of_motion = 1.0 - float(held_out_sse(motion.problem).sum()) / whole
     believed = of_motion > max(share, REVERSED)
-    if believed and not _drives_back(signals, motion, motion.problem, bool(dropped)):
+    if believed and not _drives_back(signals, motion, motion.problem, one_way):
         share = of_motion
     return share, backwards and command_changes(signals.data)
 
