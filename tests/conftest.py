@@ -16,12 +16,14 @@ os.environ["XDG_STATE_HOME"] = _state.name  # what tests learn or choose is nobo
 # A run judges the change, not luck: the same examples each time, until a test's own text changes,
 # however slow the computer is. `--hypothesis-profile explore` tries others.
 _any_speed = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("same", _any_speed, derandomize=True, database=None)
-settings.register_profile("explore", _any_speed, derandomize=False, print_blob=True)
+settings.register_profile("same", _any_speed, derandomize=True, database=None, max_examples=50)
+settings.register_profile(
+    "explore", _any_speed, derandomize=False, print_blob=True, max_examples=300
+)
 settings.load_profile("same")
 
 
-RARE = ("slow", "wall_clock")
+RARE = ("slow", "long", "wall_clock")
 """Marks that few files name: to import all the others takes longer than what is asked of them."""
 
 

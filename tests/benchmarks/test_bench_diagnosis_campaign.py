@@ -411,6 +411,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_run(tmp_path):
         run_campaign(options, lambda _: None)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_a_tiny_campaign_answers_its_cases(tmp_path):

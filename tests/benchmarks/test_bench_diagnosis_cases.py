@@ -79,12 +79,14 @@ def sizes(options) -> list[float]:
     return [options] if isinstance(options, float) else []
 
 
+@pytest.mark.slow
 def test_every_effect_that_a_diagnosis_can_name_is_drawn():
     assert sorted(KNOWN) == sorted(NAMED)
     drawn = {name for seed in range(80) for name in draw_case(seed, effects=2).effects}
     assert drawn == set(NAMED)
 
 
+@pytest.mark.slow
 @given(seeds, motions, st.integers(0, 3))
 @settings(max_examples=8, deadline=None)
 def test_every_case_is_a_sound_configuration_whose_motion_lasts(seed, motion, count):
@@ -98,6 +100,7 @@ def test_every_case_is_a_sound_configuration_whose_motion_lasts(seed, motion, co
     assert case.axis in both
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*KNOWN, *UNKNOWN])
 def test_what_is_told_of_an_effect_stands_in_the_plant_of_its_axis_alone(name):
     case = draw_case(3, effects=(name,))
@@ -165,6 +168,7 @@ def test_another_motion_keeps_the_machine():
     assert on_other_motion(case, 9).config == case.config
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=4, deadline=None)
 def test_synchronised_axes_do_the_same_in_the_same_tick_and_rich_ones_do_not(seed):
@@ -183,6 +187,7 @@ def test_synchronised_axes_do_the_same_in_the_same_tick_and_rich_ones_do_not(see
         assert np.mean((moving > 0.001) & (moving < 0.021)) > 0.01
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=4, deadline=None)
 def test_repeated_axes_have_periods_apart(seed):
@@ -221,6 +226,7 @@ def test_an_effect_changes_what_the_loop_does(name, tmp_path):
     assert change > 2.5 * noise
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*KNOWN, *UNKNOWN])
 def test_every_effect_changes_what_the_loop_does(name, tmp_path):
@@ -228,6 +234,7 @@ def test_every_effect_changes_what_the_loop_does(name, tmp_path):
     assert change > 3.0 * noise
 
 
+@pytest.mark.slow
 def test_a_log_tells_the_declared_machine_and_no_cause(tmp_path):
     case = draw_case(2, effects=("cogging", "stribeck"))
     log = record_case(case, tmp_path, duration_s=1.0)
@@ -242,6 +249,7 @@ def test_a_log_tells_the_declared_machine_and_no_cause(tmp_path):
     assert pq.read_metadata(log).num_rows == case.config["rate_hz"]
 
 
+@pytest.mark.slow
 def test_recording_again_gives_the_same_motion_to_the_bit(tmp_path):
     (tmp_path / "again").mkdir()
     case = draw_case(12, effects=2)

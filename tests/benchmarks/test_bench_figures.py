@@ -97,6 +97,7 @@ def test_the_fit_finds_fixed_part_and_cost_of_an_axis():
     assert found["tick_4_axes_per_axis"] == pytest.approx(1.25)
 
 
+@pytest.mark.slow
 def test_bench_prints_one_json_document_of_figures(monkeypatch):
     monkeypatch.setattr(law_figures, "ROUNDS", 2)
     monkeypatch.setattr(law_figures, "STEPS", 200)
@@ -127,6 +128,7 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     assert len(document["missed"]) == len(unmet)
 
 
+@pytest.mark.slow
 def test_the_parts_of_every_tick_lie_within_it():
     with TickProbe(gantry_with(1)) as probe:
         times = probe.run(50)

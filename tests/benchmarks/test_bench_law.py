@@ -61,6 +61,7 @@ def test_the_numpy_law_agrees_with_delay_rate_limit_and_forgetting(changes):
     _assert_numpy_agrees(record_law(machine, "x", STEPS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["C1", "C2"])
 def test_the_timed_loop_repeats_the_recorded_commands_bit_for_bit(controller):
     data = record_law(load("published_gantry", controller), "x", STEPS)

@@ -72,6 +72,7 @@ def test_the_same_kind_and_seed_make_the_same_finite_recording(name, kind):
     assert first.time_s[-1] - first.time_s[0] > 10.0
 
 
+@pytest.mark.slow
 def test_another_seed_makes_another_machine():
     first, second = (generator("energy").machine("cogging", seed) for seed in (7, 8))
     assert first.story != second.story
@@ -426,10 +427,8 @@ def test_mistakes_have_figures_of_their_own_and_count_in_no_other():
     assert found["clean"].value == 100.0
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param(kind, marks=[pytest.mark.slow] * (kind == LATE)) for kind in MISTAKES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", MISTAKES)
 def test_a_mistake_that_users_make_is_told(kind):
     # a coarse encoder, as that of machine 7, hides milliseconds
     case = run_machine.run_machine(MachineKey("energy", kind, 840 if kind == LATE else 7))

@@ -37,6 +37,7 @@ HANDFUL = (
 """All machines and both controllers, on ticks that each other or other tests need anyhow."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", HANDFUL)
 def test_a_fault_is_detected_by_its_guard_in_its_ticks_and_the_axis_comes_back(text):
     outcome = run_case(parse_case(text))
@@ -51,6 +52,7 @@ def test_cases_of_every_kind_are_as_promised(key):
     assert run_case(key).failures == ()
 
 
+@pytest.mark.slow
 def test_a_case_is_the_same_each_time():
     key = parse_case("modbus:C1:cruise:encoder_jump:default:8")
     assert run_case(key).document() == run_case(key).document()
@@ -146,6 +148,7 @@ def test_a_key_that_names_no_case_is_refused_with_an_example(text):
         parse_task(text)
 
 
+@pytest.mark.slow
 def test_the_tables_totals_are_those_of_the_cases():
     outcomes = [run_case(parse_case(text)) for text in HANDFUL]
     outcomes[0] = replace(outcomes[0], failures=("made up",))
@@ -160,6 +163,7 @@ def test_the_tables_totals_are_those_of_the_cases():
     assert all(line.startswith("|") for line in by_fault.lines()[2:])
 
 
+@pytest.mark.slow
 def test_motion_without_a_fault_trips_nothing():
     quiet = run_spell(spells("small", 1)[0], 12.0)
     assert quiet.trip == ""

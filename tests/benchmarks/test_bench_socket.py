@@ -66,6 +66,7 @@ def crowd(socket: Path, **changes: Any) -> Told:
     return Told(**json.loads(done.stdout))
 
 
+@pytest.mark.slow
 def test_a_crowd_sends_what_was_asked_for_and_the_server_outlives_it(socket: Path) -> None:
     told = crowd(socket)
     assert told.fuzzed_bytes >= 60_000
@@ -77,6 +78,7 @@ def test_a_crowd_sends_what_was_asked_for_and_the_server_outlives_it(socket: Pat
         assert client.ask("status") == {"did": "status"}
 
 
+@pytest.mark.slow
 def test_a_mistake_of_the_daemons_own_is_counted(
     socket: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

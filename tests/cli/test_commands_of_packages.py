@@ -64,6 +64,7 @@ def test_help_lists_the_commands_of_packages_without_importing_them(package: Pat
     assert not {*OURS, "greeting", "greeting_broken"} & set(imported)
 
 
+@pytest.mark.slow
 def test_a_command_of_a_package_takes_its_own_arguments(package: Path) -> None:
     assert motorctl("greet", "axis", "--times", "2", path=package)[:2] == (
         0,
@@ -86,6 +87,7 @@ def test_a_package_that_fails_to_load_is_told_in_one_message(
     assert words in told
 
 
+@pytest.mark.slow
 def test_a_package_that_fails_to_load_hurts_no_other_command(package: Path) -> None:
     assert motorctl("drivers", "--json", path=package)[0] == 0
 

@@ -99,6 +99,7 @@ def closed(out, **options):
     return close_loop("small_stage", out, progress=quiet, **options)
 
 
+@pytest.mark.slow
 def test_rounds_go_on_until_nothing_more_is_found(given, tmp_path):
     given((COGGING,), (PRESLIDING,))
     loop = closed(tmp_path / "out")
@@ -108,6 +109,7 @@ def test_rounds_go_on_until_nothing_more_is_found(given, tmp_path):
     assert load(loop.refined).axes["x"].model.names[-2:] == ("cogging", "presliding")
 
 
+@pytest.mark.slow
 def test_no_accepted_round_makes_an_error_larger(given, tmp_path):
     given((COGGING, DRAG), (PRESLIDING,))
     loop = closed(tmp_path / "out")
@@ -117,6 +119,7 @@ def test_no_accepted_round_makes_an_error_larger(given, tmp_path):
         assert np.all(np.diff(errors, axis=0) <= 0.0)
 
 
+@pytest.mark.slow
 def test_what_makes_an_error_larger_is_left_out_and_told(given, tmp_path):
     # the effect that explains least is left out first; the other one is worth having
     given((PRESLIDING, DRAG))
@@ -133,6 +136,7 @@ def test_what_makes_an_error_larger_is_left_out_and_told(given, tmp_path):
     assert load(loop.refined).axes["x"].model.names == load("small_stage").axes["x"].model.names
 
 
+@pytest.mark.slow
 def test_the_weakest_effect_goes_first(given, tmp_path, monkeypatch):
     monkeypatch.setitem(LEFT, "quadratic_drag", 3.0)
     given((COGGING, DRAG))
@@ -143,6 +147,7 @@ def test_the_weakest_effect_goes_first(given, tmp_path, monkeypatch):
     assert list(first.dropped) == ["x"]
 
 
+@pytest.mark.slow
 def test_a_spline_without_a_name_has_to_earn_its_place(given, tmp_path, monkeypatch):
     given(unknown=True)
     loop = closed(tmp_path / "out", rounds=1)
@@ -154,6 +159,7 @@ def test_a_spline_without_a_name_has_to_earn_its_place(given, tmp_path, monkeypa
     assert effects_added(loop, "x") == ("position_force",)
 
 
+@pytest.mark.slow
 def test_every_round_is_kept_and_reported(given, tmp_path):
     out = tmp_path / "out"
     stale = out / "round_7"
@@ -178,6 +184,7 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
     assert document["rounds"][1]["left_out"]["x"]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_the_gantry_lacks_is_found_and_its_error_falls(tmp_path):
     loop = close_loop("published_gantry", tmp_path / "out", rounds=1, progress=quiet)

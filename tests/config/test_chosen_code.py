@@ -120,6 +120,7 @@ def test_it_runs_where_root_has_listed_it(code: Path, tmp_path: Path, plant: Any
     assert imports(code) == 1
 
 
+@pytest.mark.slow
 def test_ones_own_effect_runs_from_ones_own_log_without_a_word(
     code: Path, tmp_path: Path, plant: Any
 ) -> None:
@@ -130,6 +131,7 @@ def test_ones_own_effect_runs_from_ones_own_log_without_a_word(
     assert found.exception is None, found.exception
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["effects.py", "__init__.py"])
 def test_code_that_was_changed_since_is_not_what_was_chosen(
     change: str, code: Path, tmp_path: Path, plant: Any
@@ -177,6 +179,7 @@ def test_what_others_could_have_written_is_no_choice_of_ones_own(
     assert isinstance(run(fit, log).exception, DataError)
 
 
+@pytest.mark.slow
 def test_an_effect_that_was_only_to_be_tried_is_left_out_and_told(
     code: Path, tmp_path: Path, plant: Any
 ) -> None:

@@ -50,6 +50,7 @@ def every(tmp_path: Path) -> Path:
     return write(tmp_path, with_effects(**EVERY))
 
 
+@pytest.mark.slow
 def test_effects_of_every_kind_make_a_machine_and_make_it_again(every: Path) -> None:
     axis = load(every).axes["x"]
     assert axis.model.names[-len(EVERY) :] == tuple(EVERY)
@@ -66,6 +67,7 @@ def test_effects_of_every_kind_make_a_machine_and_make_it_again(every: Path) -> 
     assert again.axes["x"].model.module_name == axis.model.module_name
 
 
+@pytest.mark.slow
 def test_c1_runs_on_all_effects_but_the_electromagnetic_ones(every: Path) -> None:
     axis = load(every, "C1").axes["x"]
     assert set(axis.declared.names) - set(axis.model.names) == {"em_quadratic", "em_cubic"}
@@ -73,6 +75,7 @@ def test_c1_runs_on_all_effects_but_the_electromagnetic_ones(every: Path) -> Non
     assert axis.model.other_axes == ("y",)
 
 
+@pytest.mark.slow
 def test_the_summary_tells_every_effect_with_its_options(every: Path) -> None:
     told = summarise(load(every))["axes"]["x"]
     assert told["effects"][-3:] == ["input_lag", "input_delay", "encoder_error"]
@@ -142,6 +145,7 @@ def test_a_lag_that_the_gains_cannot_bear_is_refused(tmp_path: Path) -> None:
     assert "0.025 s of lag" in found.message
 
 
+@pytest.mark.slow
 def test_axes_beside_are_found_by_name_in_the_machines_order(every: Path) -> None:
     assert axes_beside(load(every)).tolist() == [[1], [-1]]
 
@@ -167,6 +171,7 @@ def test_a_short_lag_costs_the_phase_that_it_has_at_the_crossover() -> None:
     assert without.phase_margin_deg - behind.phase_margin_deg == pytest.approx(lost, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_map_that_varies_asks_for_the_command_that_it_turns_into_the_motion() -> None:
     names = ("inertia", "em_quadratic", "em_cubic")
     ripple = make_effect(effect_class("force_ripple"), {"pitch_m": 0.03})

@@ -73,6 +73,7 @@ def test_what_is_left_out_has_its_default(bench):
     assert bench.loop.overrun_policy == "count"
 
 
+@pytest.mark.slow
 def test_an_effect_with_nothing_behind_its_name_is_declared_with_defaults(tmp_path):
     loaded = load(write(tmp_path, machine(axes__x__model__offset=None)))
     assert loaded.axes["x"].estimates[-1].initial == 0.0
@@ -93,6 +94,7 @@ def test_the_chosen_controller_takes_the_place_of_what_the_axes_say(tmp_path):
     assert same(chosen, written)
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_is_found_by_its_type(tmp_path):
     spring = {
         "type": "config_bench:Spring",

@@ -148,6 +148,7 @@ def test_every_valid_machine_survives_its_own_plain_data(
     assert again.axes["x"].model.module_name == loaded.axes["x"].model.module_name
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @settings(QUICK, max_examples=500)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), junk), min_size=1, max_size=4))

@@ -131,6 +131,7 @@ def test_with_the_timing_declared_the_adaptation_finds_every_parameter() -> None
     assert mapped == pytest.approx(u + truth[4] * u**2 + truth[5] * u**3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_first_virtual_command_at_rest_is_zero_wherever_it_starts() -> None:
     law = stepper()
     law.record["theta"][10] = 2.0
@@ -141,6 +142,7 @@ def test_the_first_virtual_command_at_rest_is_zero_wherever_it_starts() -> None:
     assert law.record["d0"] == pytest.approx(2.0 * 0.3 - 0.1)
 
 
+@pytest.mark.slow
 def test_new_coordinates_change_no_command() -> None:
     law = stepper(enabled=False)
     law.record["theta"][10] = 2.0
@@ -155,6 +157,7 @@ def test_new_coordinates_change_no_command() -> None:
     assert before[2] != pytest.approx(before[1], abs=1e-6)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(
     st.floats(-0.05, 0.05),
@@ -207,6 +210,7 @@ def test_no_admitted_estimate_folds_the_map_at_any_place_speed_or_time(seed: int
         )
 
 
+@pytest.mark.slow
 def test_bounds_that_leave_the_others_no_room_are_refused() -> None:
     wide = np.array([0.05, 0.005, 1.0, 1.0, 0.06, 0.05, 0.1])
     with pytest.raises(UsageError, match="narrow the bounds of the parameters that vary"):

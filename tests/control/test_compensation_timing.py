@@ -43,6 +43,7 @@ def test_a_declared_lag_or_delay_is_as_good_as_none(timing: dict[str, Any], wors
     assert declared.largest_step_v < 1.5 * oracle().largest_step_v
 
 
+@pytest.mark.slow
 def test_the_position_that_is_controlled_and_logged_is_free_of_the_encoders_error() -> None:
     rows = oracle().rows
     moving = np.abs(rows["reference_velocity_m_s"]) > 0.01
@@ -55,6 +56,7 @@ def test_the_position_that_is_controlled_and_logged_is_free_of_the_encoders_erro
     assert np.array_equal(rows["following_error_m"], rows["position_m"] - rows["reference_m"])
 
 
+@pytest.mark.slow
 def test_the_preview_makes_no_bumps_however_motion_begins_and_ends() -> None:
     """Start, program, its end, a program cut off on the way, and a start after it."""
     jerk, inertia = 2500.0, 0.197

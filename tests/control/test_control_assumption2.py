@@ -24,6 +24,7 @@ def uneven_slopes(u: np.ndarray) -> np.ndarray:
     return np.column_stack([np.zeros_like(u), 2 * np.abs(u), 2 * u])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from([(EM, even_slopes, (0.3, 0.03)), (UNEVEN, uneven_slopes, (0.2, 0.2))]),

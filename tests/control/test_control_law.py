@@ -55,6 +55,7 @@ def test_a_matched_velocity_is_the_difference_of_two_errors(c2):
     assert np.allclose(run.rows["virtual"][1:], virtual, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_c1_is_c2_with_its_electromagnetic_parameters_at_zero(c1, c2):
     reference = multisine(1.0)
     theta = (*X_START[:4], 0.0, 0.0)

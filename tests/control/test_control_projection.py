@@ -105,6 +105,7 @@ def assert_feasible(case: dict, point: np.ndarray) -> None:
         assert normal @ point >= offset - 1e-10 * sd
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(0, 2))
 def test_the_projection_is_the_nearest_feasible_point(seed, n, planes):
@@ -115,6 +116,7 @@ def test_the_projection_is_the_nearest_feasible_point(seed, n, planes):
     assert np.abs((point - reference) / sd).max() <= 1e-8
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_a_half_plane_through_corners_of_the_box_is_kept(seed, depth):

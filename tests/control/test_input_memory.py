@@ -62,6 +62,7 @@ def stepper(model: EffectList = MODEL, theta=(INERTIA, SHARE), **settings) -> St
     return Stepper(model, theta, LOW, HIGH, **settings)
 
 
+@pytest.mark.slow
 def test_the_command_is_inverted_from_the_memory_after_the_last_one() -> None:
     law, plant, before, reversals = stepper(enabled=False), Plant(), 0.0, 0
     law.start(0.0, 0.0)
@@ -76,6 +77,7 @@ def test_the_command_is_inverted_from_the_memory_after_the_last_one() -> None:
     assert abs(plant.x - motion(3000 * TS)[0]) < 2e-5
 
 
+@pytest.mark.slow
 def test_the_memory_follows_the_saturated_command() -> None:
     law = stepper(enabled=False)
     law.start(0.0, 0.0)
@@ -83,6 +85,7 @@ def test_the_memory_follows_the_saturated_command() -> None:
     assert law.record["context"].tolist() == [-PLAY_V, -10.0]
 
 
+@pytest.mark.slow
 def test_a_start_forgets_what_acted_before_and_begins_without_a_bump() -> None:
     law = stepper(enabled=False)
     law.start(0.0, 0.0)
@@ -92,6 +95,7 @@ def test_a_start_forgets_what_acted_before_and_begins_without_a_bump() -> None:
     assert law.step(2 * TS, 0.3, (0.3, 0.0, 0.0)) == 0.0
 
 
+@pytest.mark.slow
 def test_new_coordinates_leave_the_memory_of_the_drive_as_it_is() -> None:
     creep = toy_effect("cable_creep", relaxation_s=0.1)
     model = EffectList([known("inertia"), HYSTERESIS, creep])

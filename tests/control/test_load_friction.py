@@ -51,12 +51,14 @@ def followed(theta: tuple[float, float], **settings: object) -> tuple[float, Ste
     return float(np.sqrt(np.mean(np.square(errors)))), law
 
 
+@pytest.mark.slow
 def test_declaring_it_takes_away_what_it_adds_to_the_error() -> None:
     without, _ = followed((INERTIA, 0.0), enabled=False)
     declared, _ = followed((INERTIA, MU), enabled=False)
     assert declared < 0.15 * without
 
 
+@pytest.mark.slow
 def test_the_part_that_is_lost_is_learned() -> None:
     _, law = followed((0.15, 0.0))
     inertia, mu = law.record["theta"][:2]

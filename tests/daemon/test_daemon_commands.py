@@ -198,6 +198,7 @@ def test_the_seconds_before_a_fault_are_shown_by_the_running_daemon(idle: Daemon
     assert f"motorctl fault show {document['id']}" in idle.cli("status").stdout
 
 
+@pytest.mark.slow
 def test_a_fault_that_is_reset_at_once_is_in_record_and_journal_all_the_same(
     idle: Daemon,
 ) -> None:
@@ -213,6 +214,7 @@ def test_a_fault_that_is_reset_at_once_is_in_record_and_journal_all_the_same(
             idle.ask_when_it_stands("start", axis)
 
 
+@pytest.mark.slow
 def test_a_program_file_travels_to_the_daemon(idle: Daemon, tmp_path: Path) -> None:
     file = tmp_path / "there.yaml"
     file.write_text(
@@ -226,6 +228,7 @@ def test_a_program_file_travels_to_the_daemon(idle: Daemon, tmp_path: Path) -> N
     assert reference == pytest.approx(0.11, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_recorded_points_travel_to_the_daemon(idle: Daemon, tmp_path: Path) -> None:
     time_s = np.linspace(0, 1, 51)
     x_m = 0.1 + 0.01 * (1 - np.cos(np.pi * time_s)) ** 2

@@ -128,6 +128,7 @@ def test_a_mistake_of_the_supervisor_ramps_the_axes_down(
     assert table["x.state"][-1].as_py() == AxisState.OFF
 
 
+@pytest.mark.slow
 def test_a_loop_that_dies_ends_the_daemon_with_the_reason_and_the_log(tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     with Daemon(tmp_path, marking_config(mark), PYTHONPATH=str(TESTS)) as daemon:

@@ -24,6 +24,7 @@ def logs_of(daemon: Daemon) -> list[Path]:
     return [stored.path for stored in stored_logs(daemon.logs, "bench")]
 
 
+@pytest.mark.slow
 def test_rows_are_left_out_while_every_axis_is_off(tmp_path: Path) -> None:
     with Daemon(tmp_path, bench_config() + PAUSING) as daemon:
         wait_until(lambda: daemon.ask("status")["recording"]["paused"])
@@ -46,6 +47,7 @@ def test_rows_are_left_out_while_every_axis_is_off(tmp_path: Path) -> None:
     assert metadata_of(log)["rows_lost"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_daemon_rotates_while_an_axis_runs_and_what_a_kill_left_is_finished_by_the_next(
     tmp_path: Path,

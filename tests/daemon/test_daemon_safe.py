@@ -45,6 +45,7 @@ class CannotBeMade(SimDriver):
         raise RuntimeError("no such device")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "cause"),
     [
@@ -96,6 +97,7 @@ def immortal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[
     loop.close()
 
 
+@pytest.mark.slow
 def test_outputs_are_made_safe_though_the_killed_loop_gets_no_cpu_to_die_on(
     immortal: tuple[LoopProcess, int], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -155,6 +155,7 @@ def test_the_recorder_counts_what_was_removed_as_lost(bench: Ring, tmp_path: Pat
     assert ticks_of([recorder.finish(dict)]).tolist() == list(range(500, 1200))
 
 
+@pytest.mark.slow
 def test_a_disk_that_takes_seconds_for_each_write_costs_no_row_while_the_ring_holds_them(
     bench: Ring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -63,6 +63,7 @@ def test_a_run_that_was_killed_is_told_with_when_it_began(machine: Machine, path
     assert told.endswith("the computer went down, or was restarted")
 
 
+@pytest.mark.slow
 def test_a_run_that_a_process_really_left_by_sigkill_is_told(machine: Machine, path: Path) -> None:
     begin = (
         "import os, signal, sys\nfrom pathlib import Path\nfrom motorctl.config import load\n"

@@ -236,8 +236,9 @@ with ring() as bench:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("both", [False, True])
-@pytest.mark.parametrize("logs", [pytest.param(n, marks=pytest.mark.slow) for n in (2, 3, 5)] + [4])
+@pytest.mark.parametrize("logs", [pytest.param(n, marks=pytest.mark.long) for n in (2, 3, 5)] + [4])
 def test_a_recorder_that_is_killed_between_logs_loses_no_row(
     tmp_path: Path, logs: int, both: bool
 ) -> None:

@@ -345,6 +345,7 @@ print("kept")
 """
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_really_full_costs_only_the_rows_that_it_refused(tmp_path: Path) -> None:
     """On a file system of 8 MB, in a name space of its own."""
     script = (

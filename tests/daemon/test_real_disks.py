@@ -145,6 +145,7 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_and_then_read_only_costs_what_it_refused(folder: Path) -> None:
     on_a_mount(folder, TMPFS, FULL_THEN_READ_ONLY)
 
@@ -153,6 +154,7 @@ def test_a_read_only_disk_is_told_before_anything_starts(folder: Path) -> None:
     on_a_mount(folder, TMPFS, READ_ONLY_AT_THE_START)
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_gone_leaves_its_rows_there_and_the_next_ones_are_kept(
     folder: Path,
 ) -> None:

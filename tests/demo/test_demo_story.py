@@ -46,6 +46,7 @@ def test_what_the_plants_have_beyond_their_configuration_is_told_with_its_amount
     assert there["input_lag"] == "time 390 µs"
 
 
+@pytest.mark.slow
 def test_an_effect_that_the_configuration_declares_is_not_told_as_unknown(tmp_path: Path) -> None:
     text = load("small_stage").source.read_text()
     config = tmp_path / "stage.yaml"

@@ -206,6 +206,7 @@ def _start(path: Path, *options: str, main: str = MAIN) -> subprocess.Popen[str]
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None:
     link = tmp_path / "box"
@@ -268,6 +269,7 @@ def test_without_the_libraries_of_can_its_device_says_how_to_install_them(tmp_pa
     assert "serve.can: module 'can' is missing; pip install 'motorctl[can]'" in err
 
 
+@pytest.mark.slow
 def test_a_wrong_file_ends_the_command_with_status_2_and_one_line(tmp_path) -> None:
     path = tmp_path / "device.yaml"
     path.write_text(yaml.safe_dump(device_data(TCP, rate_hz=-1)))

@@ -45,5 +45,6 @@ def test_what_only_does_something_may_give(
     assert written(tmp_path, signature, words, body) == 0
 
 
+@pytest.mark.slow
 def test_no_docstring_of_the_project_gives_what_is_returned() -> None:
     assert main([]) == 0

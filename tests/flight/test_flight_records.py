@@ -173,6 +173,7 @@ def test_show_tells_the_tick_of_the_fault_and_the_one_before(tmp_path: Path) -> 
     assert "9.900 V  saturated" in shown
 
 
+@pytest.mark.slow
 def test_show_draws_a_picture_of_each_axis(tmp_path: Path) -> None:
     write_record(tmp_path / "faults")
     shown = run("show", "--log-dir", str(tmp_path), "--out", str(tmp_path / "pictures"), "--json")
@@ -186,6 +187,7 @@ def test_show_draws_a_picture_of_each_axis(tmp_path: Path) -> None:
         assert np.any(np.all(np.abs(pixels - (0.827, 0.576, 0.51)) < 0.1, axis=-1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ["$\\frac{$", "a $ or $x_{$", "\x1b[2J\x07 speed", "wide " * 60])
 def test_words_of_others_are_drawn_and_shown_as_they_are(tmp_path: Path, words: str) -> None:
     write_record(tmp_path / "faults", message=words)

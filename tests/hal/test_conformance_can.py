@@ -70,6 +70,7 @@ class ClassicRig(CanRig):
         self.options = classic_options(self.absent)
 
 
+@pytest.mark.slow
 class TestCanFdWithSync(DriverConformance):
     @pytest.fixture
     def rig(self):

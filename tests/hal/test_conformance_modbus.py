@@ -82,6 +82,7 @@ class TestTcp(DriverConformance):
             yield rig
 
 
+@pytest.mark.slow
 class TestRtu(DriverConformance):
     @pytest.fixture
     def rig(self):

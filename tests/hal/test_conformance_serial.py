@@ -86,6 +86,7 @@ class TestPoll(DriverConformance):
             yield rig
 
 
+@pytest.mark.slow
 class TestExchange(DriverConformance):
     @pytest.fixture
     def rig(self):
@@ -93,6 +94,7 @@ class TestExchange(DriverConformance):
             yield rig
 
 
+@pytest.mark.slow
 class TestStream(DriverConformance):
     @pytest.fixture
     def rig(self):

@@ -59,6 +59,7 @@ def test_every_check_can_fail():
     assert set().union(*BROKEN.values()) == set(CHECKS)
 
 
+@pytest.mark.slow
 def test_a_check_whose_hook_is_missing_is_skipped_and_says_so(tmp_path):
     (tmp_path / "test_bare.py").write_text(
         "import pytest\n"
@@ -80,6 +81,7 @@ def test_a_check_whose_hook_is_missing_is_skipped_and_says_so(tmp_path):
     assert "passed" in run.stdout
 
 
+@pytest.mark.slow
 def test_a_suite_without_a_rig_fails_and_says_what_is_missing(tmp_path):
     (tmp_path / "test_none.py").write_text(
         "from motorctl.hal.conformance import DriverConformance\n"
@@ -95,6 +97,7 @@ def test_a_suite_without_a_rig_fails_and_says_what_is_missing(tmp_path):
 SUITE = ("-p", "motorctl.hal.conformance", "--pyargs", "motorctl.hal.conformance")
 
 
+@pytest.mark.slow
 def test_a_rig_named_on_the_command_line_is_checked(tmp_path):
     arguments = (*SUITE, "--driver-rig", "wire_driver:WireRig", "--driver-exchanges", "500", "-s")
     run = run_pytest(*arguments, "-o", f"pythonpath={HERE}", folder=tmp_path)
@@ -103,6 +106,7 @@ def test_a_rig_named_on_the_command_line_is_checked(tmp_path):
     assert "failed" not in run.stdout
 
 
+@pytest.mark.slow
 def test_a_driver_named_on_the_command_line_is_checked_without_being_opened(tmp_path):
     target = ("--driver", "wire_driver:WireDriver", "-o", f"pythonpath={HERE}", "-rs")
     run = run_pytest(*SUITE, *target, "--driver-options", '{"port": "w"}', folder=tmp_path)
@@ -110,6 +114,7 @@ def test_a_driver_named_on_the_command_line_is_checked_without_being_opened(tmp_
     assert "NamedRig offers no start" in run.stdout
 
 
+@pytest.mark.slow
 def test_a_driver_that_is_there_is_opened_but_never_sent_a_voltage(tmp_path):
     (tmp_path / "frightened.py").write_text(
         "from wire_driver import WIRES, Device, WireDriver\n"
@@ -179,6 +184,7 @@ def test_a_mistake_on_the_command_line_is_one_usage_error(outcomes, number):
     assert "Traceback" not in said
 
 
+@pytest.mark.slow
 def test_the_suite_without_its_plug_in_says_so_once(tmp_path):
     run = run_pytest(*SUITE[2:], folder=tmp_path)
     assert run.returncode == pytest.ExitCode.USAGE_ERROR

@@ -190,6 +190,7 @@ def test_c2_follows_a_circle_through_it_in_real_time(installed, box, tmp_path):
         assert np.sqrt(np.mean(error[running] ** 2)) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_it_passes_the_conformance_suite_with_its_own_rig(installed):
     told = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",

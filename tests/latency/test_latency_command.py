@@ -39,6 +39,7 @@ def _command(*arguments: str) -> str:
     return answer.stdout
 
 
+@pytest.mark.slow
 def test_two_seconds_give_a_log_with_every_tick_and_a_verdict(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))  # no cyclictest
     log, out = tmp_path / "ticks.parquet", tmp_path / "out"
@@ -132,6 +133,7 @@ def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, m
         assert np.any(axis.command != 0.0) == move
 
 
+@pytest.mark.slow
 def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     fault = {"kind": "amplifier_fault", "at_s": 2.0, "channel": 1, "duration_s": 0.01}

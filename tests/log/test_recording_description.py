@@ -368,6 +368,7 @@ def test_yaml_that_is_no_description_is_refused(described, text):
         described(text)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(text=st.text(max_size=200), at=st.floats(0, 1))
 def test_any_text_inserted_into_a_description_gives_no_traceback(tmp_path_factory, text, at):

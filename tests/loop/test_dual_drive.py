@@ -218,6 +218,7 @@ def test_one_damaged_sample_of_one_end_is_left_out_where_the_model_stands_in_two
         assert rig.fault_of("x") is FaultCause.SKEW
 
 
+@pytest.mark.slow
 def test_a_beam_on_a_slower_driver_keeps_its_commands_between_its_ticks():
     machine = absolute(beam(), 50e-6)
     setup = machine.axes["x"].model_copy(update={"divisor": 5})

@@ -42,6 +42,7 @@ def test_a_fast_move_to_the_end_of_travel_can_be_stopped_at_any_moment(seconds: 
         check_braking(rig, stopped_after(rig, "x", seconds), "x")
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.floats(0.0, 3.5), st.sampled_from(["x", "y"]))
 def test_the_published_motion_can_be_stopped_at_any_moment(seconds: float, axis: str) -> None:

@@ -65,6 +65,7 @@ def test_the_estimate_converges_to_the_truth(rich_motion, delay_s):
         assert worst_of_map(theta_hat[axis], truth) < 0.01
 
 
+@pytest.mark.slow
 def test_a_delay_that_is_not_known_keeps_the_estimate_from_the_truth(rich_motion):
     theta_hat = learned(rich_motion, delay_s=DELAY_S, known_s=0.0)
     for axis, truth in TRUTH.items():

@@ -231,14 +231,15 @@ def test_a_pause_of_the_computer_is_never_told_as_the_encoders_fault(elapsed):
 
 SHIPPED = ("published_gantry", "small_stage", "can_gantry", "canopen_gantry", "serial_gantry",
            "modbus_gantry")  # fmt: skip
-QUICK = [("published_gantry", "C1"), ("published_gantry", "C2"), ("small_stage", "C2")]
+FEW = [("published_gantry", "C1"), ("published_gantry", "C2"), ("small_stage", "C2")]
 """Each compiles a tick of its own, unless other tests share it."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "controller"),
     [
-        pytest.param(*pair, marks=() if pair in QUICK else pytest.mark.slow)
+        pytest.param(*pair, marks=() if pair in FEW else pytest.mark.long)
         for pair in product(SHIPPED, ("C1", "C2"))
     ],
 )

@@ -252,6 +252,7 @@ def test_no_row_is_read_torn_or_stale_and_every_one_is_read_or_counted(processor
         assert read > SMALL["ring_rows"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration_s", DURATIONS)
 @pytest.mark.parametrize("processors", PROCESSORS)
 def test_an_axis_status_is_that_of_one_tick_and_never_goes_back(processors, duration_s):
@@ -303,6 +304,7 @@ def _replies(memory: LoopMemory, numbers: list[int]) -> list[Reply]:
     return [reply for reply in replies if reply is not None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration_s", DURATIONS)
 @pytest.mark.parametrize("processors", PROCESSORS)
 def test_every_command_gets_its_own_answer(processors, duration_s):

@@ -122,6 +122,7 @@ def test_the_loop_ends_by_itself_when_the_supervisor_falls_silent():
         assert samples["command_v"][-1, 0] == 0.0
 
 
+@pytest.mark.slow
 def test_a_simulated_machine_that_waits_rides_out_a_pause_of_any_length():
     machine = slow_gantry()
     settings = machine.loop.model_copy(update={"without_realtime": "wait"})

@@ -85,6 +85,7 @@ def test_rows_between_an_axis_ticks_repeat_its_last_and_say_so():
         assert np.array_equal(rows[name], rows[name][last])
 
 
+@pytest.mark.slow
 def test_axes_of_different_rates_move_together():
     with Rig(mixed()) as rig:
         rig.start()
@@ -100,6 +101,7 @@ def test_axes_of_different_rates_move_together():
         assert np.abs(y["following_error_m"]).max() < 0.2e-3
 
 
+@pytest.mark.slow
 def test_the_driver_of_a_slow_axis_is_called_at_its_own_rate_only():
     rig = Rig(mixed())
     calls = dict.fromkeys(rig.tick.drivers, 0)

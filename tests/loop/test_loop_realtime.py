@@ -76,6 +76,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.slow
 def test_loops_beside_each_other_take_cpus_of_their_own_and_tell_where_there_are_too_few():
     loops, told = [], []
     for _ in range(max(2, len(isolated_cpus())) + 1):
@@ -95,6 +96,7 @@ def test_loops_beside_each_other_take_cpus_of_their_own_and_tell_where_there_are
     assert told[-1][1]
 
 
+@pytest.mark.slow
 def test_a_cpu_that_is_configured_is_taken_though_another_loop_has_it():
     cpu = min(os.sched_getaffinity(0))
     with contextlib.ExitStack() as held:

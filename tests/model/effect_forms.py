@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import pytest
 from scipy.interpolate import BSpline
 
 from motorctl.model import Effect, effect_class, make_effect
@@ -151,6 +153,13 @@ WITHOUT_COLUMNS = [
 EVERY = [*(e for e, _ in STATE), *(e for e, _ in INPUT), *MEMORY, *WITHOUT_COLUMNS]
 
 
-def named(forms: list[Effect]) -> list[str]:
-    """Name tests by their effects."""
-    return [effect.name for effect in forms]
+def each(forms: list[Effect]) -> list[Any]:
+    """Return a test's parameters: of each kind of effect one form in every run, the others slow."""
+    quick: dict[tuple[object, ...], Effect] = {}
+    for e in forms:
+        kind = (e.kind, e.memory_size > 0, e.other_axes, e.varies, len(e.parameters) > 1)
+        quick.setdefault(kind, e)
+    return [
+        pytest.param(e, id=f"{k}-{e.name}", marks=() if e in quick.values() else pytest.mark.slow)
+        for k, e in enumerate(forms)
+    ]

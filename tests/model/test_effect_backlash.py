@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from effect_forms import form
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -68,6 +69,7 @@ def test_over_a_whole_swing_the_load_gets_what_a_fixed_one_gets():
     assert abs(found[whole].mean()) < 0.02 * abs(found[whole]).mean()
 
 
+@pytest.mark.slow
 def test_the_push_is_that_of_the_two_bodies_equations():
     # solved once more by scipy, with events of its own step control
     x_of = lambda t: 0.01 * (1.0 - np.cos(20.0 * t))  # noqa: E731

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from changed_toys import OPTIONS, TOYS, changed
-from effect_forms import EVERY, form
+from effect_forms import EVERY, each, form
 from hypothesis.errors import HypothesisException
 
 from motorctl.model import known_effects, make_effect
@@ -15,7 +15,7 @@ from motorctl.model.conformance import EffectConformance
 FORMS = [*EVERY, form("residual_map", fine_velocity_m_s=0.01, top_velocity_m_s=1.0)]
 
 
-@pytest.mark.parametrize("effect", FORMS, ids=[f"{k}-{e.name}" for k, e in enumerate(FORMS)])
+@pytest.mark.parametrize("effect", each(FORMS))
 class TestEffectsOfMotorctl(EffectConformance):
     @pytest.fixture
     def effect(self, request):
@@ -163,6 +163,7 @@ def run_suite(*words, folder):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_effect_named_on_the_command_line_is_checked(tmp_path):
     path = f"pythonpath={TOYS / 'slow_core'}"
     target = "toy_slow_core:SlowCore"
@@ -172,6 +173,7 @@ def test_an_effect_named_on_the_command_line_is_checked(tmp_path):
     assert "passed" in run.stdout
 
 
+@pytest.mark.slow
 def test_the_example_of_an_own_effect_passes_as_the_guide_says(tmp_path):
     path = f"pythonpath={Path(__file__).parents[2] / 'docs'}"
     options = '{"peak_velocity_m_s": 0.5}'

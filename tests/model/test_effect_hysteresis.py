@@ -63,6 +63,7 @@ def test_a_command_that_swings_encloses_the_area_of_its_loop():
     assert lost == pytest.approx(4.0 * 0.4 * PLAY_V * (3.0 - PLAY_V), rel=1e-3)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 10_000), u=st.floats(-5.0, 5.0))
 def test_after_any_past_the_command_can_be_inverted(seed, u):

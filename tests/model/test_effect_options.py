@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from effect_forms import EVERY, form, named
+from effect_forms import EVERY, form
 from pydantic import ValidationError
 
 from motorctl.errors import UsageError
@@ -47,7 +47,7 @@ def test_every_option_of_an_effect_is_described(name):
         assert field.description, option
 
 
-@pytest.mark.parametrize("effect", EVERY, ids=named(EVERY))
+@pytest.mark.parametrize("effect", EVERY, ids=lambda effect: effect.name)
 def test_parameters_have_names_of_their_own_and_sensible_defaults(effect):
     names = [p.name for p in effect.parameters]
     assert len(set(names)) == len(names)
@@ -61,7 +61,7 @@ def test_parameters_have_names_of_their_own_and_sensible_defaults(effect):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", EVERY, ids=named(EVERY))
+@pytest.mark.parametrize("effect", EVERY, ids=lambda effect: effect.name)
 def test_an_effect_that_is_added_changes_nothing_until_its_parameters_do(effect):
     start = np.array([p.initial for p in effect.parameters])
     if effect.name in ("inertia", "viscous_friction", "coulomb_friction"):
@@ -75,7 +75,7 @@ def test_an_effect_that_is_added_changes_nothing_until_its_parameters_do(effect)
     assert kernels.feedforward(*motion, context, start) == 0.0
 
 
-@pytest.mark.parametrize("effect", EVERY, ids=named(EVERY))
+@pytest.mark.parametrize("effect", EVERY, ids=lambda effect: effect.name)
 def test_a_form_survives_being_written_and_read(effect):
     written = effect.options.model_dump(mode="json")
     again = form(effect.name, **written)

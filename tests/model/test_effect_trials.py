@@ -115,6 +115,7 @@ def best_match(truth, spans: Spans) -> float:
     return best
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spans", [GANTRY, ROTARY], ids=["gantry", "rotary"])
 @pytest.mark.parametrize("share", [0.9, 0.31, 0.0773, 0.03])
 @pytest.mark.parametrize("name", ["cogging", "force_ripple"])

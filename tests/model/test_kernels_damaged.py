@@ -100,15 +100,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return cache
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage",
     [
         cut_index,
         flip_a_bit_of_the_code,
-        pytest.param(empty_index, marks=pytest.mark.slow),
-        pytest.param(cut_code, marks=pytest.mark.slow),
-        pytest.param(garbage, marks=pytest.mark.slow),
-        pytest.param(what_numba_itself_would_write, marks=pytest.mark.slow),
+        empty_index,
+        cut_code,
+        garbage,
+        what_numba_itself_would_write,
     ],
 )
 def test_damaged_code_is_compiled_anew_told_in_one_message_and_whole_at_the_next_start(
@@ -127,6 +128,7 @@ def test_damaged_code_is_compiled_anew_told_in_one_message_and_whole_at_the_next
     assert (again.stdout, again.stderr) == ("8.0 12.0 2\n", "")
 
 
+@pytest.mark.slow
 def test_whole_code_is_taken_without_a_word(whole: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     shutil.copytree(whole, cache)
@@ -134,6 +136,7 @@ def test_whole_code_is_taken_without_a_word(whole: Path, tmp_path: Path) -> None
     assert (done.stdout, done.stderr) == ("8.0 12.0 2\n", "")
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_used_costs_the_time_to_compile_and_is_told(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -162,9 +165,8 @@ def test_code_of_another_user_that_cannot_be_read_is_told(whole: Path, tmp_path:
     assert "cannot be read" in done.stderr
 
 
-@pytest.mark.parametrize(
-    "content", [b"", pytest.param(b"\x00\xff" * 200, marks=pytest.mark.slow), None]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("content", [b"", b"\x00\xff" * 200, None])
 def test_a_generated_module_that_is_not_as_it_was_written_is_written_anew(
     whole: Path, tmp_path: Path, content: bytes | None
 ) -> None:
@@ -178,6 +180,7 @@ def test_a_generated_module_that_is_not_as_it_was_written_is_written_anew(
     assert module.read_text() == SOURCE
 
 
+@pytest.mark.slow
 def test_a_folder_in_the_place_of_a_generated_module_is_told(whole: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     shutil.copytree(whole, cache)

@@ -105,11 +105,13 @@ def test_the_configuration_knows_the_effects_names_options_and_bounds(recorded):
     assert written["parameters"]["sin"]["bounds"] == [-1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_the_log_has_a_column_for_each_of_their_parameters(recorded):
     _, recording = recorded
     assert list(recording.axes["x"].theta_hat) == list(TRUTH)
 
 
+@pytest.mark.slow
 def test_the_loop_learns_their_parameters(recorded):
     _, recording = recorded
     theta_hat = {name: float(v[-1]) for name, v in recording.axes["x"].theta_hat.items()}
@@ -119,6 +121,7 @@ def test_the_loop_learns_their_parameters(recorded):
     assert first["seventh_effect_sin"] == 0.0
 
 
+@pytest.mark.slow
 def test_the_loop_compensates_what_it_learned(recorded):
     _, recording = recorded
     axis = recording.axes["x"]
@@ -128,6 +131,7 @@ def test_the_loop_compensates_what_it_learned(recorded):
     assert np.sqrt(np.mean(late**2)) < 0.7 * RIPPLE_V / math.sqrt(2) / (95.0 * 250.0)
 
 
+@pytest.mark.slow
 def test_fit_identifies_their_parameters_from_the_log(recorded):
     machine, recording = recorded
     fit = fit_recording(recording, {"x": machine.axes["x"].model}).axes["x"]

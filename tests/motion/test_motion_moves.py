@@ -81,6 +81,7 @@ def test_a_point_to_point_program_is_one_move():
     assert program.trajectories()["x"].end_m == 0.3
 
 
+@pytest.mark.slow
 @given(positions, st.floats(-1, 1), velocities, accelerations, times)
 @settings(max_examples=300, deadline=None)
 def test_a_smoothed_trapezoid_keeps_its_limits_and_ends_exactly(

@@ -99,6 +99,7 @@ def test_user_and_group_are_those_that_were_asked_for_in_every_file(root: Path) 
     assert (root / UNIT).read_text() == unit
 
 
+@pytest.mark.slow
 def test_can_interfaces_come_up_with_the_bit_rates_of_the_configuration(root: Path) -> None:
     config = yaml.safe_load(shipped_config("can_gantry").read_text())
     bus = {"interface": "socketcan", "channel": "can3", "bitrate": 500000}

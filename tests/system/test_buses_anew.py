@@ -200,13 +200,13 @@ RESTART = {"kind": "reset", "at_s": 0.6, "duration_s": 0.05}
     ("bus_name", "fault"),
     [
         ("serial poll", UNPLUG),
-        ("slcan", UNPLUG),
-        ("modbus rtu", UNPLUG),
         ("modbus tcp", UNPLUG),
-        ("serial stream", RESTART),
         ("can udp_multicast", RESTART),
         ("modbus rtu", RESTART),
-        ("modbus tcp", RESTART),
+        pytest.param("slcan", UNPLUG, marks=pytest.mark.long),
+        pytest.param("modbus rtu", UNPLUG, marks=pytest.mark.long),
+        pytest.param("serial stream", RESTART, marks=pytest.mark.long),
+        pytest.param("modbus tcp", RESTART, marks=pytest.mark.long),
     ],
     ids=lambda value: value if isinstance(value, str) else value["kind"],
 )

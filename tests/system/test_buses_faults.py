@@ -48,6 +48,8 @@ CANOPEN = "canopen"
 NUMBERED = (*SERIAL, *CAN, *MODBUS)
 """Their samples bring a number, which a fault may spoil."""
 EVERY = (*NUMBERED, CANOPEN)
+FEW = ("serial poll", "can udp_multicast", CANOPEN, "modbus tcp")
+FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in EVERY]
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ PROMISES: dict[str, Mapping[str, Promise]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus_name", EVERY)
+@pytest.mark.parametrize("bus_name", FEW_AND_LONG)
 def test_each_fault_that_stays_trips_the_axes_as_promised_and_a_reset_brings_them_back(
     tmp_path: Path, bus_name: str
 ) -> None:
@@ -272,7 +274,7 @@ SOME_TICKS = 0.1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus_name", EVERY)
+@pytest.mark.parametrize("bus_name", FEW_AND_LONG)
 def test_a_fault_that_passes_is_held_over_and_the_axis_goes_on(
     tmp_path: Path, bus_name: str
 ) -> None:
@@ -306,7 +308,7 @@ def test_a_fault_that_passes_is_held_over_and_the_axis_goes_on(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus_name", EVERY)
+@pytest.mark.parametrize("bus_name", FEW_AND_LONG)
 def test_a_counter_that_wraps_on_the_way_is_no_jump(tmp_path: Path, bus_name: str) -> None:
     bus = BUSES[bus_name]
     edge = 2 ** (bus.counter_bits - 1)

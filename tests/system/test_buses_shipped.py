@@ -47,9 +47,9 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
     ("bus", "device"),
     [
         ("serial", "serial_box"),
-        ("can", "can_node"),
         ("canopen", "canopen_drives"),
-        ("modbus", "modbus_coupler"),
+        pytest.param("can", "can_node", marks=pytest.mark.long),
+        pytest.param("modbus", "modbus_coupler", marks=pytest.mark.long),
     ],
 )
 def test_a_shipped_pair_follows_its_programs(tmp_path, bus, device):

@@ -98,9 +98,9 @@ def _served(folder: Path, bus: Bus, *faults: dict[str, object]) -> Iterator[str]
     ("bus_name", "words"),
     [
         ("serial poll", "in use by another program"),
-        ("slcan", "in use by another program"),
-        ("modbus rtu", "in use by another program"),
         ("modbus tcp", "driven by another program on this machine"),
+        pytest.param("slcan", "in use by another program", marks=pytest.mark.long),
+        pytest.param("modbus rtu", "in use by another program", marks=pytest.mark.long),
     ],
 )
 def test_a_second_daemon_on_one_device_is_refused_and_the_first_goes_on(

@@ -42,6 +42,7 @@ def two_rates(endpoint: str):
     return load_resolved(data, "two_rates", hardware=True)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_axis_on_modbus_at_500_hz_runs_beside_one_at_5_khz(tmp_path):
     (modbus,) = [t for t in transports() if t.name == "modbus tcp"]

@@ -50,6 +50,7 @@ def start_anew(daemon: Daemon) -> str:
     return daemon.said[before:]
 
 
+@pytest.mark.slow
 def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells(
     tmp_path: Path,
 ) -> None:

@@ -66,6 +66,7 @@ def test_every_toy_package_is_installed_and_none_is_refused(installed):
     assert not catalog.failed_effects()
 
 
+@pytest.mark.slow
 def test_a_new_process_finds_what_is_installed(installed, tmp_path):
     path = configuration(tmp_path / "machine.yaml", TOYS[QUICK])
     run = subprocess.run(
@@ -77,6 +78,7 @@ def test_a_new_process_finds_what_is_installed(installed, tmp_path):
     assert QUICK in run.stdout
 
 
+@pytest.mark.slow
 @each
 def test_a_declared_toy_is_checked_and_run(installed, toy, tmp_path):
     path = configuration(tmp_path / "machine.yaml", TOYS[toy])
@@ -95,6 +97,7 @@ def test_fit_finds_the_parameters_of_a_declared_toy(installed, recorded, toy, tm
     assert fit["parameters"]["inertia"]["value"] == pytest.approx(0.197, rel=0.02)
 
 
+@pytest.mark.slow
 @each
 def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up(
     installed, recorded, toy, tmp_path

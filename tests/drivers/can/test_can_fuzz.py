@@ -140,6 +140,7 @@ def test_a_million_random_frames_at_the_decoder():
 DEEDS = st.tuples(st.sampled_from(["send", "lose", "send again"]), st.integers(1, 17))
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.integers(4, 12), st.sampled_from([kernels.FREE, kernels.AFTER_SYNC]), st.lists(DEEDS))
 def test_samples_that_come_again_are_never_taken_for_new_ones(width, phase, deeds):

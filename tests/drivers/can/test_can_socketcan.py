@@ -28,6 +28,7 @@ BUILD_S = 900
 pytestmark = [
     pytest.mark.wall_clock,
     pytest.mark.slow,
+    pytest.mark.long,
     pytest.mark.timeout(BUILD_S + LIMIT_S + 120),
 ]
 

@@ -122,6 +122,7 @@ def test_volts_are_rounded_clamped_and_never_wrap(volts, enable, full_scale_v):
         assert abs(codes[1] * full_scale_v / 32767 - wanted) <= 0.501 * full_scale_v / 32767
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [SECOND, MANY_ZEROS, WITH_INDEX], ids=["plain", "zeros", "index"])
 def test_one_or_two_wrong_bits_are_never_accepted(body):
     fresh = session()

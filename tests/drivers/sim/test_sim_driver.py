@@ -90,6 +90,7 @@ def test_one_advance_is_one_period_whatever_the_wall_clock_says():
     assert driver.true_state().time_s == pytest.approx(PERIOD_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [250.0, 1000.0, 5000.0, 7300.0, 20000.0])
 def test_the_physics_does_not_depend_on_the_rate_of_the_loop(rate_hz):
     plant = bare(coulomb_friction_v=0.1, viscous_friction_v_s_m=0.3, input_lag={"time_s": 0.4e-3})

@@ -125,6 +125,7 @@ def test_the_command_prints_a_table_with_measures_ratios_and_notes(invoke, pair)
     assert "turnaround median" in result.stdout
 
 
+@pytest.mark.slow
 def test_the_command_gives_one_json_document_and_pictures(invoke, pair, tmp_path):
     result = invoke(*pair, "--out", tmp_path / "pictures", "--json")
     document = json.loads(result.stdout)

@@ -241,6 +241,7 @@ def test_a_damaged_column_never_gives_a_traceback(run, damage, column):
     answered(recording_of(RATE_HZ, **columns))
 
 
+@pytest.mark.slow
 def test_a_command_of_another_axis_names_nothing(run):
     other = simulate(seed=7, duration_s=6.0, rate_hz=RATE_HZ, peak_acceleration=15.0)
     assert answered(recording_of(RATE_HZ, run.position, other.command)) != "effect"

@@ -59,6 +59,7 @@ def recorded(position: np.ndarray, command: np.ndarray) -> Measured:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_load_on_a_spring_is_judged_below_its_resonance_and_told() -> None:
     torque = lines(1)
     axis = diagnose_axis(recorded(load_on_spring(torque), torque), C1)

@@ -69,6 +69,7 @@ def the_cogging(document, axis="x"):
     return told["effects"][0]
 
 
+@pytest.mark.slow
 def test_csv_in_millimetres_with_a_reference(tmp_path, run):
     columns = {"q": 1e3 * run.position, "u": run.command, "r": 1e3 * run.reference}
     axes = {
@@ -116,6 +117,7 @@ def test_mat_of_a_rotary_axis_in_degrees_and_amperes(tmp_path, run):
     assert torque["value"] == pytest.approx(0.1 * inertia["value"])
 
 
+@pytest.mark.slow
 def test_electromagnetic_effects_are_dropped_with_a_word_where_the_command_is_no_voltage(
     tmp_path, run
 ):

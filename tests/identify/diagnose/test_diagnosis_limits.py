@@ -18,12 +18,14 @@ from motorctl.loop.simulation import simulate
 from motorctl_benchmarks.diagnosis.cases import clean_case, draw_case, on_other_motion
 from motorctl_benchmarks.diagnosis.unknown_effects import UNKNOWN
 
+FIRST, *OTHERS = UNKNOWN
 SMOOTH = [(0.9, 0.15, 0.3, 0.0), (0.1, 0.15, 0.3, 0.0)] * 6
 """Share of the travel, speed [m/s], acceleration [m/s^2], dwell [s]: above 40 Hz it is noise."""
 THERE_AND_BACK = [(0.9, 0.04, 0.5, 0.0), (0.5, 0.04, 0.5, 0.0)]
 
 
-@pytest.mark.parametrize("seed", [28, *(pytest.param(s, marks=pytest.mark.slow) for s in (23, 24))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [28, *(pytest.param(s, marks=pytest.mark.long) for s in (23, 24))])
 def test_on_smooth_motion_the_feedback_of_noise_is_no_effect(tmp_path, seed):
     found = diagnosed(moving(clean_case(seed), 0.1, SMOOTH), tmp_path)
     assert found.verdict == "complete"
@@ -47,6 +49,7 @@ def test_on_smooth_motion_a_late_command_is_timed_without_bias(tmp_path, effect,
     assert time_s == pytest.approx(case.truth[effect]["time_s"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_move_there_and_back_is_answered_with_the_motion_that_would_tell(tmp_path):
     case = moving(draw_case(21, effects=("cogging",)), 0.5, THERE_AND_BACK)
     found = diagnosed(case, tmp_path)
@@ -57,7 +60,9 @@ def test_a_move_there_and_back_is_answered_with_the_motion_that_would_tell(tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", UNKNOWN)
+@pytest.mark.parametrize(
+    "effect", [FIRST, *(pytest.param(e, marks=pytest.mark.long) for e in OTHERS)]
+)
 def test_an_effect_outside_the_list_is_called_unknown(tmp_path, effect):
     found = diagnosed(draw_case(1001, effects=(effect,)), tmp_path, duration_s=24.0)
     assert found.verdict == "unknown_structure"
@@ -111,6 +116,7 @@ def test_a_coupled_axis_is_judged_on_another_recording_too(tmp_path):
     assert found.error.held_out_after_rms < 0.2 * found.error.held_out_before_rms
 
 
+@pytest.mark.slow
 def test_a_long_recording_full_of_gaps_is_diagnosed(tmp_path):
     recording = recorded(draw_case(17, effects=("force_ripple",)), tmp_path, duration_s=24.0)
     data = measured(recording, next(iter(recording.axes)))

@@ -30,6 +30,7 @@ def test_friction_that_grows_with_the_motors_force_is_named_and_measured(loss):
     assert found.effects[0].effect.family() == "friction"
 
 
+@pytest.mark.slow
 def test_a_stop_of_rubber_is_no_friction_of_place():
     rubber = OtherPlant(stop_m=0.2, stop_stiffness=60.0, stop_damping_s_m=1.5, width_m_s=4e-3)
     found = named(rubber)

@@ -52,6 +52,7 @@ def test_an_encoder_that_freezes_in_motion_is_told_with_its_time(run, share):
     assert told == pytest.approx(run.time_s[at], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_what_lies_outside_the_segments_is_not_looked_at(run):
     freezes = run.position.copy()
     at = int(0.8 * len(freezes))
@@ -83,6 +84,7 @@ def test_an_encoder_that_freezes_in_slow_motion_is_told_once_it_is_no_rest(run, 
         check_columns(data)
 
 
+@pytest.mark.slow
 def test_friction_and_offset_of_one_way_motion_are_told_as_their_sum():
     random = np.random.default_rng(1)
     time_s = np.arange(10_000) / 1000.0
@@ -179,6 +181,7 @@ def test_an_axis_that_others_may_load_is_not_refused_beside_them():
     check_explains(loaded, make_signals(loaded), C1, others={"y": replace(beside, axis="y")})
 
 
+@pytest.mark.slow
 def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_gravity():
     moved = ARM.run(seed=4, duration_s=12.0)
     noise = 0.01 * np.random.default_rng(1).standard_normal(len(moved.position))
@@ -193,6 +196,7 @@ def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_gravity():
     assert found.error.simulated_position_before_rms is None
 
 
+@pytest.mark.slow
 def test_a_torque_that_does_not_change_tells_nothing_and_says_so():
     moved = ARM.run(seed=4, duration_s=12.0)
     noise = 0.001 * np.random.default_rng(1).standard_normal(len(moved.position))
@@ -317,6 +321,7 @@ def test_an_axis_that_rests_nearly_all_of_the_time_is_not_called_noise():
         diagnose_axis(ramp, C1)
 
 
+@pytest.mark.slow
 def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it(run):
     """The drive follows within a millisecond, and is recorded every 20 ms."""
     rng = np.random.default_rng(5)

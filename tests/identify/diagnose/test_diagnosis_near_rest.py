@@ -87,6 +87,7 @@ def test_the_width_of_a_gentle_friction_is_found_through_a_coarse_encoder(
     assert found.error.held_out_after_rms < 2.5 * found.error.noise_floor_rms
 
 
+@pytest.mark.slow
 def test_a_weight_under_a_friction_of_another_shape_is_gravity_and_no_spline():
     joint = OtherPlant(
         inertia=0.05, gravity=2.0, shape="clip", width_m_s=0.1, travel=2.5, peak_velocity=1.5,

@@ -117,6 +117,7 @@ def test_pieces_of_a_long_recording_in_which_nearly_nothing_moves_stand_not_for_
     assert shortened(signals, 24.0).rows >= FEWEST_ROWS
 
 
+@pytest.mark.slow
 def test_no_power_is_told_of_frequencies_that_a_slow_recording_has_not():
     rng = np.random.default_rng(8)
     time_s = np.arange(1200) / 10.0

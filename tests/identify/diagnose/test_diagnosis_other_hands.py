@@ -22,6 +22,7 @@ FRICTIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "width"), FRICTIONS)
 def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(shape, width):
     data = OtherPlant(shape=shape, width_m_s=width).run(seed=SHAPES.index(shape))
@@ -36,6 +37,7 @@ def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(
     assert any("coulomb_friction has slope_s_m" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_friction_as_it_is_declared_is_not_touched():
     found = diagnose_axis(OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(seed=3), C1)
     assert (found.verdict, found.mended) == ("complete", ())
@@ -80,6 +82,7 @@ def test_a_reversed_sign_is_told_with_gravity_and_without(gravity):
         diagnose_axis(replace(data, command=-data.command), C1)
 
 
+@pytest.mark.slow
 def test_another_axis_command_is_told():
     plant = OtherPlant()
     data, other = plant.run(seed=8), plant.run(seed=9)

@@ -21,9 +21,10 @@ RICH = [
 QUICK = (13, 17)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "rival", "seed"),
-    [pytest.param(*c, marks=() if c[2] in QUICK else pytest.mark.slow) for c in RICH],
+    [pytest.param(*c, marks=() if c[2] in QUICK else pytest.mark.long) for c in RICH],
 )
 def test_rich_motion_tells_it_from_its_double(tmp_path, effect, rival, seed):
     found = diagnosed(draw_case(seed, effects=(effect,)), tmp_path)
@@ -47,22 +48,23 @@ ONE_SPEED = [(0.95, 0.04, 0.5, 0.3)]
 SMOOTH = [(0.9, 0.15, 0.3, 0.0), (0.1, 0.15, 0.3, 0.0)] * 6
 ONE_WAY = [(0.1 + 0.05 * k, 0.03, 0.2, 0.0) for k in range(1, 17)]
 NEVER_SLOW = [(0.9, 1.0, 15.0, 0.0), (0.1, 1.0, 15.0, 0.0)] * 20
-SLOW = pytest.mark.slow
+LONG = pytest.mark.long
 POOR = [
     pytest.param("cogging", "periodic_disturbance", 1.0, ONE_SPEED, 21, id="cogging-one-speed"),
     pytest.param(
-        "periodic_disturbance", "cogging", 1.0, ONE_SPEED, 22, id="time-one-speed", marks=SLOW
+        "periodic_disturbance", "cogging", 1.0, ONE_SPEED, 22, id="time-one-speed", marks=LONG
     ),
-    pytest.param("force_ripple", "cogging", 1.0, ONE_SPEED, 23, id="ripple-one-speed", marks=SLOW),
-    pytest.param("input_lag", "input_delay", 1.0, SMOOTH, 23, id="lag-smooth", marks=SLOW),
-    pytest.param("input_delay", "input_lag", 1.0, SMOOTH, 24, id="delay-smooth", marks=SLOW),
+    pytest.param("force_ripple", "cogging", 1.0, ONE_SPEED, 23, id="ripple-one-speed", marks=LONG),
+    pytest.param("input_lag", "input_delay", 1.0, SMOOTH, 23, id="lag-smooth", marks=LONG),
+    pytest.param("input_delay", "input_lag", 1.0, SMOOTH, 24, id="delay-smooth", marks=LONG),
     pytest.param(
-        "asymmetric_friction", "dead_zone", 1.0, ONE_WAY, 27, id="asymmetry-one-way", marks=SLOW
+        "asymmetric_friction", "dead_zone", 1.0, ONE_WAY, 27, id="asymmetry-one-way", marks=LONG
     ),
     pytest.param("stribeck", "presliding", 0.1, NEVER_SLOW, 25, id="stribeck-weak"),
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "rival", "strength", "moves", "seed"), POOR)
 def test_poor_motion_is_said_not_to_tell_them_apart(tmp_path, effect, rival, strength, moves, seed):
     case = moving(draw_case(seed, effects=(effect,), strength=strength), 0.1, moves)

@@ -84,6 +84,7 @@ def test_every_effect_can_be_drawn(tmp_path, name):
         assert_is_a_picture(picture.path)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ONE_OF_EACH_KIND.values()))
 @pytest.mark.parametrize("rows", [16, 40])
@@ -100,6 +101,7 @@ def test_pictures_survive_hardly_any_data(tmp_path, name, rows):
         assert_is_a_picture(picture.path)
 
 
+@pytest.mark.slow
 def test_an_axis_that_stands_still_can_be_drawn(tmp_path):
     axis = bench.axis_diagnosis("cogging")
     still = np.zeros_like(axis.traces.time_s)

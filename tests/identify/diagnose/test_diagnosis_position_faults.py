@@ -51,6 +51,7 @@ def test_a_sound_recording_loses_no_rows(run: Measured) -> None:
     assert data is run
 
 
+@pytest.mark.slow
 def test_an_encoder_stuck_from_a_reversal_on_is_left_out_and_told(run: Measured) -> None:
     damaged, at_s = stuck_from_rest(run)
     axis = diagnose_axis(damaged, C1)

@@ -38,6 +38,7 @@ DIFF = """\
 """
 
 
+@pytest.mark.slow
 def test_options_that_are_words_or_lists_are_told_on_terminal_and_page(tmp_path):
     diagnosis = bench.recording(
         x=bench.axis_diagnosis("hard_stop", "cross_axis", "stribeck", "cogging")

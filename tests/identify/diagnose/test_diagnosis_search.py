@@ -19,6 +19,7 @@ def clean(tmp_path_factory):
     return case, diagnosed(case, tmp_path_factory.mktemp("clean"))
 
 
+@pytest.mark.slow
 def test_a_clean_log_is_complete(clean):
     found = clean[1]
     assert found.verdict == "complete"
@@ -59,6 +60,7 @@ def test_an_effect_is_named_with_its_parameters(cogging):
     assert effect.evidence
 
 
+@pytest.mark.slow
 def test_on_another_recording_only_the_errors_are_those_of_that_one(cogging, tmp_path):
     case, alone = cogging
     recording = recorded(case, tmp_path)
@@ -92,7 +94,7 @@ def test_the_traces_fit_together(cogging):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "effect", ["friction_bump", pytest.param("wandering_force", marks=pytest.mark.slow)]
+    "effect", ["friction_bump", pytest.param("wandering_force", marks=pytest.mark.long)]
 )
 def test_what_no_list_has_is_called_unknown(tmp_path, effect):
     found = diagnosed(draw_case(31, effects=(effect,)), tmp_path, 12.0)
@@ -121,7 +123,7 @@ def test_too_poor_a_motion_is_told_with_a_program_that_loads(tmp_path):
     ("seed", "effects"),
     [
         (51, ("cogging", "input_delay")),
-        pytest.param(52, ("payload_change", "periodic_disturbance"), marks=pytest.mark.slow),
+        pytest.param(52, ("payload_change", "periodic_disturbance"), marks=pytest.mark.long),
     ],
 )
 def test_two_effects_at_once_are_both_named(tmp_path, seed, effects):

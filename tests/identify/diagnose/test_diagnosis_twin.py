@@ -11,7 +11,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["tanh", "clip"])
-@pytest.mark.parametrize("resolution", [5e-6, 5e-5])
+@pytest.mark.parametrize("resolution", [5e-6, pytest.param(5e-5, marks=pytest.mark.long)])
 def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
     plant = OtherPlant(shape=shape, width_m_s=5e-3, resolution=resolution, bandwidth_hz=8.0)
     axis = diagnose_axis(plant.run(seed=5, duration_s=16.0), C1)
@@ -19,6 +19,7 @@ def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
     assert axis.verdict in ("complete", "insufficient_data")
 
 
+@pytest.mark.slow
 def test_cogging_behind_a_coarse_encoder_is_still_found():
     plant = OtherPlant(resolution=5e-5, bandwidth_hz=8.0, cogging=0.15, pitch_m=0.03)
     axis = diagnose_axis(plant.run(seed=6, duration_s=16.0), C1)

@@ -48,10 +48,12 @@ def weighed(arm):
     return diagnose_axis(arm, C1)
 
 
+@pytest.mark.slow
 def test_a_weight_beside_forces_without_a_name_is_no_spline(weighed):
     assert [effect.name for effect in weighed.effects] == ["gravity"]
 
 
+@pytest.mark.slow
 def test_a_model_that_could_move_nothing_is_no_yardstick(weighed):
     """Beside the weight the declared inertia comes out negative: it cannot be simulated."""
     assert weighed.declared_theta[0] < 0.0

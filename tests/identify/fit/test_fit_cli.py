@@ -112,6 +112,7 @@ def parts(folder):
     return paths
 
 
+@pytest.mark.slow
 def test_the_logs_of_a_run_are_fitted_as_the_one_that_was_never_cut(invoke, folder, parts):
     uncut = document(invoke(folder / "run.parquet", "--json"))
     for given in (parts, [folder / "logs"], [parts[1], "--whole-run"], [folder / "logs/gantry-1"]):
@@ -170,6 +171,7 @@ def test_a_second_recording_gives_the_held_out_error(invoke, folder):
     assert error["held_out_source"].endswith("foreign.parquet")
 
 
+@pytest.mark.slow
 def test_settings_reach_the_identification(invoke, folder, tmp_path):
     own = tmp_path / "mine.yaml"
     own.write_text("filter_hz: 100\nleft: command\nestimate_delay: false\n")

@@ -41,6 +41,7 @@ def test_the_pull_of_another_axis_is_identified():
     assert fit.value("inertia") == pytest.approx(X_THETA[0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_late_command_acts_at_the_place_where_the_axis_is_then():
     pitch, share, late = 0.03, 0.05, 10.0
     run = simulate(seed=4, theta=X_THETA[:4], delay_samples=late)

@@ -46,6 +46,7 @@ def test_a_clean_fit_carries_no_notes_and_instruments_agree(fitted):
     np.testing.assert_allclose(fitted.least_squares.theta[:3], TRUTH[:3], rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.46, 7.25])
 def test_the_input_delay_is_found_to_a_twentieth_of_a_sample(delay):
     run = simulate(seed=2, delay_samples=delay)
@@ -67,6 +68,7 @@ def test_a_given_delay_is_taken_as_it_is(run):
     assert fit.theta[0] == pytest.approx(TRUTH[0], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate_hz", "resolution", "duration_s"),
     [(1000.0, 1e-6, 12.0), (2000.0, 1e-6, 12.0), (20000.0, 0.5e-6, 4.0)],
@@ -107,6 +109,7 @@ def test_a_wide_band_biases_the_command_side_and_not_the_acceleration_side():
     assert abs(found["command"][4] / TRUTH[4] - 1.0) > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["least_squares", "instruments"])
 def test_standard_errors_cover_the_truth(estimator):
     scores = []
@@ -201,6 +204,7 @@ def test_instruments_need_a_reference(run):
     assert fit.theta[0] == pytest.approx(TRUTH[0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_undeclared_force_does_not_carry_the_values_away_where_the_reference_is_known():
     # cogging that the controller answers is an error in the command, correlated with the motion
     theta = (0.67, 0.296, 0.182, 0.004, -0.0168, -0.00058)

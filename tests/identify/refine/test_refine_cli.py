@@ -37,6 +37,7 @@ def run(module, *arguments):
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("known")
 def test_json_tells_what_was_added_and_what_it_is_worth(log, tmp_path):
     out = tmp_path / "new.yaml"
@@ -69,6 +70,7 @@ def test_people_see_the_change_and_what_to_run_next(log, tmp_path):
     assert "cogging" in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("known")
 def test_a_configuration_may_be_refined_in_place(log, tmp_path):
     config = tmp_path / "machine.yaml"

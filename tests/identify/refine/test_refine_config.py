@@ -138,6 +138,7 @@ def test_an_axis_that_was_not_diagnosed_stays_as_it_is(log, tmp_path):
     assert "cogging" in machine.axes["y"].model.names
 
 
+@pytest.mark.slow
 def test_a_model_that_two_axes_share_is_written_out_for_each(log, tmp_path):
     keys = yaml.safe_load(SHIPPED.read_text())
     model = keys["axes"]["x"]["model"]
@@ -159,6 +160,7 @@ def test_a_model_that_two_axes_share_is_written_out_for_each(log, tmp_path):
     assert estimates(both, "x")["inertia"].initial == THETA["x"][0]
 
 
+@pytest.mark.slow
 def test_effects_in_any_style_are_refined(log, tmp_path):
     text = SHIPPED.read_text()
     lines = text.splitlines()
@@ -188,6 +190,7 @@ def test_files_of_points_are_found_from_the_new_place(diagnosis, tmp_path):
     assert "file: ../way.csv" in refined.text
 
 
+@pytest.mark.slow
 def test_an_input_map_that_turns_back_is_drawn_in_until_it_can_be_inverted(log, tmp_path):
     recording = read_recording(log)
     declared = load(SHIPPED).axes["x"].declared
@@ -216,6 +219,7 @@ def test_ripple_and_dead_zone_can_be_started_with(log, tmp_path):
     assert set(machine.axes["x"].model.names) >= {"force_ripple", "dead_zone"}
 
 
+@pytest.mark.slow
 def test_a_complete_model_is_fitted_anew_only_where_that_helps(log, tmp_path):
     def nothing(_):
         return ()
@@ -231,6 +235,7 @@ def test_a_complete_model_is_fitted_anew_only_where_that_helps(log, tmp_path):
     assert estimates(again.machine, "x") == estimates(better.machine, "x")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", ["insufficient_data", "unknown_structure"])
 def test_nothing_is_injected_where_nothing_that_helps_was_found(log, tmp_path, verdict):
     # the declared parameters are bent then by what is missing
@@ -241,6 +246,7 @@ def test_nothing_is_injected_where_nothing_that_helps_was_found(log, tmp_path, v
     assert "told in one sentence" in refined.text
 
 
+@pytest.mark.slow
 def test_a_spline_compensates_what_has_no_name(log, tmp_path):
     spline = effect("position_force", knots=(0.012345678912, 0.4, 8))
     theta = np.linspace(-0.1, 0.1, len(spline.parameters))
@@ -263,6 +269,7 @@ def test_a_spline_compensates_what_has_no_name(log, tmp_path):
     assert known["position_force_knot_3"].upper - known["position_force_knot_3"].lower >= 0.06
 
 
+@pytest.mark.slow
 def test_splines_that_are_too_many_are_left_out_and_told(log, tmp_path):
     def crowded(_):
         force = effect("position_force", knots=(0.0, 0.4, 30))

@@ -30,6 +30,7 @@ def diagnosed(config: Path, folder: Path):
     return diagnose_recording(recording, models)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_mended_friction_is_written_and_needs_no_mending_afterwards(tmp_path: Path) -> None:
     text = shipped_config("published_gantry").read_text()

@@ -34,6 +34,7 @@ def as_program(keys, folder):
     return load_program_file(path, ["x"])
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     effects=st.lists(st.sampled_from(sorted(known_effects())), max_size=4),
