@@ -327,6 +327,7 @@ def test_a_peer_finds_the_effect_that_is_there(peer):
     assert named_by(problem, selected) == (("c",),)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_true_error_is_without_what_the_encoder_adds(tmp_path):
     case = draw_case(21, effects=("encoder_error",))

@@ -71,7 +71,7 @@ def oracle(known: str) -> Tracking:
     ("name", "known"),
     [
         *((name, "few") for name in CASES if name in FEW),
-        *((name, "every") for name in CASES),
+        *(pytest.param(name, "every", marks=pytest.mark.long) for name in CASES),
     ],
 )
 def test_declaring_an_effect_takes_away_what_it_adds_to_the_error(name: str, known: str) -> None:

@@ -136,6 +136,7 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     return tell(tmp_path_factory.mktemp("demo"), quiet)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_compensation_reaches_the_promised_ratios_on_the_published_plants(

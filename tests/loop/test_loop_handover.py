@@ -42,7 +42,7 @@ from motorctl.loop.warm_up import Unconnected
 SMALL = {"axes": 1, "parameters": 6, "ring_rows": 64, "segments": 1}
 """A ring so small that the writer is always about to overwrite what is being read."""
 SHORT_S, LONG_S = 1.5, 10.0
-DURATIONS = [SHORT_S, pytest.param(LONG_S, marks=pytest.mark.slow)]
+DURATIONS = [SHORT_S, pytest.param(LONG_S, marks=[pytest.mark.slow, pytest.mark.long])]
 PROCESSORS = [1, 2]
 
 

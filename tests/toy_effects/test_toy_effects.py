@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tiers import few_of
 from toy_bench import TOYS, Toy, configuration, install, record
 from typer.testing import CliRunner
 
@@ -79,7 +80,7 @@ def test_a_new_process_finds_what_is_installed(installed, tmp_path):
 
 
 @pytest.mark.slow
-@each
+@pytest.mark.parametrize("toy", few_of(TOYS, 2))
 def test_a_declared_toy_is_checked_and_run(installed, toy, tmp_path):
     path = configuration(tmp_path / "machine.yaml", TOYS[toy])
     assert toy in json.dumps(command("check", path, "--json"))
@@ -98,7 +99,7 @@ def test_fit_finds_the_parameters_of_a_declared_toy(installed, recorded, toy, tm
 
 
 @pytest.mark.slow
-@each
+@pytest.mark.parametrize("toy", few_of(TOYS, 2))
 def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up(
     installed, recorded, toy, tmp_path
 ):

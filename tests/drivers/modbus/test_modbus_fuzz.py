@@ -11,7 +11,10 @@ from motorctl_modbus.layout import InputBlock, OutputBlock
 
 RTU = {"port": "p", "baud": 115200}
 SMALL, LARGE = 20_000, 1_000_000
-ROUNDS = [SMALL, pytest.param(LARGE, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])]
+ROUNDS = [
+    SMALL,
+    pytest.param(LARGE, marks=[pytest.mark.slow, pytest.mark.long, pytest.mark.timeout(1800)]),
+]
 
 
 def exchange_of(rtu):

@@ -350,6 +350,7 @@ def test_a_million_random_bytes_are_never_a_sample():
     assert fuzz(1_000_000, 509, 2) == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_of_frames_damaged_at_random_no_more_pass_than_a_crc_of_16_bits_lets():
     random = np.random.default_rng(3)

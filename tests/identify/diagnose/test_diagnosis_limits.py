@@ -68,6 +68,7 @@ def test_an_effect_outside_the_list_is_called_unknown(tmp_path, effect):
     assert found.verdict == "unknown_structure"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_published_move_again_and_again_brings_no_wrong_name(tmp_path):
     log = tmp_path / "run.parquet"

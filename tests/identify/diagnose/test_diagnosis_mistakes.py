@@ -21,7 +21,11 @@ from motorctl.identify.fit.recording import fit_axis
 
 @pytest.fixture(
     scope="module",
-    params=[SHAPES[0], *(pytest.param(shape, marks=pytest.mark.slow) for shape in SHAPES[1:])],
+    params=[
+        SHAPES[0],
+        pytest.param(SHAPES[1], marks=pytest.mark.slow),
+        *(pytest.param(s, marks=[pytest.mark.slow, pytest.mark.long]) for s in SHAPES[2:]),
+    ],
 )
 def run(request):
     """A sound recording by another author's plant, whatever the shape of its friction."""

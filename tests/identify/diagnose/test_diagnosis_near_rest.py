@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
+from tiers import few_of
 
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import slow_reversal, spans_of
@@ -76,7 +77,7 @@ GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 2e-5), ("clip", 0.05, 5e-6)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "width_m_s", "resolution"), GENTLE)
+@pytest.mark.parametrize(("shape", "width_m_s", "resolution"), few_of(GENTLE, 1))
 def test_the_width_of_a_gentle_friction_is_found_through_a_coarse_encoder(
     shape, width_m_s, resolution
 ):

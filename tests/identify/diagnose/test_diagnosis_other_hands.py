@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import SHAPES, OtherPlant
+from tiers import few_of
 
 from motorctl.errors import DataError
 from motorctl.identify.diagnose.recording import diagnose_axis
@@ -23,7 +24,7 @@ FRICTIONS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "width"), FRICTIONS)
+@pytest.mark.parametrize(("shape", "width"), few_of(FRICTIONS, 3))
 def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(shape, width):
     data = OtherPlant(shape=shape, width_m_s=width).run(seed=SHAPES.index(shape))
     found = diagnose_axis(data, C1)
