@@ -49,7 +49,7 @@ def _close_loop(
     not used.
     """
     from motorctl.cli.measure_tables import print_measures
-    from motorctl.cli.stages import showing_stages
+    from motorctl.cli.progress import showing_stages
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
     from motorctl.close_loop.rounds import close_loop

@@ -27,7 +27,7 @@ def _demo(
     C1 and C2 on the published trajectory, beside the published figures. Then C2's recordings are
     diagnosed, what was found is added to the configuration, and the same machine runs again.
     """
-    from motorctl.cli.stages import showing_stages
+    from motorctl.cli.progress import showing_stages
     from motorctl.demo.story import tell
 
     with showing_stages(lines=True) as progress:

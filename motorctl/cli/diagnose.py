@@ -45,7 +45,7 @@ def _diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
-    from motorctl.cli.stages import showing_stages
+    from motorctl.cli.progress import showing_stages
     from motorctl.config.chosen_code import allowed_by
     from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.json_document import diagnosis_document

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
 
@@ -48,6 +46,7 @@ def _fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Identify the declared model: parameters, standard errors, input delay and error."""
+    from motorctl.cli.progress import showing_work
     from motorctl.config.chosen_code import allowed_by
     from motorctl.identify.fit.declared_models import declared_models
     from motorctl.identify.fit.recording import fit_recording
@@ -57,8 +56,7 @@ def _fit(
 
     may_run = allowed_by(allow_code or ())
     options = None if settings is None else load_settings(settings)
-    with _progress() as progress:
-        task = progress.add_task("reading")
+    with showing_work("reading") as progress:
         read = read_recording(recording, gaps="keep", whole_run=whole_run)
         other = None if evaluate is None else read_recording(evaluate, gaps="keep")
         models = declared_models(read, model, axis, may_run)
@@ -67,15 +65,9 @@ def _fit(
             models,
             options,
             other,
-            lambda name: progress.update(task, description=f"fitting axis {name}"),
+            lambda name: progress(f"fitting axis {name}"),
         )
     if as_json:
         print(json.dumps(fit_document(found)))
     else:
         print_fit(Console(), found)
-
-
-def _progress() -> Progress:
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    console = Console(stderr=True)
-    return Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty())

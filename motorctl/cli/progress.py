@@ -1,27 +1,75 @@
-"""A progress bar on stderr, where that is a terminal."""
+"""Progress on stderr, where that is a terminal: a share of work, its stages, or that it goes on."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 
 @contextmanager
 def showing_progress(what: str) -> Iterator[Callable[[float], None]]:
     """Show a bar for work that tells the share that is done, 0 to 1."""
+    with _line(BarColumn(), TaskProgressColumn(), TimeRemainingColumn()) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def showing_stages(*, lines: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Show what is being done, and the share of it that is: (what, 0 to 1).
+
+    With `lines` a line for each stage where there is no terminal, so that minutes are not silent.
+    """
+    if lines and not sys.stderr.isatty():
+        yield _telling_stages(time.monotonic())
+        return
+    with _line(BarColumn(), TaskProgressColumn(), TimeElapsedColumn()) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
+@contextmanager
+def showing_work(what: str) -> Iterator[Callable[[str], None]]:
+    """Show that work goes on, and what it is, where nobody knows how long it takes."""
+    with _line(TimeElapsedColumn(), first=SpinnerColumn()) as spinner:
+        task = spinner.add_task(what)
+        yield lambda now: spinner.update(task, description=now)
+
+
+def _line(*columns: ProgressColumn, first: ProgressColumn | None = None) -> Progress:
     console = Console(stderr=True)
-    bar = Progress(
+    begin = [first] if first else []
+    return Progress(
+        *begin,
         TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
+        *columns,
         console=console,
         disable=not console.is_terminal,
         transient=True,
     )
-    with bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+
+
+def _telling_stages(began: float) -> Callable[[str, float], None]:
+    last = ""
+
+    def tell(what: str, share: float) -> None:
+        nonlocal last
+        if what != last:
+            last = what
+            print(f"{time.monotonic() - began:5.0f} s  {what}", file=sys.stderr, flush=True)
+
+    return tell

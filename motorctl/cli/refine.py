@@ -45,7 +45,7 @@ def _refine(
     parameters, bounds and covariances come from the data. NEW.yaml is loaded before it is put in
     place. Where nothing is missing, parameters change only if that is an improvement.
     """
-    from motorctl.cli.stages import showing_stages
+    from motorctl.cli.progress import showing_stages
     from motorctl.errors import UsageError
     from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.page import write_report

@@ -2,7 +2,7 @@
 
 from motorctl.model.catalog import basic_effects, effect_class, known_effects
 from motorctl.model.effect import Effect, EffectOptions, Parameter, make_effect
-from motorctl.model.knowledge import CarriedOver, Picture, Spans
+from motorctl.model.knowledge import CarriedOver, Picture, Spans, wave_end
 from motorctl.model.list import EffectList
 
 __all__ = [
@@ -17,4 +17,5 @@ __all__ = [
     "effect_class",
     "known_effects",
     "make_effect",
+    "wave_end",
 ]

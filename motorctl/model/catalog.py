@@ -132,11 +132,11 @@ def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
         cause = f"{type(error).__name__}: {error}"
         raise UsageError(f"{who} failed to import: {cause}") from error
     if not (isinstance(found, type) and issubclass(found, Effect)):
-        raise UsageError(f"{who} is not a motorctl.model.Effect")
+        raise UsageError(f"{who} is not a motorctl.model.Effect; derive its class from that")
     if not isinstance(getattr(found, "name", None), str) or not found.name:
         raise UsageError(f"{who}: the class has no name; expected name = '{name}'")
     if found.name != name:
-        raise UsageError(f"{who} calls itself '{found.name}'")
+        raise UsageError(f"{who} calls itself '{found.name}'; use that name as its key")
     if built_in_effects().get(name) is not found:
         _insist_on_the_contract(found, who)
     return found

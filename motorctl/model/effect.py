@@ -211,9 +211,11 @@ class Effect(ABC):
         """Pure delay that a command effect gives the command."""
         return 0.0
 
-    @property
-    def yields_m(self) -> float:
-        """Way that a friction gives before it slides [m]; 0 where it does not."""
+    def way_of_rise_m(self, low: float, high: float) -> float:
+        """Return the way in which a friction rises between two parts of itself [m].
+
+        0 where it does not give before it slides.
+        """
         return 0.0
 
     @property

@@ -110,6 +110,28 @@ class CarriedOver:
     """What the reader of the refined configuration has to know, as a sentence."""
 
 
+def wave_end(parameter_name: str) -> str | None:
+    """Return what follows sin or cos in a parameter's name.
+
+    Two parameters with the same end, such as sin_3 and cos_3, are the parts of one wave: reports
+    tell them as amplitude and phase, and a configuration lets both move as far as the larger.
+
+    Parameters
+    ----------
+    parameter_name
+        That of one parameter of an effect.
+
+    Returns
+    -------
+    str or None
+        Such as ``"_3"``, or the empty string; None where the name begins with neither.
+    """
+    for wave in ("sin", "cos"):
+        if parameter_name.startswith(wave):
+            return parameter_name.removeprefix(wave)
+    return None
+
+
 SEEN_PERIODS = 0.5
 """Periods of the highest frequency that something at a reversal takes at least to be told from any
 other turning over. Larger doubts true presliding and Stribeck friction, smaller takes the corner of

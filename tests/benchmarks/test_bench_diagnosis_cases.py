@@ -88,7 +88,7 @@ def test_every_effect_that_a_diagnosis_can_name_is_drawn():
 
 @pytest.mark.slow
 @given(seeds, motions, st.integers(0, 3))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_every_case_is_a_sound_configuration_whose_motion_lasts(seed, motion, count):
     case = draw_case(seed, effects=count, motion=motion)
     assert len(set(case.effects)) == count
@@ -170,7 +170,7 @@ def test_another_motion_keeps_the_machine():
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_synchronised_axes_do_the_same_in_the_same_tick_and_rich_ones_do_not(seed):
     t = np.linspace(0.0, 24.0, 12_001)
     both = trajectories(draw_case(seed, effects=0, motion="synchronised"))
@@ -189,7 +189,7 @@ def test_synchronised_axes_do_the_same_in_the_same_tick_and_rich_ones_do_not(see
 
 @pytest.mark.slow
 @given(seeds)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_repeated_axes_have_periods_apart(seed):
     machine = load_resolved(draw_case(seed, motion="repeated").config, hardware=True)
     periods = [program.period_s for program in machine.programs.values()]

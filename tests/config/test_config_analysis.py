@@ -94,7 +94,7 @@ def test_the_gain_margin_is_where_the_loop_in_time_starts_to_grow(delay_ticks, t
         assert told.stable != grows
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     theta1=st.floats(0.05, 1.0),
     theta2=st.floats(0.0, 1.0),
@@ -140,7 +140,6 @@ def test_the_sufficient_gains_are_the_published_ones():
     assert y.decay_1_s is None
 
 
-@settings(deadline=None)
 @given(
     theta1=st.tuples(st.floats(0.05, 1.0), st.floats(0.0, 1.0)),
     theta2=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)),
@@ -163,7 +162,6 @@ def test_friction_without_a_slope_limit_can_never_be_guaranteed():
     assert none.satisfied
 
 
-@settings(deadline=None)
 @given(st.floats(-0.02, 0.0), st.floats(-0.002, 0.0), st.floats(1.0, 12.0))
 def test_with_a_falling_cubic_assumption_2_is_the_half_plane_at_the_limit(quadratic, cubic, u_max):
     theta = np.array([0.2, 0.2, 0.1, 0.0, quadratic, cubic])
@@ -181,7 +179,6 @@ def test_every_corner_of_the_input_map_is_told_worst_first():
     assert corner_slopes(C2.without_electromagnetic(), lower[:4], upper[:4], 10.0) == []
 
 
-@settings(deadline=None)
 @given(st.floats(-9.9, 9.9), st.floats(-1.0, 1.0))
 def test_the_required_command_gives_back_the_motion(u, velocity):
     """Choose u and v; the acceleration follows from the model, and must ask for this u again."""

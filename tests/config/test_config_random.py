@@ -15,7 +15,6 @@ from motorctl.errors import ConfigError
 from motorctl.located_yaml import find
 
 QUICK = settings(
-    deadline=None,
     max_examples=40,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )

@@ -62,7 +62,6 @@ def test_scalars_mean_what_a_reader_expects(tmp_path, written, value):
     assert type(found) is type(value)
 
 
-@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from("gef"))
 def test_every_spelling_of_a_float_is_that_float(tmp_path_factory, value, style):
     text = format(value, f".17{style}") if style != "f" else repr(value)
@@ -147,7 +146,7 @@ def test_a_directory_and_a_missing_file_are_named(tmp_path):
         load(tmp_path / "none.yaml")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.data())
 def test_random_damage_to_the_text_never_gives_a_traceback(tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("damage")
@@ -174,7 +173,7 @@ def read_or_refused(path):
     return document.data, document.lines, document.problems
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.sampled_from(sorted(shipped_configs())), st.data())
 def test_libyaml_reads_what_pyyaml_reads(tmp_path_factory, name, data):
     path = tmp_path_factory.mktemp("readers") / "machine.yaml"

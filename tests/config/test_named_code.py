@@ -187,9 +187,7 @@ def test_a_list_that_is_none_is_one_message(tmp_path: Path, text: bytes, told: s
         AllowedCode.read(tmp_path)
 
 
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(where=st.sampled_from(["driver", "effect", "further"]), target=st.text(max_size=30))
 def test_whatever_is_named_is_a_name_that_is_known_or_refused_without_an_import(
     tmp_path: Path, where: str, target: str

@@ -158,7 +158,7 @@ def test_new_coordinates_change_no_command() -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.floats(-0.05, 0.05),
     st.floats(-0.05, 0.05),
@@ -192,7 +192,7 @@ HIGH = np.array([0.05, 0.005, 0.1, 0.1, 0.06, 0.05, 0.1])
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_no_admitted_estimate_folds_the_map_at_any_place_speed_or_time(seed: int) -> None:
     normals, offsets = monotonicity_half_planes(VARYING, LOW, HIGH, 10.0, 0.05, (0.0, 0.4))

@@ -25,7 +25,7 @@ def uneven_slopes(u: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     st.sampled_from([(EM, even_slopes, (0.3, 0.03)), (UNEVEN, uneven_slopes, (0.2, 0.2))]),
     st.tuples(*[st.floats(-1.0, 0.9)] * 2),

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from law_bench import C1_NAMES, effects
 
@@ -41,7 +41,6 @@ def maps(draw: st.DrawFn) -> tuple[float, float, float]:
     return quadratic, cubic, u_max
 
 
-@settings(deadline=None)
 @given(maps(), st.floats(-1.0, 1.0))
 def test_the_input_map_of_the_inverse_is_the_virtual_command(admissible, share):
     theta5, theta6, u_max = admissible
@@ -51,7 +50,6 @@ def test_the_input_map_of_the_inverse_is_the_virtual_command(admissible, share):
     assert abs(mapped(u, theta5, theta6) - v) <= 1e-12 * max(1.0, u_max / 10)
 
 
-@settings(deadline=None)
 @given(maps(), st.lists(st.floats(-1.5, 1.5), min_size=2, max_size=30))
 def test_the_inverse_rises_with_the_virtual_command(admissible, shares):
     theta5, theta6, u_max = admissible
@@ -60,7 +58,6 @@ def test_the_inverse_rises_with_the_virtual_command(admissible, shares):
     assert all(later >= earlier - 1e-12 * u_max for earlier, later in pairwise(commands))
 
 
-@settings(deadline=None)
 @given(maps(), st.floats(1.0 + 1e-12, 1e6))
 def test_the_inverse_stands_at_the_limit_beyond_the_branch(admissible, share):
     theta5, theta6, u_max = admissible
@@ -70,20 +67,17 @@ def test_the_inverse_stands_at_the_limit_beyond_the_branch(admissible, share):
     assert inverse(math.inf, theta5, theta6, u_max) == u_max
 
 
-@settings(deadline=None)
 @given(st.floats(-50.0, 50.0))
 def test_the_inverse_is_odd_where_the_map_is(v):
     assert inverse(-v, -0.01, -0.001, 10.0) == -inverse(v, -0.01, -0.001, 10.0)
 
 
-@settings(deadline=None)
 @given(st.floats(-10.0, 10.0))
 def test_a_list_without_input_effects_commands_what_the_law_asks_for(v):
     theta = np.array([0.2, 0.2, 0.1, 0.0])
     assert invert(NONE.input_map, NONE.input_slope, v, 0.0, 0.0, 0.0, NO_MEMORY, theta, 10.0) == v
 
 
-@settings(deadline=None)
 @given(st.floats(10.0, 1e9))
 def test_a_list_without_input_effects_saturates(v):
     theta = np.array([0.2, 0.2, 0.1, 0.0])

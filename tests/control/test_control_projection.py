@@ -106,7 +106,7 @@ def assert_feasible(case: dict, point: np.ndarray) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(0, 2))
 def test_the_projection_is_the_nearest_feasible_point(seed, n, planes):
     case = random_case(np.random.default_rng(seed), n, planes)
@@ -117,7 +117,6 @@ def test_the_projection_is_the_nearest_feasible_point(seed, n, planes):
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 def test_a_half_plane_through_corners_of_the_box_is_kept(seed, depth):
     # Both lower bounds and the half-plane are violated: three normals in a plane of two.
@@ -135,7 +134,6 @@ def test_a_half_plane_through_corners_of_the_box_is_kept(seed, depth):
     assert np.abs(point - nearest(case)).max() <= 1e-8
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(0, 3))
 def test_an_estimate_inside_stays_where_it_is(seed, n, planes):
     case = random_case(np.random.default_rng(seed), n, planes)
@@ -146,7 +144,7 @@ def test_an_estimate_inside_stays_where_it_is(seed, n, planes):
     assert (states["theta"][0, :n] == case["inside"]).all()
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_projecting_twice_is_projecting_once(seed):
     case = random_case(np.random.default_rng(seed), 6, 1)
@@ -171,7 +169,7 @@ def test_the_projection_never_moves_away_from_any_admissible_truth(n, planes):
     assert clipping_worse > 20  # clipping each entry by itself has no such property
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.999, 0.99999, 0.9999999]))
 def test_nearly_collinear_parameters_are_projected(seed, correlation):
     # theta5 and theta6 as the estimator knows them after a while; the optimum in rationals.

@@ -104,7 +104,7 @@ def test_a_clock_that_was_set_back_makes_no_log_older_than_its_age_allows(
     assert remove_outdated(tmp_path, MACHINE, limits, written_s - 3600.0, lambda: MUCH) == []
 
 
-@trying(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@trying(max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 @given(steps=st.lists(st.integers(-10_000, 10_000), min_size=1, max_size=12))
 def test_however_the_clock_leaps_a_new_log_is_the_newest(
     tmp_path_factory: pytest.TempPathFactory, steps: list[int]

@@ -113,9 +113,7 @@ def test_an_input_map_that_is_not_monotonic_is_not_taken_up(path: Path, tmp_path
     assert "not monotonic up to 10 V (Assumption 2)" in remarks[1]
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.binary(max_size=300)
     | st.recursive(

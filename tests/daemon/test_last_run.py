@@ -126,9 +126,7 @@ def test_a_file_that_cannot_be_kept_hinders_nothing_and_is_told(
     assert len(run.end("")) == 1
 
 
-@settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.binary(max_size=200)
     | st.dictionaries(st.text(), st.text()).map(lambda it: json.dumps(it).encode())

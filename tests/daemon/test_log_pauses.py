@@ -77,7 +77,7 @@ def _ticks(first: int, last: int) -> np.ndarray:
     return ticks
 
 
-@trying(max_examples=40, deadline=None)
+@trying(max_examples=40)
 @given(
     spans=st.lists(st.tuples(st.booleans(), st.integers(1, 3000)), min_size=1, max_size=8),
     chunk=st.integers(1, 2500),

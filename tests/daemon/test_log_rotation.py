@@ -44,7 +44,7 @@ def bench() -> Iterator[Ring]:
         yield made
 
 
-@trying(max_examples=12, deadline=None)
+@trying(max_examples=12)
 @given(
     chunks=st.lists(st.integers(1, 3000), min_size=1, max_size=12),
     rate_hz=st.sampled_from([3.0, 7.0, 1000.0]),
@@ -208,7 +208,7 @@ def test_recording_stops_before_the_disk_is_full_and_goes_on_in_a_new_log(
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@trying(max_examples=12, deadline=None)
+@trying(max_examples=12)
 @given(
     steps=st.lists(st.tuples(st.integers(1, 2500), st.booleans()), min_size=2, max_size=12),
     size_mb=st.one_of(st.none(), st.just(1.0)),

@@ -95,7 +95,7 @@ def test_only_as_much_is_removed_as_the_disk_needs(tmp_path: Path) -> None:
     assert {each.reason for each in gone} == {"free space"}
 
 
-@trying(max_examples=40, deadline=None)
+@trying(max_examples=40)
 @given(sizes=st.lists(st.integers(1, 50), min_size=1, max_size=12), limit=st.integers(0, 300))
 def test_what_is_kept_is_the_youngest_without_a_gap_and_no_less_than_fits(
     tmp_path_factory, sizes: list[int], limit: int

@@ -61,7 +61,7 @@ def assert_prefix(path, count, rows):
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(share=st.floats(0, 1))
 def test_a_file_cut_at_any_byte_gives_every_whole_batch(tmp_path_factory, crashed, share):
     whole, rows = crashed
@@ -75,7 +75,7 @@ def test_a_file_cut_at_any_byte_gives_every_whole_batch(tmp_path_factory, crashe
         assert ROWS - done.rows <= BATCH * (lost // batch_bytes + 2)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(share=st.floats(0, 1), patch=st.binary(min_size=1, max_size=64))
 def test_bytes_that_changed_never_reach_the_log(tmp_path_factory, crashed, share, patch):
     whole, (ticks, samples) = crashed
@@ -93,7 +93,7 @@ def test_bytes_that_changed_never_reach_the_log(tmp_path_factory, crashed, share
     source.close()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(share=st.floats(0, 1), patch=st.binary(min_size=1, max_size=64))
 def test_a_damaged_file_is_recovered_or_refused_and_then_kept(
     tmp_path_factory, crashed, share, patch
@@ -142,7 +142,7 @@ def test_a_whole_file_is_recovered_whole_with_its_metadata(tmp_path, crashed):
     assert read_recording(done.path).sample_rate_hz == 1000.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.binary(max_size=400), head=st.sampled_from([b"", b"\xff\xff\xff\xff"]))
 def test_random_bytes_are_refused_or_hold_no_rows(tmp_path_factory, data, head):
     assert recovered(tmp_path_factory.mktemp("random"), head + data) is None

@@ -63,7 +63,7 @@ def test_append_copies_so_that_the_ring_may_be_overwritten(tmp_path):
     assert np.array_equal(column(writer.close({}), "x.position_m"), wanted)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(pieces=st.lists(st.integers(0, 9000), max_size=6), flushes=st.sets(st.integers(0, 5)))
 def test_the_same_rows_make_the_same_file_however_they_came(tmp_path_factory, pieces, flushes):
     folder = tmp_path_factory.mktemp("same")

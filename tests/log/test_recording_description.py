@@ -369,7 +369,7 @@ def test_yaml_that_is_no_description_is_refused(described, text):
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(text=st.text(max_size=200), at=st.floats(0, 1))
 def test_any_text_inserted_into_a_description_gives_no_traceback(tmp_path_factory, text, at):
     path = tmp_path_factory.getbasetemp() / "fuzz.yaml"

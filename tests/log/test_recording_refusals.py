@@ -149,7 +149,7 @@ def read_or_refuse(path):
     return str(path)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     data=st.binary(max_size=600),
     name=st.sampled_from(["a.csv", "a.parquet", "a.mat", "a.yaml", "a.bin"]),
@@ -181,7 +181,7 @@ def test_a_damage_that_would_end_the_process_in_scipy_is_refused_before(tmp_path
         read_recording(path)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     suffix=st.sampled_from(["csv", "parquet", "mat"]),
     share=st.floats(0, 1),

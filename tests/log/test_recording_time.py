@@ -15,7 +15,7 @@ def log_with(tmp_path, ticks, **metadata):
     return write_log(tmp_path / "a.parquet", make_rows(len(ticks), ticks=ticks), metadata)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(missing=st.sets(st.integers(1, 198), min_size=1, max_size=30))
 def test_short_gaps_are_filled_on_a_uniform_grid(tmp_path_factory, missing):
     kept = [k for k in range(200) if k not in missing]
@@ -99,7 +99,7 @@ def test_a_hole_is_filled_told_and_marked(tmp_path):
     assert "12 samples of 2000 were not recorded" in recording.notes[0]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000), apart=st.floats(0.3, 0.8))
 def test_uneven_samples_are_brought_to_their_mean_rate(tmp_path_factory, seed, apart):
     random = np.random.default_rng(seed)
@@ -156,7 +156,7 @@ def test_a_clock_that_alternates_while_the_motion_does_not_is_taken_as_uniform(t
     assert "position does not show" in recording.notes[0]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000), late=st.floats(0.1, 0.2))
 def test_stamps_that_are_late_move_no_sample_though_some_are_missing(tmp_path_factory, seed, late):
     random = np.random.default_rng(seed)

@@ -129,7 +129,7 @@ PLACES = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(places=PLACES, most=st.floats(0.1, 9.9), ks=st.floats(1.0, 1e4))
 def test_neither_motor_gets_more_than_its_limit_whatever_skew_and_law_ask_for(places, most, ks):
     skew = {"max_voltage_v": most, "ks_v_s_m": ks}

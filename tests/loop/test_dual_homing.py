@@ -130,7 +130,7 @@ def test_an_unsquared_beam_is_held_as_it_stands_and_may_not_run_a_program():
         assert rig.ask(Verb.STOP) is Reply.OK
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(askew_m=st.floats(-1.5e-3, 1.5e-3), ahead_m=st.floats(-1e-3, 1e-3), seed=st.integers(0, 99))
 def test_homing_squares_however_the_beam_stands_and_the_switches_lie(askew_m, ahead_m, seed):
     plants = {

@@ -33,7 +33,7 @@ def check_braking(rig: Rig, rows: np.ndarray, axis: str) -> None:
     assert np.abs(a).max(initial=0.0) <= limits.max_acceleration_m_s2 * (1 + 1e-9)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.floats(0.0, 0.6))
 def test_a_fast_move_to_the_end_of_travel_can_be_stopped_at_any_moment(seconds: float) -> None:
     with Rig(with_sim(gantry())) as rig:
@@ -43,7 +43,7 @@ def test_a_fast_move_to_the_end_of_travel_can_be_stopped_at_any_moment(seconds: 
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.floats(0.0, 3.5), st.sampled_from(["x", "y"]))
 def test_the_published_motion_can_be_stopped_at_any_moment(seconds: float, axis: str) -> None:
     with Rig(with_sim(gantry(), preset="published_gantry")) as rig:

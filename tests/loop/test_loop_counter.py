@@ -26,7 +26,7 @@ def still(machine=None, **encoder) -> Rig:
     return rig
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.integers(8, 28),
     st.booleans(),

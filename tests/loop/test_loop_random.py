@@ -54,7 +54,7 @@ def assert_sound(hand: Hand, numbers: list[int]) -> None:
     assert all(isinstance(hand.memory.reply(number), Reply) for number in numbers)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(actions, min_size=1, max_size=40))
 def test_no_sequence_of_events_leaves_the_safe_ground(sequence):
     with Hand(machine()) as hand:

@@ -28,7 +28,7 @@ def stopped_on_the_way(after_s: float, **limits) -> tuple[np.ndarray, int, Rig]:
     return rows, int(np.argmax(rows["state"] == AxisState.STOPPING)), rig
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(0.005, 0.42))
 def test_a_stop_ramps_down_within_its_limits_and_ends_off(after_s):
     acceleration, jerk = 10.0, 1000.0

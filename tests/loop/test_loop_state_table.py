@@ -108,7 +108,7 @@ def check_tick(
         assert walk.driver.enable[0] or walk.driver.volts[0] == 0.0
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.sampled_from(State), st.lists(happenings, min_size=1, max_size=30))
 def test_whatever_comes_the_axis_walks_along_the_table(
     first: State, walked: list[tuple[str, object]]
@@ -138,7 +138,7 @@ def test_whatever_comes_the_axis_walks_along_the_table(
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.sampled_from(State), st.lists(happenings, min_size=1, max_size=30))
 def test_on_many_more_ways_the_axis_walks_along_the_table(
     first: State, walked: list[tuple[str, object]]

@@ -98,7 +98,7 @@ def test_the_push_is_that_of_the_two_bodies_equations():
     assert np.sqrt(np.mean((found - expected) ** 2)) < 0.15 * rms
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     seed=st.integers(0, 1000),
     gap_m=st.floats(1e-9, 1.0),

@@ -75,7 +75,7 @@ def test_the_analysis_tries_the_columns_that_the_loop_runs_whatever_is_beside(to
 
 
 @pytest.mark.parametrize("effect", each(INPUTS))
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     u=st.floats(-10.0, 10.0),
     x=st.floats(-0.5, 0.5),
@@ -93,7 +93,6 @@ def test_the_slope_of_an_input_effect_is_the_derivative_of_its_map(effect, u, x,
 
 
 @pytest.mark.parametrize("effect", each(ODD))
-@settings(deadline=None)
 @given(u=st.floats(-10.0, 10.0))
 def test_an_input_effect_that_says_it_is_odd_is_odd(effect, u):
     kernels = EffectList([effect]).kernels
@@ -161,7 +160,6 @@ def test_friction_is_nothing_at_rest_however_steep_it_is():
     assert np.allclose(slow[0], [-1.0, 1.0, 0.0, -0.1])
 
 
-@settings(deadline=None)
 @given(x=st.floats(-2.0, 2.0), count=st.integers(4, 48))
 def test_all_splines_together_are_one_wherever_the_carriage_is(x, count):
     low, high = -0.3, 0.4

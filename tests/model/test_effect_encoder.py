@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from effect_forms import form
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -13,7 +13,6 @@ from motorctl.model import EffectList
 from motorctl.model.effects.encoder_error import correct
 
 
-@settings(deadline=None)
 @given(
     position_m=st.floats(-2.0, 2.0),
     period_m=st.floats(1e-6, 1e-3),

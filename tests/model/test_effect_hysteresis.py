@@ -34,7 +34,7 @@ def turning(seed: int, n: int = 300) -> np.ndarray:
     return np.cumsum(np.random.default_rng(seed).normal(size=n)) * 0.2
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 10_000),
     play_v=st.floats(1e-3, 10.0),
@@ -64,7 +64,7 @@ def test_a_command_that_swings_encloses_the_area_of_its_loop():
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10_000), u=st.floats(-5.0, 5.0))
 def test_after_any_past_the_command_can_be_inverted(seed, u):
     effects = EffectList([form("drive_hysteresis", play_v=PLAY_V, plays=3)])

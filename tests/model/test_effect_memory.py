@@ -47,7 +47,7 @@ def test_a_reversal_follows_dahls_loop():
     assert np.allclose(h[40:], -1.0 + (turned + 1.0) * np.exp(-(200e-6 - back) / XS), atol=1e-9)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, 10_000), st.integers(1, 40), st.floats(1e-7, 1e-3))
 def test_presliding_depends_on_the_path_and_not_on_its_sampling(seed, finer, displacement_m):
     rng = np.random.default_rng(seed)
@@ -107,7 +107,7 @@ def test_a_flexible_mode_answers_a_sine_with_its_transfer_function(frequency_hz)
     assert np.allclose(response[40_000:], settled[40_000:], atol=tolerance)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     st.floats(1e-5, 0.2),
     st.floats(1.0, 400.0),

@@ -11,19 +11,6 @@ from tiers import few_of
 from motorctl.errors import UsageError
 from motorctl.model import EffectList, effect_class, known_effects
 
-NAMES = {
-    "inertia", "viscous_friction", "coulomb_friction", "offset", "em_quadratic", "em_cubic",
-    "cogging", "force_ripple", "stribeck", "asymmetric_friction", "presliding",
-    "position_dependent_friction", "position_force", "quadratic_drag", "input_lag", "input_delay",
-    "dead_zone", "gain_drift", "payload_change", "cross_axis", "flexible_mode", "encoder_error",
-    "periodic_disturbance", "gravity", "hard_stop", "load_friction", "warming_friction",
-    "backlash", "drive_hysteresis", "voltage_clipping",
-}  # fmt: skip
-
-
-def test_the_effects_of_the_contract_are_known():
-    assert set(known_effects()) >= NAMES
-
 
 def test_every_effect_has_its_formula_written_once_more_by_another_hand():
     # the map is a spline for what has no name: it is no cause that could be named

@@ -44,7 +44,7 @@ any_spans = st.builds(
 
 
 @pytest.mark.parametrize("name", SOUGHT)
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(spans=any_spans)
 def test_any_recording_gives_forms_steps_and_richer_forms(name, spans):
     cls = known_effects()[name]

@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from law_bench import C1_NAMES, C2_NAMES, effects
 from own_saturation import OwnSaturation
@@ -52,7 +52,6 @@ def test_the_regressor_follows_the_order_of_the_list():
     assert len(MIXED) == 6
 
 
-@settings(deadline=None)
 @given(st.sampled_from([C2, MIXED]), st.integers(0, 1000), st.integers(0, 1000))
 def test_the_command_that_solves_the_model_gives_the_regressor_times_theta(model, seed, other):
     # u = psi theta is v(u) = the feedforward, whatever the list.
@@ -65,7 +64,6 @@ def test_the_command_that_solves_the_model_gives_the_regressor_times_theta(model
     assert psi @ theta == pytest.approx(feedforward - lhs, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(st.sampled_from([C2, MIXED]), moderate, st.integers(0, 1000))
 def test_the_slope_is_the_derivative_of_the_input_map(model, u, seed):
     theta = np.random.default_rng(seed).normal(size=len(model)) * 0.01

@@ -50,7 +50,7 @@ def jerk_vectors(circle):
     turns=st.floats(0.01, 3) | st.floats(-3, -0.01),
     start=st.floats(-7, 7),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_circle_stays_round_and_keeps_its_limits_on_the_path(
     radius, speed, acceleration_room, jerk_room, turns, start
 ):

@@ -136,7 +136,7 @@ ramps = {
 
 
 @given(**ramps)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_the_ramp_takes_the_time_and_the_way_that_ruckig_plans(
     v, share, target, acceleration, jerk
 ):
@@ -155,7 +155,7 @@ def test_the_ramp_takes_the_time_and_the_way_that_ruckig_plans(
 
 
 @given(**ramps)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_the_ramp_never_leaves_its_limits_nor_chatters(v, share, target, acceleration, jerk):
     a = share * acceleration
     states, _ = ramp_down(v, a, target, acceleration, jerk)
@@ -174,7 +174,7 @@ def test_the_ramp_never_leaves_its_limits_nor_chatters(v, share, target, acceler
 
 
 @given(st.floats(-2, 2), st.floats(0.5, 50), st.floats(20, 5e4))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_stop_from_steady_motion_neither_turns_back_nor_overshoots(v, acceleration, jerk):
     states, way = ramp_down(v, 0.0, 0.0, acceleration, jerk)
     speed = states[:, 0] * math.copysign(1, v)

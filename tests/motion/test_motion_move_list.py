@@ -76,7 +76,7 @@ limits = st.tuples(st.floats(1e-3, 2), st.floats(0.05, 40), st.floats(1, 5000))
 
 
 @given(targets, st.lists(st.tuples(targets, limits, st.floats(0, 1)), min_size=1, max_size=8))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_any_list_is_continuous_keeps_its_limits_and_ends_at_the_last_target(start, wishes):
     program = listed(*(move(x, *bounds, dwell) for x, bounds, dwell in wishes), start=start)
     trajectory = program.trajectories()["x"]

@@ -20,7 +20,7 @@ times = st.floats(1e-4, 0.2)
 
 
 @given(positions, positions, velocities, accelerations, jerks)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_a_move_keeps_its_limits_and_ends_exactly(start, target, velocity, acceleration, jerk):
     move = point_to_point(start, target, velocity, acceleration, jerk)
     assert move.start_m == pytest.approx(start, rel=0, abs=1e-12)
@@ -47,7 +47,7 @@ def test_a_tiny_move_takes_the_time_of_four_jerk_phases():
 
 
 @given(st.tuples(st.floats(-11, 3), st.floats(-5, 2), st.floats(-4, 4), st.floats(-1, 8)))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_move_can_be_planned_over_any_distance_and_with_any_limits(exponents):
     distance, velocity, acceleration, jerk = (10.0**exponent for exponent in exponents)
     move = point_to_point(0.0, distance, velocity, acceleration, jerk)
@@ -83,7 +83,7 @@ def test_a_point_to_point_program_is_one_move():
 
 @pytest.mark.slow
 @given(positions, st.floats(-1, 1), velocities, accelerations, times)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_a_smoothed_trapezoid_keeps_its_limits_and_ends_exactly(
     start, distance, velocity, acceleration, jerk_time
 ):

@@ -49,7 +49,7 @@ def test_the_curve_passes_through_every_point_and_follows_the_motion_between(tmp
 
 @given(st.lists(st.tuples(st.floats(1e-3, 1), st.floats(-1, 1)), min_size=2, max_size=40))
 @example([(0.5, 0.0), (0.125, 0.0), *[(1.0, 0.0)] * 2, *[(2**-9, float(k == 1)) for k in range(3)]])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_points_between_two_dwells_give_a_continuous_motion(tmp_path_factory, steps):
     gaps, inner = zip(*steps, strict=True)
     x = [inner[0], inner[0], *inner, inner[-1], inner[-1]]

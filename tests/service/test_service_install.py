@@ -126,7 +126,7 @@ NAMES = st.lists(st.sampled_from(["left", "right", "a-b", "a.b"]), min_size=1, u
 
 
 @pytest.mark.slow
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(names=NAMES, again=st.integers(0, 3), removed=st.randoms(use_true_random=False))
 def test_installing_twice_changes_nothing_and_removing_all_restores_the_tree(
     tmp_path_factory: pytest.TempPathFactory, names: list[str], again: int, removed: object

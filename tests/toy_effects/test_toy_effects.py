@@ -99,7 +99,7 @@ def test_fit_finds_the_parameters_of_a_declared_toy(installed, recorded, toy, tm
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("toy", few_of(TOYS, 2))
+@pytest.mark.parametrize("toy", TOYS)
 def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up(
     installed, recorded, toy, tmp_path
 ):

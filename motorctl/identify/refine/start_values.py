@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from motorctl.config.machine import Estimate
 from motorctl.identify.columns.signals import Signals
-from motorctl.model import Effect, EffectList, Parameter
+from motorctl.model import Effect, EffectList, Parameter, wave_end
 
 Array = NDArray[np.float64]
 
@@ -94,11 +94,11 @@ def amplitudes(model: EffectList, theta: Array) -> Array:
         own = np.abs(theta[first : first + len(parameters)])
         first += len(parameters)
         for k, parameter in enumerate(parameters):
-            order = _order(parameter.name)
+            order = wave_end(parameter.name)
             alike = [
                 i
                 for i, other in enumerate(parameters)
-                if other.unit == parameter.unit and _order(other.name) == order
+                if other.unit == parameter.unit and wave_end(other.name) == order
             ]
             waves = order is not None and len(alike) == 2
             if waves or effect.is_spline:
@@ -164,11 +164,3 @@ def _option(value: object) -> object:
 
 def _rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=-1)))
-
-
-def _order(name: str) -> str | None:
-    """Return what follows sin or cos in a parameter's name."""
-    for wave in ("sin", "cos"):
-        if name.startswith(wave):
-            return name.removeprefix(wave)
-    return None

@@ -73,10 +73,9 @@ class Presliding(Effect):
         """1/x_s [1/m], slope of Sf [s/m]."""
         return 1.0 / self.options.displacement_m, *self.options.sign.constants
 
-    @property
-    def yields_m(self) -> float:
-        """x_s."""
-        return self.options.displacement_m
+    def way_of_rise_m(self, low: float, high: float) -> float:
+        """Return the way of an exponential approach: x_s ln((1 - low) / (1 - high))."""
+        return self.options.displacement_m * math.log((1.0 - low) / (1.0 - high))
 
     @property
     def picture(self) -> Picture:

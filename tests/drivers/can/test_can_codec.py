@@ -117,7 +117,7 @@ def whole(value, bits, signed):
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layouts(), st.booleans(), st.data())
 def test_what_cantools_encodes_is_read_and_what_is_written_cantools_decodes(layout, dbc, data):
     command, state, counter = layout

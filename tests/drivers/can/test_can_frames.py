@@ -397,7 +397,7 @@ def test_opening_again_starts_afresh():
         assert bench.read() == ([4, 4], [0, 0])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from(["send", "lose", "repeat", "late", "cut", "read"]), max_size=40))
 def test_no_wrong_count_is_accepted_whatever_the_bus_does(deeds):
     """The true count is the sequence number; what is read is always one that was sent, newest."""

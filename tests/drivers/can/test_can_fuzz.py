@@ -141,7 +141,7 @@ DEEDS = st.tuples(st.sampled_from(["send", "lose", "send again"]), st.integers(1
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(4, 12), st.sampled_from([kernels.FREE, kernels.AFTER_SYNC]), st.lists(DEEDS))
 def test_samples_that_come_again_are_never_taken_for_new_ones(width, phase, deeds):
     """Whatever was lost before: the last 17 may come again, or late, in their order."""

@@ -4,7 +4,7 @@ import math
 import struct
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from modbus_bench import channels, crc, options, rtu_frame, taken_apart, tcp_frame
 from pymodbus.framer import FramerRTU, FramerSocket
@@ -42,7 +42,6 @@ def test_the_checksum_is_that_of_the_specification_and_of_pymodbus(data):
 volts = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(volts, st.integers(0, 1)), min_size=2, max_size=2),
     st.integers(0, 65535),
@@ -73,7 +72,6 @@ def test_pymodbus_reads_every_request_as_it_was_meant(commands, sequence, unit, 
     assert request.write_registers[2:] == [enables, sequence]
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(0, 65535), min_size=5, max_size=5), st.integers(1, 247), st.booleans())
 def test_every_reply_that_pymodbus_makes_is_taken_whole(registers, unit, rtu):
     _, inputs, exchange = parts_of(options(unit=unit, **({"rtu": RTU} if rtu else {})), rtu=rtu)
@@ -112,7 +110,6 @@ def test_requests_are_those_of_the_specification_byte_by_byte():
 WIDTHS = {16: "h", 32: "i", 64: "q"}
 
 
-@settings(deadline=None)
 @given(st.data(), st.sampled_from([16, 32, 64]), st.booleans(), st.booleans())
 def test_counts_of_every_width_sign_and_word_order_are_read_back(data, bits, signed, high_first):
     value = data.draw(st.integers(-(1 << (bits - 1)), (1 << (bits - 1)) - 1))

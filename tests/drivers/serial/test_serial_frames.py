@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numba import njit
 from serial_bench import framed, slow_cobs, slow_uncobs, state_body
@@ -50,21 +50,18 @@ def take(rx, wire):
     return News(receiver.take(rx, array(wire), len(wire)))
 
 
-@settings(deadline=None)  # the first one loads what is compiled
 @given(FRAMES)
 def test_cobs_is_what_the_paper_says(data):
     assert encode(data) == slow_cobs(data)
     assert 0 not in encode(data)
 
 
-@settings(deadline=None)
 @given(FRAMES)
 def test_cobs_gives_back_what_was_coded(data):
     assert decode(encode(data)) == data
     assert slow_uncobs(encode(data)) == data
 
 
-@settings(deadline=None)
 @given(st.binary(min_size=1, max_size=40))
 def test_bytes_that_are_no_cobs_are_refused(coded):
     decoded = decode(coded)
@@ -86,19 +83,16 @@ def test_the_crc_has_its_check_value():
     assert frames.crc16(array(b"123456789"), 9) == 0x29B1
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_the_crc_is_the_one_of_binascii(data):
     assert frames.crc16(array(data), len(data)) == binascii.crc_hqx(data, 0xFFFF)
 
 
-@settings(deadline=None)
 @given(st.binary(min_size=2, max_size=frames.LONGEST_BODY))
 def test_a_frame_is_cobs_of_body_and_crc_and_a_zero(body):
     assert frames.frame_of(body) == framed(body)
 
 
-@settings(deadline=None)
 @given(
     st.floats(allow_nan=True, allow_infinity=True),
     st.integers(0, 3),
@@ -141,7 +135,6 @@ def test_one_or_two_wrong_bits_are_never_accepted(body):
         assert rx["counts"][0, :2].tolist() == [41, 42]
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_three_wrong_bits_beside_the_codes_are_never_accepted(data):
     counts = data.draw(st.lists(st.integers(-(2**31), 2**31 - 1), min_size=2, max_size=2))
@@ -161,7 +154,6 @@ def test_three_wrong_bits_beside_the_codes_are_never_accepted(data):
     assert rx["counts"][0, :2].tolist() == [11, -12]
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=700), st.lists(st.integers(1, 40), min_size=1, max_size=8))
 def test_after_any_garbage_the_frame_behind_the_next_zero_is_taken(garbage, cuts):
     rx = session()
@@ -176,7 +168,6 @@ def test_after_any_garbage_the_frame_behind_the_next_zero_is_taken(garbage, cuts
     assert rx["counts"][0, :2].tolist() == [11, -12]
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=20))
 def test_a_frame_may_come_in_any_pieces(cuts):
     rx, at, news = session(), 0, News(0)
@@ -214,7 +205,6 @@ def test_after_a_break_of_half_a_round_the_second_frame_is_taken():
     assert take(rx, framed(state_body(201, 201, [3, 3]))) == News.FRESH
 
 
-@settings(deadline=None)
 @given(st.integers(1, 10**6), st.integers(1, 100))
 def test_after_any_silence_the_second_frame_of_a_stream_is_taken(missed, stride):
     assume((missed + 1) % 256)  # then the first one passes for a repetition
@@ -236,7 +226,6 @@ def test_a_frame_from_long_ago_is_not_taken_and_two_that_do_not_follow_each_othe
     assert rx["counts"][0, :2].tolist() == [5, 5]
 
 
-@settings(deadline=None)
 @given(st.integers(0, 255), st.integers(0, 65535), st.integers(1, 127))
 def test_sequence_and_sample_go_round(sequence, sample, step):
     rx = session()

@@ -22,7 +22,7 @@ def test_the_thrust_curve_saturates_where_the_straight_line_goes_on():
     assert 570.0 < thrust_n[9.0] < thrust_n[10.0] < 700.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(u=st.floats(-10, 10), theta5=st.floats(-0.02, 0.02), theta6=st.floats(-1e-3, 1e-3))
 def test_thrust_is_the_cubic_of_the_command(u, theta5, theta6):
     force = force_at(0.0, 0.0, u, em_quadratic_1_v=theta5, em_cubic_1_v2=theta6)
@@ -47,7 +47,7 @@ def test_a_disabled_amplifier_gives_no_thrust_whatever_the_command():
     assert motion.position_m[-1, 1] == 0.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(u=st.floats(-9.9, 9.9), bits=st.sampled_from([8, 12, 16]))
 def test_the_converter_rounds_to_its_steps(u, bits):
     step = 20.0 / 2**bits
@@ -56,7 +56,7 @@ def test_the_converter_rounds_to_its_steps(u, bits):
     assert force / step == pytest.approx(round(force / step), abs=1e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(u=st.floats(-3, 3))
 def test_the_dead_zone_takes_a_clip_of_the_command_away(u):
     force = force_at(0.0, 0.0, u, dead_zone={"half_width_v": 0.4})
@@ -78,7 +78,7 @@ def test_behind_the_lag_the_velocity_is_the_exact_integral_of_the_thrust():
     assert motion.velocity_m_s[:, 0] == pytest.approx(exact, abs=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(delay_s=st.floats(1e-7, 9.9e-3), period_s=st.sampled_from([1e-4, PERIOD_S, 1e-3]))
 def test_any_fraction_of_a_period_of_delay_is_exact(delay_s, period_s):
     motion = Bench(bare(input_delay={"time_s": delay_s}), period_s=period_s).run(2.0, 120)
@@ -108,7 +108,7 @@ def test_heat_lets_the_thrust_fade_to_its_final_fraction():
     assert motion.acceleration_m_s2[1:, 0] == pytest.approx(exact, rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(x=st.floats(-0.2, 0.2), u=st.floats(-8, 8))
 def test_ripple_changes_the_thrust_in_proportion(x, u):
     harmonics = [

@@ -19,14 +19,14 @@ def count_at(x, resolution_m=0.5e-6, counter_bits=32, **plant):
     return int(bench.inputs.counts[0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(x=st.floats(-9.0, 9.0), resolution_m=st.sampled_from([1e-9, 0.5e-6, 1e-3]))
 def test_the_count_is_the_position_in_nearest_steps(x, resolution_m):
     count = count_at(x, resolution_m, 64)
     assert abs(count * resolution_m - x) <= 0.5 * resolution_m + 1e-15
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(x=st.floats(-9.0, 9.0), bits=st.integers(8, 32))
 def test_a_narrow_counter_wraps_in_twos_complement(x, bits):
     full, wrapped = count_at(x, counter_bits=64), count_at(x, counter_bits=bits)
@@ -55,7 +55,7 @@ def test_an_incremental_encoder_starts_at_zero_and_a_reversed_one_counts_down():
     assert motion.counts[-1, 0] == pytest.approx(-way / 0.5e-6, abs=1)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(x=st.floats(-0.1, 0.1))
 def test_an_interpolation_error_is_in_the_measurement_only(x):
     error = {"amplitude_m": 0.3e-6, "period_m": 20e-6, "phase_rad": 0.2}

@@ -88,7 +88,7 @@ FORMULAS = {
 
 
 @pytest.mark.parametrize("name", FORMULAS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(x=st.floats(-0.4, 0.4), v=st.floats(-1.0, 1.0))
 def test_an_effect_adds_the_force_of_its_formula(name, x, v):
     options, formula = FORMULAS[name]
@@ -98,7 +98,7 @@ def test_an_effect_adds_the_force_of_its_formula(name, x, v):
     assert added == pytest.approx(formula(x, v), abs=2e-7)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(v=st.floats(-1.0, 1.0))
 def test_the_declared_friction_is_viscous_plus_smooth_coulomb(v):
     force = force_at(0.0, v, viscous_friction_v_s_m=0.3, coulomb_friction_v=COULOMB)

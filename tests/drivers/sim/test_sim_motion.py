@@ -19,7 +19,7 @@ def test_constant_thrust_gives_constant_acceleration_exactly():
     assert motion.velocity_m_s[:, 0] == pytest.approx(3.0 / THETA1 * t, rel=1e-11)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(viscous=st.floats(0.01, 5.0), v0=st.floats(-2.0, 2.0))
 def test_a_carriage_left_alone_decays_exponentially_under_viscous_friction(viscous, v0):
     bench = Bench(bare(viscous_friction_v_s_m=viscous, initial_velocity_m_s=v0))

@@ -56,7 +56,7 @@ def test_a_sine_has_its_analytic_measures():
     assert found.uM_V == 7.5
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(at=st.integers(0, 9999), size=st.floats(1e-6, 1e-3), sign=st.sampled_from([-1, 1]))
 def test_a_peak_counts_for_ef_only_within_the_last_two_periods(at, size, sign):
     error = np.zeros(10_000)
@@ -155,7 +155,7 @@ def test_a_foreign_configuration_in_the_metadata_does_no_harm(config):
     assert measure_axis(recording(np.zeros(10_000), config=config), "x").period_s is not None
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(period=st.floats(0.3, 4.0), cycles=st.floats(2.2, 12.0), distance=st.floats(1e-4, 1.0))
 def test_the_period_is_found_in_a_reference_that_repeats(period, cycles, distance):
     time_s = np.arange(0.0, period * cycles, 1e-3)

@@ -50,7 +50,7 @@ def acting(command, path):
     return out
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.integers(0, 2 * FINE),
     st.sampled_from([0.0, 0.05, 0.3, 1.0, 4.0]),
@@ -74,7 +74,7 @@ def test_a_held_command_is_aligned_with_the_second_difference(late, lag, seed):
         assert got[k] == pytest.approx(expected, abs=2e-4)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 29), st.floats(0.3, 3.0), st.floats(1e-4, 1e-2), st.integers(0, 100))
 def test_one_rare_event_is_known_in_the_rows_held_out_where_its_size_is_usual(k, b, noise, seed):
     """A limit is met in one block alone; filters smear a thousandth of that into the next."""
@@ -197,7 +197,7 @@ def test_standard_errors_tell_how_far_parameters_scatter():
     assert 0.3 < np.sqrt(np.mean(off**2)) < 2.0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(1, 5), st.integers(90, 400))
 def test_held_out_residuals_are_those_of_explicit_refits(seed, p, m):
     random = np.random.default_rng(seed)

@@ -107,7 +107,7 @@ def test_of_forms_that_take_the_same_the_one_with_least_freedom_leads(arm):
 
 
 @given(held=st.sets(st.sampled_from(["force", "micro_damping"]), max_size=2))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_what_is_held_at_zero_is_not_fitted(held):
     run = simulate(duration_s=4.0, theta=(0.2, 0.25, 0.14, 0.01, 0.0, 0.0))
     signals = make_signals(run.measured(), slope_s_m=900.0)

@@ -45,7 +45,7 @@ def late(name, time_s):
 
 @pytest.mark.parametrize("side", SIDES)
 @given(name=st.sampled_from(["input_lag", "input_delay"]), time_s=st.floats(1e-4, 0.05))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_no_lag_or_delay_changes_what_has_to_be_explained(signals, side, name, time_s):
     plain, delayed = hypothesis(signals, side), hypothesis(signals, side, late(name, time_s))
     assert np.array_equal(plain.problem.columns[:, -1], delayed.problem.columns[:, -1])
@@ -104,7 +104,8 @@ def test_the_simulated_position_is_that_of_the_second_recording():
     )
 
 
-def test_a_supply_that_would_take_more_than_all_is_refuted():
+def twice_the_excess_is_lost():
+    """Return a recording whose supply loses more than all there is above a limit, and its form."""
     plain = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(seed=4, duration_s=10.0)
     limit = 1.05 * float(np.abs(plain.command).max())
     # every other second, what pushes forward is recorded as what twice the excess would leave of it
@@ -112,10 +113,23 @@ def test_a_supply_that_would_take_more_than_all_is_refuted():
     command = np.where(mirrored, 2.0 * limit - plain.command, plain.command)
     signals = make_signals(replace(plain, command=command), slope_s_m=900.0)
     form = make_effect(effect_class("voltage_clipping"), {"limit_v": limit, "no_load_m_s": 1e6})
+    return signals, form
+
+
+def test_a_supply_that_would_take_more_than_all_is_refuted():
+    signals, form = twice_the_excess_is_lost()
     kept, why = without_refuted(outcome(signals, form))
     assert not kept.final.added
     assert "and no more than all of it, 1, can be lost" in why[0]
     assert float(why[0].partition("would be ")[2].split(",")[0]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_number_that_its_effect_allows_above_one_is_no_part_of_a_whole(monkeypatch):
+    module = effect_class("voltage_clipping").__module__
+    monkeypatch.setattr(f"{module}.LARGEST_SHARE", 10.0)
+    signals, form = twice_the_excess_is_lost()
+    assert form.parameters[0].upper == 10.0
+    assert not any("no more than all" in why for why in without_refuted(outcome(signals, form))[1])
 
 
 def test_friction_that_is_lower_at_low_speed_is_refuted_as_stribeck():

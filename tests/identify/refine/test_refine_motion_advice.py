@@ -35,7 +35,7 @@ def as_program(keys, folder):
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     effects=st.lists(st.sampled_from(sorted(known_effects())), max_size=4),
     low=st.floats(-5.0, 5.0),

@@ -123,7 +123,7 @@ def paths_in(tree, path=()):
             yield from paths_in(value, (*path, key))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(tree=TREES, flow=st.sampled_from([None, True, False]), data=st.data())
 def test_changes_mean_what_they_say_in_any_style(tree, flow, data):
     text = yaml.safe_dump(tree, default_flow_style=flow, sort_keys=False)

@@ -90,7 +90,9 @@ def _write_gantry(name: str, bus: str, driver: dict[str, Any], device: dict[str,
     driver["late"] = {"hold_ticks": RATE_HZ, "predict": True}
     machine = loop_config.config(driver) | {"name": name, "rate_hz": RATE_HZ}
     # no emulated processor wakes up that exactly, and the supervisor waits for it, too
-    machine["loop"] |= {"spin_s": 0.0, "supervisor_timeout_s": 2.0}
+    # beside the others, the third gantry's has least of all
+    timeout_s = 10.0 if name == DRIVES else 2.0
+    machine["loop"] |= {"spin_s": 0.0, "supervisor_timeout_s": timeout_s}
     for axis in machine["axes"].values():
         axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
         axis["encoder"]["counter_bits"] = device["channels"][0]["counter_bits"]
@@ -197,7 +199,7 @@ class Service:
         try:
             self.ask("move", axis="x", position_m=position_m, velocity_m_s=velocity_m_s)
         except RuntimeError as error:
-            if "try again" in str(error):
+            if "try again" in str(error) or "did not answer within" in str(error):
                 return False
             raise
         return True

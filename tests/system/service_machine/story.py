@@ -205,10 +205,11 @@ def canopen() -> str:
         told = [line for line in said.splitlines() if "(axis x) was in Fault and was reset" in line]
         assert len(told) == 1, said
         drives.begin_to_move()
-    finally:  # what it left would slow down all that comes after
+        shell(f"systemctl stop {drives.unit}")
+        assert drives.show("Result") == "success"
+    finally:  # what it left would slow down all that comes after, and be found at the end
         shell(f"systemctl stop {drives.unit} device@{drives.bus}")
-    assert drives.show("Result") == "success"
-    shell(f"{MOTORCTL} service remove {DRIVES}")
+        shell(f"{MOTORCTL} service remove {DRIVES}")
     assert LEFT.ready()
     return f"{state}; anew in {took:.1f} s: {told[0]}"
 

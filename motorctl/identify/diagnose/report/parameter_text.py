@@ -11,7 +11,7 @@ from motorctl.identify.columns.measured import Array, Measured
 from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, UnknownStructure
 from motorctl.json_values import finite
 from motorctl.log.units import unit_for
-from motorctl.model import Effect, EffectList, Parameter
+from motorctl.model import Effect, EffectList, Parameter, wave_end
 from motorctl.model.option_units import option_unit
 
 _PREFIXES = {
@@ -184,10 +184,10 @@ def _amplitudes(values: Mapping[str, Value]) -> dict[str, Value]:
     """Turn pairs such as sin_3 and cos_3 into amplitude_3 and phase_3_rad."""
     found = {}
     for name, sine in values.items():
-        cosine = values.get(f"cos{name[3:]}")
-        if not name.startswith("sin") or cosine is None:
+        end = wave_end(name)
+        cosine = values.get(f"cos{end}")
+        if end is None or not name.startswith("sin") or cosine is None:
             continue
-        end = name[3:]
         size = math.hypot(sine.value, cosine.value)
         # error propagation: along the phasor for the amplitude, across it for the phase
         along = math.hypot(sine.value * sine.std_error, cosine.value * cosine.std_error)

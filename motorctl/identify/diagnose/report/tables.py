@@ -21,7 +21,7 @@ from motorctl.identify.diagnose.report.parameter_text import (
     whole_model_values,
 )
 from motorctl.identify.diagnose.result import AxisDiagnosis
-from motorctl.model import Effect
+from motorctl.model import Effect, wave_end
 from motorctl.model.sign_function import SlopeOptions
 
 NO_VALUE = "–"
@@ -117,7 +117,7 @@ def effect_rows(data: Measured, effect: Effect, values: Mapping[str, Value]) -> 
     shown = {
         name: value
         for name, value in values.items()
-        if not (name[:3] in ("sin", "cos") and f"amplitude{name[3:]}" in values)
+        if (end := wave_end(name)) is None or f"amplitude{end}" not in values
     }
     rows: Rows = []
     for name, value in shown.items():

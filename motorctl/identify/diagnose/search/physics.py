@@ -55,7 +55,8 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                     f"{effect.name} is refuted: {name} would be {value:.3g} {parameter.unit}, and "
                     "less than 0 makes no physical sense"
                 )
-            if parameter.unit == "1" and value - SURELY * sigma > WHOLE:
+            part = parameter.unit == "1" and parameter.upper <= 1.0
+            if part and value - SURELY * sigma > WHOLE:
                 return own, (
                     f"{effect.name} is refuted: {effect.full_name(parameter)} would be "
                     f"{value:.3g}, and no more than all of it, 1, can be lost"

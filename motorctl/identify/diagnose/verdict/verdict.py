@@ -114,7 +114,6 @@ class Judged:
     """The smooth function that says what unknown structure depends on."""
     explainable: float
     """Squared residual of the declared model above the noise."""
-    named_share: float
     rival_share: float
     coloured: float
     bursts: float
@@ -196,8 +195,8 @@ def judge(found: Found, clean: Leftover = NONE_LEFT) -> Judged:
             by = by if share > STRUCTURE else None
             alone = replace(found, final=found.base)
             colour, lumps = low_frequency_excess(alone), bursts(alone)
-            return Judged(verdict, kept, by, explainable, named_share, share, colour, lumps)
-        return Judged(verdict, kept, by, explainable, named_share, share, coloured, bursting)
+            return Judged(verdict, kept, by, explainable, share, colour, lumps)
+        return Judged(verdict, kept, by, explainable, share, coloured, bursting)
 
     if not names:
         if structured:

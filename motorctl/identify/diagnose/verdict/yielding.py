@@ -8,7 +8,6 @@ it. What the filters add to that way, where an axis turns round quickly, speaks 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -32,9 +31,9 @@ smaller takes what comes after the breakaway for yielding. Chosen by hand."""
 LONGEST_S = 0.5
 """Longest time of a rise [s]. Larger adds creep and drift, smaller misses slow controllers. Chosen
 by hand."""
-MOST_WAY = 10.0
-"""Way of a rise, in displacements of the effect, beyond which the axis was sliding. Larger counts
-forces that vary in motion, smaller leaves out softer machines. Chosen by hand."""
+MOST_WAY = 6.5
+"""Way of a rise, over that which the effect would give it, beyond which the axis was sliding.
+Larger counts forces that vary in motion, smaller leaves out softer machines. Chosen by hand."""
 FEWEST_RISES = 3
 """Slow rises from which it is judged. More judges few recordings, fewer judges by one event. Chosen
 by hand."""
@@ -60,7 +59,7 @@ def without_rigid(found: Found) -> tuple[Found, tuple[str, ...]]:
     """Return a search's outcome without effects that yield where the axis does not, and why."""
     notes = []
     for effect in found.final.added:
-        if not effect.yields_m > 0.0:
+        if not effect.way_of_rise_m(FROM, TO) > 0.0:
             continue
         seen = yielding(found.final, effect)
         if seen is None or seen.way_m >= YIELDS * seen.expected_m:
@@ -89,20 +88,19 @@ def yielding(final: Hypothesis, effect: Effect) -> Yielding | None:
     ways = list(_ways(final, effect))
     if len(ways) < FEWEST_RISES:
         return None
-    expected = effect.yields_m * math.log((1.0 - FROM) / (1.0 - TO))
-    return Yielding(len(ways), float(np.median(ways)), expected)
+    return Yielding(len(ways), float(np.median(ways)), effect.way_of_rise_m(FROM, TO))
 
 
 def _ways(final: Hypothesis, effect: Effect) -> Iterator[float]:
     signals = final.regressors.signals
-    period_s = signals.period_s
+    period_s, longest_m = signals.period_s, MOST_WAY * effect.way_of_rise_m(FROM, TO)
     for s, friction in zip(signals.stretches, _friction(final, effect), strict=False):
         x = smoothed(s.position, SEEN_HZ, period_s)
         for side in (1.0, -1.0):
             for start, end in _rises(side * friction):
                 way = side * float(x[end] - x[start])
                 lasts_s = (end - start) * period_s
-                if lasts_s <= LONGEST_S and abs(way) < MOST_WAY * effect.yields_m:
+                if lasts_s <= LONGEST_S and abs(way) < longest_m:
                     yield way
 
 
