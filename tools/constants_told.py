@@ -2,9 +2,9 @@
 
     python tools/constants_told.py [FOLDER …]
 
-Looks at every name in capitals that a module of the given folders (by default motorctl/identify)
-sets to a number, or to a tuple, list, set or dictionary of numbers. Under it stands a string that
-says what the number is and in which unit, and that has
+Looks at every name in capitals that a module of the given folders (by default motorctl/identify and
+motorctl/model) sets to a number, or to a tuple, list, set or dictionary of numbers. Under it stands
+a string that says what the number is and in which unit, and that has
 
 - a clause on what breaks: "Larger …, smaller …", "More …, fewer …", "Nearer to 1 …";
 - a clause on the source: "Chosen by hand", "Chosen on …", "Arithmetic", "Convention",
@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "motorctl" / "identify"
+PACKAGES = (ROOT / "motorctl" / "identify", ROOT / "motorctl" / "model")
 
 _CLAUSE = r"(?:^|[.;:,(] )(?:but |and )?"
 SOURCE = re.compile(
@@ -99,7 +99,7 @@ def _string(statement: ast.stmt | None) -> str | None:
 def main(folders: list[str]) -> int:
     """Print what every constant fails to say and return the exit status."""
     found = 0
-    for folder in map(Path, folders or [str(PACKAGE)]):
+    for folder in [Path(folder) for folder in folders] or PACKAGES:
         for path in sorted(folder.rglob("*.py")):
             for line, name, missing in untold(path):
                 print(f"{path}:{line}: {name} {missing}")

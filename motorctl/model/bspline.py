@@ -10,11 +10,16 @@ from motorctl.kernels import inner_kernel
 from motorctl.model.knowledge import Spans
 
 FEWEST, MOST = 4, 48
-"""Basis functions: four are any cubic polynomial."""
+"""Basis functions over a range, at least and at most. Four are one cell, so any cubic polynomial,
+and fewer none: arithmetic. A larger most makes the tick longer, a smaller one draws the travel too
+coarsely; it was chosen by hand."""
 SHORTEST_M = 1e-9
-"""Length that can be divided."""
+"""Shortest range that is divided into cells [m]. Smaller divides by next to nothing, larger refuses
+the travel of very fine stages. Chosen by hand."""
 COUNTS = (8, 16, 30)
-"""How finely diagnosis divides the travel, one after the other."""
+"""Basis functions over the travel with which diagnosis tries a shape, one after the other. More, or
+finer ones, take time and follow noise, fewer miss short structure. Chosen by hand: 5, 13 and 27
+cells, each more than twice as many as before."""
 
 
 def _in_order(knots: tuple[float, float, int]) -> tuple[float, float, int]:

@@ -60,7 +60,8 @@ ORDINARY = Spans(
 )
 """An ordinary recording, for which every effect has to answer."""
 LINE = 20.0
-"""A wave number [1/m] or a frequency [Hz] for which every wave has a form."""
+"""A wave number [1/m] or a frequency [Hz] for which every wave has a form. Any other would do that
+effects' options take. Chosen by hand: eight waves over the ordinary travel."""
 
 
 class Refusal:

@@ -17,9 +17,17 @@ from motorctl.model.effect import Effect
 Array = NDArray[np.float64]
 
 TICKS = 24
+"""Ticks of the stroke to and fro. More takes time whenever an effect is loaded, fewer passes by
+speeds and places at which a kernel may fail. Chosen by hand."""
 PERIOD_S = 1e-2
+"""Time from tick to tick [s]. Together with the ticks it makes the stroke last 0.24 s: longer ones
+are slow and gentle, shorter ones harder than machines are. Chosen by hand."""
 STROKE_M = 0.1
+"""Way of the stroke [m], whose top speed is 1.3 m/s. Larger is faster than most machines, smaller
+tries few places. Chosen by hand."""
 COMMAND_V = 5.0
+"""Amplitude of the command [V]. Larger asks for more than amplifiers take, smaller leaves the ends
+of an input map untried. Chosen by hand: within the usual 10 V."""
 
 
 def run_kernels(effect: Effect, who: str) -> None:

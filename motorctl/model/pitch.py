@@ -12,14 +12,25 @@ from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import Spans
 
 HIGHEST_ORDER = 24
+"""Highest order that the option takes. Larger allows waves that a pitch has by chance, smaller
+refuses forms that diagnosis finds: it looks for orders up to this one. Chosen by hand."""
 ORDERS = (1, 2, 3, 4, 5, 6, 8, 12)
-"""Orders of the pitch that motors and screws are known to show."""
+"""Orders that are added to a wave: those that motors and screws are known to show. More takes time
+and finds chance ones, fewer misses true ones. Chosen by hand."""
 MULTIPLES = (2, 3, 4, 6)
-"""The strongest wave may be one of these orders of the true pitch."""
+"""Orders of the true pitch that its strongest wave may be, where a form is made richer. More takes
+time and finds long pitches by chance, fewer misses pitches whose first order is weak. Chosen by
+hand."""
 MOST_FORMS = 2000
+"""Pitches from the longest to the shortest, at most. More makes long lists of long travel, fewer
+makes the steps coarser, and then leaves the shortest out. Chosen by hand."""
 SHORTEST_TRAVEL_M = 1e-6
+"""Travel up to which no pitch is sought or refined [m]. Smaller divides by next to nothing, larger
+refuses very fine stages. Chosen by hand."""
 TYPICAL_PITCHES = 12.0
-"""Pitches in the travel of a typical form: linear motors have 20 to 60 mm in half a metre or so."""
+"""Pitches in the travel of a typical form, by which a motion is asked whether it could show one.
+More are short waves that pass too quickly, fewer are slow ones that look like other forces of
+position. Chosen by hand: linear motors have 20 to 60 mm in half a metre or so."""
 
 
 class PitchOptions(EffectOptions):

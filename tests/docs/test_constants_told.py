@@ -1,9 +1,9 @@
-"""The check that every number of the identification says what it is."""
+"""The check that every number of identification and model says what it is."""
 
 from pathlib import Path
 
 import pytest
-from constants_told import PACKAGE, main, untold
+from constants_told import PACKAGES, main, untold
 
 TOLD = '"""Longest rest [s]. Larger takes time, smaller misses it. Chosen by hand."""\n'
 
@@ -62,5 +62,6 @@ def test_only_numbers_in_capitals_are_asked_for(tmp_path: Path) -> None:
     assert not list(untold(path))
 
 
-def test_no_number_of_the_identification_is_without_words() -> None:
-    assert main([str(PACKAGE)]) == 0
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_no_number_of_identification_and_model_is_without_words(package: Path) -> None:
+    assert main([str(package)]) == 0

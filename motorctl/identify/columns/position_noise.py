@@ -39,6 +39,28 @@ SAMPLES_PER_BAND = 2.5
 """Sample rate after decimation, in multiples of the band. Below 2 the band aliases (Nyquist);
 larger costs time without telling more. The 0.5 beyond 2 is room for the filter's edge: chosen by
 hand."""
+SHORTEST_STRETCH = 64
+"""Fewest samples without a gap that are looked at. Smaller leaves the filters' ends more than what
+lies between them, larger leaves nothing of recordings with many gaps. Chosen by hand."""
+SPECTRUM_WINDOW = 1024
+"""Samples of a window of the spectrum that tells the noise, at most. Longer leaves few windows to
+average over, shorter lets motion leak into the upper part of the spectrum. Chosen by hand."""
+NOISE_FROM, NOISE_TO = 0.3, 0.45
+"""Part of the spectrum in which noise is told, in multiples of the sample rate. A first one that is
+smaller takes motion for noise; nearer to each other they leave few lines to take the median of.
+Chosen by hand, clear of the spectrum's end at 0.5."""
+FILTER_ORDER = 4
+"""Order of the Butterworth filter that limits a band, each way. Larger rings longer at the ends of
+a stretch, smaller lets noise beyond the band in. Chosen by hand."""
+EDGE_SAMPLES = 20
+"""Samples at either end of a filtered stretch that are not counted, whatever the band. More leaves
+little of short stretches, fewer counts what the filter makes of the ends. Chosen by hand."""
+NARROWER = 0.8
+"""Factor from one band that is tried to the next. Nearer to 1 takes time, smaller gives more of the
+band away than noise asks for. Chosen by hand."""
+TOP_PERCENT = 99.0
+"""Percentile of the speeds that is the top speed. Nearer to 100 lets single samples set it, smaller
+calls less than the machine's speed so. Chosen by hand: one sample in a hundred is faster."""
 
 
 def position_noise_density(data: Measured) -> float:
@@ -47,11 +69,11 @@ def position_noise_density(data: Measured) -> float:
     Taken from the upper part of the spectrum of second differences, where motion has no power.
     """
     densities = []
-    for stretch in data.stretches(64):
+    for stretch in data.stretches(SHORTEST_STRETCH):
         curvature = np.diff(data.position[stretch], 2)
-        window = min(1024, len(curvature))
+        window = min(SPECTRUM_WINDOW, len(curvature))
         f, power = signal.welch(curvature, data.sample_rate_hz, nperseg=window)
-        upper = (f > 0.3 * data.sample_rate_hz) & (f < 0.45 * data.sample_rate_hz)
+        upper = (f > NOISE_FROM * data.sample_rate_hz) & (f < NOISE_TO * data.sample_rate_hz)
         gain = (2.0 * np.sin(np.pi * f[upper] / data.sample_rate_hz)) ** 4
         densities.append((len(curvature), float(np.median(power[upper] / gain))))
     if not densities:
@@ -92,7 +114,7 @@ def choose_band_hz(data: Measured) -> float:
         noise = acceleration_noise_rms(density, band)
         if noise <= NOISE_PER_ACCELERATION * _acceleration_rms(data, band):
             return band
-        band *= 0.8
+        band *= NARROWER
     return NARROWEST_PART * widest
 
 
@@ -119,7 +141,7 @@ def reference_is_quieter(data: Measured, band_hz: float) -> bool:
         return False
     total, count = 0.0, 0
     for stretch, velocity in _velocities(data, band_hz):
-        difference = (velocity - desired[stretch])[20:-20]
+        difference = (velocity - desired[stretch])[EDGE_SAMPLES:-EDGE_SAMPLES]
         total += float(difference @ difference)
         count += len(difference)
     noise = velocity_noise_rms(position_noise_density(data), band_hz)
@@ -129,14 +151,14 @@ def reference_is_quieter(data: Measured, band_hz: float) -> bool:
 def top_speed(data: Measured, band_hz: float) -> float:
     """Return the speed that one sample in a hundred exceeds."""
     speeds = [np.abs(velocity) for _, velocity in _velocities(data, band_hz)]
-    return float(np.percentile(np.concatenate(speeds), 99.0)) if speeds else 0.0
+    return float(np.percentile(np.concatenate(speeds), TOP_PERCENT)) if speeds else 0.0
 
 
 def _velocities(data: Measured, band_hz: float) -> Iterator[tuple[slice, Array]]:
-    sections = low_pass("butterworth", 4, band_hz, data.sample_rate_hz)
-    for stretch in data.stretches(64):
+    sections = low_pass("butterworth", FILTER_ORDER, band_hz, data.sample_rate_hz)
+    for stretch in data.stretches(SHORTEST_STRETCH):
         velocity = velocity_of(data.position[stretch], data.period_s)
-        yield stretch, zero_phase(sections, 4, velocity)
+        yield stretch, zero_phase(sections, FILTER_ORDER, velocity)
 
 
 def choose_decimation(sample_rate_hz: float, band_hz: float) -> int:
@@ -145,11 +167,11 @@ def choose_decimation(sample_rate_hz: float, band_hz: float) -> int:
 
 
 def _acceleration_rms(data: Measured, band_hz: float) -> float:
-    sections = low_pass("butterworth", 4, band_hz, data.sample_rate_hz)
+    sections = low_pass("butterworth", FILTER_ORDER, band_hz, data.sample_rate_hz)
     total, count = 0.0, 0
-    for stretch in data.stretches(64):
-        filtered = zero_phase(sections, 4, data.position[stretch])
-        curvature = np.diff(filtered, 2)[20:-20] * data.sample_rate_hz**2
+    for stretch in data.stretches(SHORTEST_STRETCH):
+        filtered = zero_phase(sections, FILTER_ORDER, data.position[stretch])
+        curvature = np.diff(filtered, 2)[EDGE_SAMPLES:-EDGE_SAMPLES] * data.sample_rate_hz**2
         total += float(curvature @ curvature)
         count += len(curvature)
     return float(np.sqrt(total / max(count, 1)))

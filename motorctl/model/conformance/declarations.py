@@ -11,6 +11,8 @@ from motorctl.model.effect import Effect
 from motorctl.model.first_run import run_kernels
 
 LONGEST_TITLE = 60
+"""Longest title of an effect [characters]. Larger breaks the lines of tables in a terminal, smaller
+forces abbreviations. Chosen by hand."""
 
 
 class DeclarationChecks:

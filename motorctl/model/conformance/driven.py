@@ -12,8 +12,12 @@ from motorctl.model.first_run import kernel_calls
 Array = NDArray[np.float64]
 
 PERIOD_S = 2e-4
+"""Time from tick to tick [s]. Larger takes the memory of quick effects in coarse steps, smaller
+makes the strokes of so many ticks too short. Convention: that of a loop at 5 kHz."""
 BEHIND = 37
-"""Ticks that each other axis is behind the one before."""
+"""Ticks that each other axis is behind the one before; the first moves with this one. Fewer makes
+the axes alike, so that columns of two of them could not be told apart, more leaves the last ones at
+their start in short motions. Chosen by hand."""
 
 
 def wide(most: float) -> st.SearchStrategy[float]:

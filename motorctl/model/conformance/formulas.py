@@ -20,15 +20,26 @@ often = settings(
     ],
 )
 TICKS = 2000
+"""Ticks of a stroke to and fro, and rows of the columns that are told apart. More takes time, fewer
+makes the stroke quicker and may pass by where two columns differ. Chosen by hand: 0.4 s."""
 SCALES = (0.1, 1.0, 10.0)
-"""Strokes of some centimetres, half a metre and metres, for effects of a place."""
+"""Factors on the stroke of 0.7 m: 7 cm, 0.7 m and 7 m, for effects of a place. More takes time,
+fewer may never reach the place where an effect of a short or of a long machine begins. Chosen by
+hand."""
 LONG_S = 60.0
-"""For effects of a time."""
+"""Times at which effects without a memory are asked reach to here [s]: some begin late or last
+long. Longer thins them out where an effect is quick, shorter ends before slow ones have begun.
+Chosen by hand."""
 INDEPENDENT = 1e-7
-"""Smallest singular value of columns of length one; below it two of them are the same."""
+"""Smallest singular value of columns of length one; below it one of them is a combination of the
+others. Larger refuses columns that differ in a small part of the motion, smaller takes rounding for
+a difference. Chosen by hand: far above a double's rounding, 2e-16."""
 NUDGE_V = 1e-6
+"""Change of the command that tells a slope [V]; of commands beyond 1 V, a part of them. Larger
+steps over what bends the column, smaller drowns in rounding. Chosen by hand."""
 UNDONE = 1e-3
-"""Part of an error of measurement that may be left."""
+"""Part of an error of measurement that its correction may leave. Larger lets corrections pass that
+hardly help, smaller refuses those that end after some steps. Chosen by hand."""
 
 
 class FormulaChecks:

@@ -9,6 +9,8 @@ from motorctl.model.conformance.driven import PERIOD_S, Driven, strokes
 from motorctl.model.effect import Effect
 
 TICKS = 500
+"""Ticks of a stroke to and fro. More takes time, fewer makes the stroke so quick that slow memories
+hardly change. Chosen by hand: 0.1 s."""
 
 
 class MemoryChecks:

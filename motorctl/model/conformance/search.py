@@ -12,7 +12,8 @@ from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Spans
 
 MOST_FORMS = 10_000
-"""More are a scan that nobody waits for."""
+"""Forms that an effect may have tried. More are a scan that nobody waits for, fewer refuses effects
+that need a fine one. Chosen by hand."""
 RECORDINGS = (
     ORDINARY,
     replace(ORDINARY, position_m=(0.0, 3.0), speed_m_s=4.0, resolution_m=0.0),

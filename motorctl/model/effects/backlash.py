@@ -27,8 +27,8 @@ SHORTEST, LONGEST = 2e-4, 0.03
 """Gaps that are tried, as parts of the travel. Shorter ones are crossed too quickly to be seen,
 longer ones hardly leave a machine; wider takes time. Chosen by hand."""
 GLIDES = (0.03, 0.12, 0.5)
-"""Decelerations with which the load glides through the gap, as parts of the top acceleration.
-Wider or finer takes time, narrower starts the refinement too far away. Chosen by hand."""
+"""Decelerations with which the load glides through the gap, as parts of the top acceleration. More
+takes time, fewer starts the refinement too far away. Chosen by hand."""
 CONTACT_HZ = 80.0
 """Frequency of the load on the flank's stiffness from which the search starts: gears and nuts of
 machines come to rest in some milliseconds. Larger wants a finer sampling, smaller looks like a

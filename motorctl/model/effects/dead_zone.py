@@ -12,9 +12,12 @@ from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import Picture, Spans
 
 PER_DECADE = 8
+"""Half widths that are tried, a decade. More takes time, fewer starts the refinement too far away.
+Chosen by hand: each is about a third wider than the last."""
 STEEPEST = 0.9
-"""Depth over half width: nearer to one the inverse is so steep that the adaptation, which keeps the
-map monotonic, has no room left for the other parameters."""
+"""Depth over half width, at most. Nearer to one the inverse is so steep that the adaptation, which
+keeps the map monotonic, has no room left for the other parameters; smaller cannot follow zones that
+are nearly dead. Chosen by hand."""
 
 
 class DeadZoneOptions(EffectOptions):

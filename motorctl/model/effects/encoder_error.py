@@ -14,13 +14,21 @@ from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.pitch import SHORTEST_TRAVEL_M, wave_number_step
 
 COUNTS = (4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 400, 512, 1000)
-"""Counts in a period that encoders interpolate to."""
+"""Counts in a period that encoders interpolate to, where a signal period is sought from the
+resolution. More takes time, fewer misses encoders that interpolate otherwise. Chosen by hand:
+powers of two and round numbers."""
 PERIODS_M = (20e-6, 40e-6)
-"""Grating periods of the common linear scales."""
+"""Grating periods that are tried besides [m], and alone where the resolution is not known. More
+takes time, fewer misses scales that interpolate finer than the counts above. Convention: those of
+the common linear scales."""
 FEWEST_PERIODS = 3.5
-"""Periods over the travel, at least: what repeats less often may be any curve."""
+"""Periods over the travel that the longest form has, which bounds the refinement as well: what
+repeats less often may be any curve. Fewer takes a slow curve for an error that repeats, more misses
+long ones of screws and gears. Chosen by hand."""
 STEEPEST = 0.5
-"""Largest slope of the error for which the position can be told from its measurement."""
+"""Largest slope of the error [m/m]. Nearer to 1 three steps of the correction leave more of it, and
+from there on one measurement belongs to several positions; smaller refuses errors that could be
+undone. Chosen by hand."""
 
 
 class EncoderErrorOptions(EffectOptions):

@@ -18,7 +18,9 @@ from motorctl.model.knowledge import Picture, Spans
 Array = NDArray[np.float64]
 
 GRID = ((0.3, 6), (0.1, 12), (0.03, 30), (0.01, 80))
-"""Damping ratios, and frequencies a decade: a sharper resonance needs a finer search."""
+"""Damping ratios that are tried, each with its frequencies a decade: a sharper resonance needs a
+finer search. More takes time, fewer step over resonances. Chosen by hand; arithmetic: neighbours
+are 0.8 to 1.5 times the width of a resonance, 2 zeta, apart."""
 SLOWEST_HZ = 2.0
 """Lowest frequency that is tried [Hz]. Larger misses heavy loads on soft springs, smaller takes the
 drift of small forces for one. Chosen by hand."""
@@ -26,8 +28,12 @@ SHARP, SHARP_FROM_HZ = 0.02, 8.0
 """Resonances sharper than this are tried from this frequency on [Hz]: slower ones ring too few
 times in a recording to be missed by the broader forms. More takes time. Chosen by hand."""
 HIGHEST_HZ = 1e6
+"""Highest frequency that the option takes and that is tried [Hz]. Larger allows what no machine
+shows, smaller refuses small and stiff parts. Chosen by hand."""
 LARGEST_PART = 0.9
-"""Of the inertia that may hang on the spring: beyond it the carriage itself would weigh nothing."""
+"""Part of the inertia that may hang on the spring, either sign. Nearer to 1 the carriage itself
+weighs nothing and the two forms of the mode run apart without end, smaller cuts heavy loads off.
+Chosen by hand."""
 
 
 class FlexibleOptions(EffectOptions):

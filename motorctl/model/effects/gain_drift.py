@@ -13,6 +13,8 @@ from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import CarriedOver, Picture, Spans
 
 PER_DECADE = 8
+"""Time constants that are tried, a decade. More takes time, fewer starts the refinement too far
+away. Chosen by hand: each is about a third longer than the last."""
 
 
 class GainDriftOptions(EffectOptions):

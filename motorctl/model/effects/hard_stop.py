@@ -12,7 +12,8 @@ from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.knowledge import Picture, Spans
 
 PLACES = (0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
-"""Parts of the travel before its end at which the stop may begin."""
+"""Parts of the travel before its end at which the stop may begin. More takes time, fewer starts the
+refinement too far away; larger takes any force near the end for a stop. Chosen by hand."""
 
 
 class HardStopOptions(EffectOptions):

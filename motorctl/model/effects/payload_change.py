@@ -12,8 +12,11 @@ from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import CarriedOver, Picture, Spans
 
 FORMS = 60
+"""Times of the change that are tried. More takes time, fewer starts the refinement too far away.
+Chosen by hand: steps of 1.5 % of the recording."""
 OUTER = 0.05
-"""Part of the recording, at each end, that is too short to tell an inertia from."""
+"""Part of the recording, at each end, in which no change is sought. Smaller tells an inertia from
+too short a piece, larger misses early and late changes. Chosen by hand."""
 
 
 class PayloadOptions(EffectOptions):

@@ -13,7 +13,12 @@ from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import Picture, Spans
 
 LOWEST_HZ = 0.2
+"""Lowest frequency of the forms [Hz], which bounds the refinement as well; less in a narrow band,
+more in a short recording. Larger keeps slow swings from being refined, smaller lets drift pass for
+one. Chosen by hand."""
 MOST_FORMS = 8000
+"""Frequencies from the lowest to the band's end, at most. More makes long lists of long recordings,
+fewer makes their steps coarser than a line. Chosen by hand."""
 
 
 class PeriodicOptions(EffectOptions):

@@ -19,10 +19,15 @@ from motorctl.model.sign_function import SlopeOptions, sf
 Array = NDArray[np.float64]
 
 PER_DECADE = 6
+"""Displacements that are tried, a decade. More takes time, fewer starts the refinement too far
+away. Chosen by hand: each is about half as long again as the last."""
 COUNTS = 3.0
-"""Less motion than this many counts is not seen to turn the friction over."""
+"""Counts of the encoder that a displacement has at least: less motion is not seen to turn the
+friction over. Smaller takes rounding for it, larger misses short ones. Chosen by hand."""
 LONGEST_PART = 5e-3
-"""The displacement over the travel, at most: a longer one is a spring."""
+"""Longest displacement that is tried, as a part of the travel, or thirty times the shortest where
+that is more. Larger takes a spring for friction, smaller misses soft contacts on short travel.
+Chosen by hand."""
 
 
 class PreslidingOptions(SlopeOptions):

@@ -13,13 +13,19 @@ from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.knowledge import Spans
 
 SPEED_RANGE = 300.0
-"""Top speed over the speed below which velocities are told apart best."""
+"""Top speed over the speed below which velocities are told apart best. Larger spends functions on
+speeds within noise, smaller draws what friction does near rest too coarsely. Chosen by hand."""
 BEYOND_TOP = 1.05
-"""Highest speed of the map over the recording's top speed."""
+"""Highest speed of the map over the recording's top speed. Nearer to 1 leaves a slightly faster
+motion on the map's constant continuation, larger spends functions where nothing was recorded.
+Chosen by hand."""
 VELOCITY_FUNCTIONS = 24
-"""Over velocity alone."""
+"""Functions of the map over velocity alone. More follows noise and makes the tick longer, fewer
+draws too coarsely. Chosen by hand."""
 MAP_FUNCTIONS = 7
-"""Over each of position and velocity: 48 parameters are as many as the tick should bear."""
+"""Functions of the map over each of position and velocity. More makes the tick longer with their
+square, fewer draws too coarsely. Chosen by hand: 7 times 7 less the offset are 48 parameters, as
+many as the tick should bear."""
 
 
 class ResidualMapOptions(EffectOptions):

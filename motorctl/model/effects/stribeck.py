@@ -15,6 +15,8 @@ from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 12
+"""Speeds that are tried, a decade. More takes time, fewer starts the refinement too far away.
+Chosen by hand: each is about a fifth faster than the last."""
 
 
 class StribeckOptions(SlopeOptions):

@@ -14,6 +14,8 @@ from motorctl.model.knowledge import CarriedOver, Picture, Spans
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 6
+"""Time constants that are tried, a decade. More takes time, fewer starts the refinement too far
+away. Chosen by hand: each is about half as long again as the last."""
 
 
 class WarmingFrictionOptions(SlopeOptions):

@@ -50,6 +50,44 @@ smaller may miss warming up. Chosen by hand."""
 GOLDEN = 0.6180339887498949
 """Golden ratio's fraction, (sqrt(5) - 1) / 2: its multiples fill the range from 0 to 1 evenly and
 never repeat. Larger or smaller ones leave places out. Arithmetic."""
+STRIDES = (1.0, 2.3, 3.7, 5.1)
+"""Multiples of the golden ratio by which target, speed, acceleration and pause go on from move to
+move. Nearer to each other, or in whole ratios, they tie what the moves are to part. Chosen by
+hand."""
+LONGEST_PAUSE_S = 0.4
+"""Longest pause after a move at random [s]. Longer takes the machine's time, shorter shows little
+of what happens at rest. Chosen by hand."""
+MOVES_PER_PAUSE = 3
+"""One move at random in so many has a pause after it. More shows less of what happens at rest,
+fewer takes the machine's time. Chosen by hand."""
+SLOWEST_SHARE = 0.15
+"""Slowest move at random, as a part of the speed. Larger ties place to time, smaller takes the
+machine's time. Chosen by hand."""
+GENTLEST_SHARE = 0.3
+"""Gentlest move at random, as a part of the acceleration. Larger ties the command to place, smaller
+hardly tells inertia. Chosen by hand."""
+LEANING = 0.5
+"""Exponent on what is drawn for the acceleration, from 0 to 1. Nearer to 1 makes more gentle moves,
+which tell inertia less, smaller leaves hardly any. Chosen by hand."""
+CROSSING_SPEEDS = (1.0, 0.5, 0.1)
+"""Speeds at which the travel is crossed, as parts of the speed. Nearer to each other they do not
+part time from place, more of them or slower ones take the machine's time. Chosen by hand."""
+CROSSING_ACCELERATION = 0.8
+"""Acceleration of these crossings, as a part of the acceleration. Larger is as hard as the
+recording ever was, smaller leaves less of the way at full speed. Chosen by hand."""
+CROSSING_DWELL_S = 0.1
+"""Rest after each crossing back [s]. Longer takes the machine's time, shorter lets one crossing's
+oscillation into the next. Chosen by hand."""
+COMMANDS = (1.0, 0.25)
+"""Accelerations with which the same places are crossed, as parts of the acceleration. Nearer to
+each other they do not part the command from place, smaller ones are lost in friction. Chosen by
+hand."""
+COMMAND_SPEED = 0.8
+"""Speed of these moves, as a part of the speed. Larger is as fast as the recording ever was,
+smaller spends less of the way on accelerating. Chosen by hand."""
+COMMAND_PLACES = (1.0, 0.0, 0.55, 0.1, 0.7, 0.3)
+"""Shares of the travel at which these moves end, one after the other. More takes the machine's
+time, fewer passes the same places with too few commands. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -88,23 +126,25 @@ Recipe = Callable[[Reach], Iterator[Stroke]]
 def roam(_: Reach, moves: int = ROAMING_MOVES, begin: float = 0.0) -> Iterator[Stroke]:
     """Move at random through the travel, with speeds, accelerations and pauses of their own."""
     for k in range(1, moves + 1):
-        share = [(begin + k * GOLDEN * stride) % 1.0 for stride in (1.0, 2.3, 3.7, 5.1)]
-        pause_s = 0.4 * share[3] if k % 3 == 0 else 0.0
-        yield Stroke(share[0], 0.15 + 0.85 * share[1], 0.3 + 0.7 * share[2] ** 0.5, pause_s)
+        share = [(begin + k * GOLDEN * stride) % 1.0 for stride in STRIDES]
+        pause_s = LONGEST_PAUSE_S * share[3] if k % MOVES_PER_PAUSE == 0 else 0.0
+        speed = SLOWEST_SHARE + (1.0 - SLOWEST_SHARE) * share[1]
+        acceleration = GENTLEST_SHARE + (1.0 - GENTLEST_SHARE) * share[2] ** LEANING
+        yield Stroke(share[0], speed, acceleration, pause_s)
 
 
 def two_speeds(_: Reach) -> Iterator[Stroke]:
     """Cross the travel at full, half and a tenth of the speed: time against place."""
-    for speed in (1.0, 0.5, 0.1):
-        yield Stroke(1.0, speed, 0.8)
-        yield Stroke(0.0, speed, 0.8, 0.1)
+    for speed in CROSSING_SPEEDS:
+        yield Stroke(1.0, speed, CROSSING_ACCELERATION)
+        yield Stroke(0.0, speed, CROSSING_ACCELERATION, CROSSING_DWELL_S)
 
 
 def two_accelerations(_: Reach) -> Iterator[Stroke]:
     """Cross the same places with full and a quarter of the command: command against place."""
-    for acceleration in (1.0, 0.25):
-        for to in (1.0, 0.0, 0.55, 0.1, 0.7, 0.3):
-            yield Stroke(to, 0.8, acceleration)
+    for acceleration in COMMANDS:
+        for to in COMMAND_PLACES:
+            yield Stroke(to, COMMAND_SPEED, acceleration)
 
 
 def slow_reversals(reach: Reach) -> Iterator[Stroke]:
