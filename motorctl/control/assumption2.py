@@ -66,7 +66,9 @@ def monotonicity_half_planes(
     used = np.zeros(len(model), np.bool_)
     used[input_indices(model)] = True
     if not (np.isfinite(lower[used]).all() and np.isfinite(upper[used]).all()):
-        raise UsageError("the parameters of the input map need finite lower and upper bounds")
+        raise UsageError(
+            "the parameters of the input map need finite lower and upper bounds: give `bounds`"
+        )
     points = voltage_points(model, u_max)
     slopes = fixed_slopes(model, points)
     worst = worst_varying(model, points, lower, upper, travel_m)

@@ -147,12 +147,6 @@ class RotatingLog:
         """Whether rows are left out, as every axis is off."""
         return self._pauses is not None and self._pauses.paused
 
-    @property
-    def part_bytes(self) -> int:
-        """Size of the log that is being recorded."""
-        writer = self._writer
-        return 0 if writer is None else writer.size_bytes
-
     def append(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         """Bring rows onto the disk.
 

@@ -42,7 +42,7 @@ class EffectList:
         names = [effect.name for effect in self.effects]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise UsageError(f"effect '{twice[0]}' stands in the list twice")
+            raise UsageError(f"effect '{twice[0]}' stands in the list twice: remove one")
 
     @property
     def names(self) -> tuple[str, ...]:
