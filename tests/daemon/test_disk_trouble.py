@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from recorded_ring import MACHINE, Ring, finished, ring, rotating, settings, ticks_of
+from recorded_ring import (
+    MACHINE,
+    Ring,
+    being_recorded,
+    finished,
+    ring,
+    rotating,
+    settings,
+    ticks_of,
+)
 
 from motorctl.daemon.recorder import Recorder
 from motorctl.daemon.rotating_log import RotatingLog
@@ -72,7 +81,7 @@ def test_a_file_that_its_disk_no_longer_takes_is_left_for_a_new_one_and_no_row_i
     sealed: list[Path] = []
     log = rotating(tmp_path, settings(), sealed.append)
     record(bench, log, 1000)
-    dead = log.path.with_name(log.path.name + ".partial").stat().st_ino
+    dead = being_recorded(log).stat().st_ino
     monkeypatch.setattr("motorctl.log.writer.os.write", Refusing(errno.EIO, dead))
     if not can_be_cut:
         cut = Refusing(errno.EIO, dead, os.ftruncate)
@@ -134,7 +143,7 @@ def test_a_file_that_is_moved_keeps_its_rows_and_a_new_log_is_begun(
     log = rotating(tmp_path, settings(), lambda _: None)
     record(bench, log, 1000)
     moved = tmp_path / "mine.parquet.partial"
-    log.path.with_name(log.path.name + ".partial").rename(moved)
+    being_recorded(log).rename(moved)
     record(bench, log, 1000)
     assert "was moved while it was recorded" in caplog.text
     assert (log.rows, log.rows_lost) == (2000, 0)

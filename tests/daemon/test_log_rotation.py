@@ -22,6 +22,7 @@ from recorded_ring import (
     MUCH,
     ROW_BYTES,
     Ring,
+    being_recorded,
     finished,
     metadata_of,
     ring,
@@ -149,7 +150,7 @@ def test_rows_are_on_disk_while_the_recording_goes_on_in_the_next_log(
         time.sleep(0.3)
     rows = recording.rows_written
     copy = tmp_path / "copy.parquet.partial"
-    copy.write_bytes(log.path.with_name(log.path.name + ".partial").read_bytes())
+    copy.write_bytes(being_recorded(log).read_bytes())
     kept = [*finished(sealed), recover(copy).path]
     assert ticks_of(kept).tolist()[:rows] == list(range(rows))
     recording.finish(dict)
@@ -299,7 +300,7 @@ def test_a_file_that_may_not_grow_costs_no_row(bench: Ring, tmp_path: Path) -> N
     log = rotating(tmp_path, settings(disk={"stop_below_mb": 0}), sealed.append)
     bench.run(2000)
     log.append(*bench.take())
-    written = log.path.with_name(log.path.name + ".partial").stat().st_size
+    written = being_recorded(log).stat().st_size
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (written + 50_000, hard))
     try:

@@ -95,6 +95,11 @@ def rotating(
     )
 
 
+def being_recorded(log: RotatingLog) -> Path:
+    """Return the file that the next rows go to."""
+    return log.path.with_name(log.path.name + ".partial")
+
+
 def finished(partials: list[Path]) -> list[Path]:
     """Make logs of sealed recordings."""
     return [recover(partial).path for partial in partials]

@@ -14,20 +14,15 @@ def few_of(values: Iterable[Any], few: int) -> list[Any]:
     Parameters
     ----------
     values
-        What the test is to be tried on; a tuple is several parameters. A `pytest.param` keeps its
-        marks and name.
+        What the test is to be tried on; a tuple is several parameters.
     few
         How many the slow run takes.
     """
-    every = [_as_param(value) for value in values]
+    every = list(values)
     quick = {k * len(every) // few for k in range(few)}
     return [
-        value if k in quick else value._replace(marks=(*value.marks, pytest.mark.long))
+        value
+        if k in quick
+        else pytest.param(*value if isinstance(value, tuple) else (value,), marks=pytest.mark.long)
         for k, value in enumerate(every)
     ]
-
-
-def _as_param(value: Any) -> Any:
-    if isinstance(value, type(pytest.param())):
-        return value
-    return pytest.param(*value if isinstance(value, tuple) else (value,))

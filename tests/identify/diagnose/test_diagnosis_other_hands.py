@@ -17,9 +17,8 @@ from motorctl.model.sign_function import SHAPES as KNOWN_SHAPES
 
 SLOW = pytest.mark.slow
 FRICTIONS = [
-    pytest.param("tanh", 5e-3),
-    *(pytest.param(shape, 5e-3, marks=SLOW) for shape in SHAPES if shape != "tanh"),
-    *(pytest.param(shape, 1e-3, marks=SLOW) for shape in ("tanh", "arctan", "clip")),
+    *((shape, 5e-3) for shape in SHAPES),
+    *((shape, 1e-3) for shape in ("tanh", "arctan", "clip")),
 ]
 
 
