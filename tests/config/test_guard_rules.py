@@ -4,6 +4,7 @@ import pytest
 from config_bench import machine, problems, write
 
 from motorctl.config import load, load_resolved
+from motorctl.config.guard_keys import NO_QUICK_STOP
 from motorctl.config.summary import summarise
 
 # The machine: 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
@@ -116,24 +117,30 @@ def test_guards_may_be_switched_off_but_not_all(tmp_path):
     assert told.key == "axes.x.guards.host_frozen"
 
 
-@pytest.mark.parametrize(
-    ("guard", "why"),
-    [
-        ("encoder_lost", "position"),
-        ("encoder_jump", "position"),
-        ("encoder_stuck", "position"),
-        ("not_a_number", "no command"),
-        ("amplifier", "nothing brakes"),
-        ("estop", "power"),
-        ("communication", "device"),
-        ("no_new_sample", "device"),
-    ],
-)
+NO_RAMP = {
+    "encoder_lost": "position",
+    "encoder_jump": "position",
+    "encoder_stuck": "position",
+    "encoder_noise": "position",
+    "not_a_number": "no command",
+    "amplifier": "nothing brakes",
+    "estop": "power",
+    "communication": "device",
+    "no_new_sample": "device",
+}
+NEEDED = {"encoder_noise": {"rms_m": 1e-3}}
+
+
+def test_every_guard_that_can_only_let_go_is_tried_here():
+    assert set(NO_RAMP) == set(NO_QUICK_STOP)
+
+
+@pytest.mark.parametrize(("guard", "why"), NO_RAMP.items())
 def test_a_quick_stop_where_nothing_could_follow_it_is_refused_once_with_the_reason(
     tmp_path, guard, why
 ):
-    data = machine(axes__x__guards={guard: {"reaction": "quick_stop"}})
-    (told,) = problems(tmp_path, data)
+    keys = NEEDED.get(guard, {}) | {"reaction": "quick_stop"}
+    (told,) = problems(tmp_path, machine(axes__x__guards={guard: keys}))
     assert told.key == f"axes.x.guards.{guard}.reaction"
     assert told.line is not None
     assert told.message.startswith("found 'quick_stop', should be disable: ")
