@@ -1,9 +1,10 @@
 """A guard that can never trip, or always does, is refused with its arithmetic."""
 
 import pytest
+import yaml
 from config_bench import machine, problems, write
 
-from motorctl.config import load, load_resolved
+from motorctl.config import load, load_resolved, shipped_config
 from motorctl.config.guard_keys import NO_QUICK_STOP
 from motorctl.config.summary import summarise
 
@@ -82,6 +83,48 @@ def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
     }  # fmt: skip
     parts = ["found 10.6", "12.72 m/s", "12.6 m/s", "can never trip"]
     tells_one(tmp_path, machine(axes__x__limits=limits), "axes.x.limits.max_velocity_m_s", parts)
+
+
+def waiting(**loop):
+    """Return the shipped gantry as plain data; its simulated plant can wait for the computer."""
+    data = yaml.safe_load(shipped_config("published_gantry").read_text())
+    data["loop"] |= loop
+    return data
+
+
+@pytest.mark.parametrize("guard", [{"time_s": 0.05}, {"reaction": "quick_stop"}])
+def test_a_frozen_computer_cannot_be_guarded_against_where_the_machine_waits_for_it(
+    tmp_path, guard
+):
+    data = waiting()
+    data["axes"]["y"]["guards"] = {"host_frozen": guard}
+    parts = ["can never trip", "loop.without_realtime is wait"]
+    tells_one(tmp_path, data, "axes.y.guards.host_frozen", parts)
+    data["loop"]["without_realtime"] = "degrade"
+    assert problems(tmp_path, data) == ()
+
+
+def test_what_is_written_of_a_frozen_computer_but_asks_for_nothing_is_allowed(tmp_path):
+    data = waiting()
+    data["axes"]["y"]["guards"] = {"host_frozen": {"time_s": None, "reaction": "disable"}}
+    assert problems(tmp_path, data) == ()
+
+
+@pytest.mark.parametrize(
+    ("loop", "frozen_s", "silent_s"),
+    [
+        ({"without_realtime": "degrade"}, 0.1, 0.5),
+        ({"without_realtime": "wait"}, None, 5.0),
+        ({"without_realtime": "wait", "supervisor_timeout_s": 8.0}, None, 8.0),
+        ({"without_realtime": "degrade", "supervisor_timeout_s": 2.0}, 0.1, 2.0),
+    ],
+)
+def test_the_times_that_a_loop_really_allows_are_told(tmp_path, loop, frozen_s, silent_s):
+    machine_ = load(write(tmp_path, waiting(**loop)))
+    for axis in summarise(machine_)["axes"].values():
+        assert axis["guards"]["host_frozen"]["time_s"] == frozen_s
+        assert axis["guards"]["supervisor_lost"]["time_s"] == silent_s
+    assert machine_.loop.patience_s == silent_s
 
 
 def test_a_machine_can_be_built_again_from_what_its_log_holds(tmp_path):
