@@ -22,6 +22,7 @@ from motorctl.config.axis_keys import Limits
 from motorctl.config.dual_drive_rules import skew_margins
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.groups import notes_on_groups
+from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.keys import LoopSettings
 from motorctl.config.loop_rules import parameter_range
@@ -83,6 +84,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "recording": recording_summary(machine.recording, recording_rate_of(machine)),
         "notes": [
             *notes_on_groups(machine),
+            *notes_on_guards(machine),
             *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(

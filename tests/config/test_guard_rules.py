@@ -85,6 +85,55 @@ def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
     tells_one(tmp_path, machine(axes__x__limits=limits), "axes.x.limits.max_velocity_m_s", parts)
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        {"minimum_m": 0.199},
+        {"minimum_m": 0.001, "per_velocity_s": 0.398},
+        {"minimum_m": 0.001, "filter_time_s": 0.399},
+    ],
+)
+def test_a_following_error_that_trips_before_an_end_of_the_travel_is_allowed(tmp_path, error):
+    assert problems(tmp_path, machine(axes__x__limits__following_error=error)) == ()
+
+
+def notes_with(tmp_path, words, **changes):
+    notes = summarise(load(write(tmp_path, machine(**changes))))["notes"]
+    return [note for note in notes if words in note]
+
+
+def test_a_way_without_samples_that_is_half_the_travel_is_noted(tmp_path):
+    def told(ticks):
+        late = {"hold_ticks": ticks}
+        return notes_with(tmp_path, "without a sample", drivers__line__late=late)
+
+    assert told(399) == []
+    (note,) = told(400)
+    assert "hold_ticks 400" in note
+    assert "0.2 s without a sample, 0.2 m at 1 m/s" in note
+
+
+def test_an_error_that_may_be_half_the_travel_in_fast_motion_is_noted(tmp_path):
+    def told(slope_s):
+        changes = {"axes__x__limits__following_error__per_velocity_s": slope_s}
+        return notes_with(tmp_path, "limits.following_error allows", **changes)
+
+    assert told(0.198) == []
+    (note,) = told(0.2)
+    assert "at 1 m/s" in note
+    assert "0.201 m" in note
+
+
+def test_a_way_within_the_filter_time_that_is_half_the_travel_is_noted(tmp_path):
+    def told(time_s):
+        changes = {"axes__x__limits__following_error__filter_time_s": time_s}
+        return notes_with(tmp_path, "filter_time_s", **changes)
+
+    assert told(0.199) == []
+    (note,) = told(0.2)
+    assert "0.2 m at 1 m/s, half of the travel of 0.4 m" in note
+
+
 def waiting(**loop):
     """Return the shipped gantry as plain data; its simulated plant can wait for the computer."""
     data = yaml.safe_load(shipped_config("published_gantry").read_text())
