@@ -1,4 +1,4 @@
-"""What `check` notes of guards: allowed, but worth a second look."""
+"""What `check` notes of guards and ramps: allowed, but worth a second look."""
 
 from __future__ import annotations
 
@@ -8,11 +8,29 @@ from motorctl.config.machine import Axis, Machine
 
 
 def notes_on_guards(machine: Machine) -> Iterator[str]:
-    """Yield where a guard of an axis comes late."""
+    """Yield where a guard comes late, or a ramp is more than the motor has at theta(0)."""
     for name, axis in machine.axes.items():
+        yield from _ramps(axis)
         yield from _following_error(axis)
         late = machine.drivers[axis.driver].late
         yield from _blind_way(axis, late.hold_ticks, machine.period_of(name))
+
+
+def _ramps(axis: Axis) -> Iterator[str]:
+    limits, mass = axis.limits, axis.model.index_of("acceleration")
+    assert mass is not None  # no configuration is valid without
+    inertia = axis.estimates[mass].initial
+    fullest = limits.max_voltage_v / inertia
+    for key, asked, does in (
+        ("max_acceleration_m_s2", limits.max_acceleration_m_s2, "it brakes hard with that"),
+        ("stop.acceleration_m_s2", limits.stop.acceleration_m_s2, "it stops with that"),
+    ):
+        if asked > fullest:
+            yield (
+                f"axis {axis.name}: limits.{key} {asked:g} m/s^2 is more than the motor has: "
+                f"{does}, and max_voltage_v {limits.max_voltage_v:g} V accelerate {inertia:g} "
+                f"V*s^2/m, the inertia at theta(0), by {fullest:.3g} m/s^2"
+            )
 
 
 def _following_error(axis: Axis) -> Iterator[str]:

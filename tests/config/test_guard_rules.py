@@ -77,9 +77,9 @@ def test_a_limit_beside_the_guards_that_can_never_trip_is_refused(tmp_path, chan
 
 def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
     # 0.1 V s^2/m at least: 200 m/s^2 for twice 10 V, over 0.4 m to 12.6 m/s.
-    stop = {"acceleration_m_s2": 500.0, "jerk_m_s3": 1e6}
+    stop = {"acceleration_m_s2": 200.0, "jerk_m_s3": 1e6}
     limits = machine()["axes"]["x"]["limits"] | {
-        "max_velocity_m_s": 10.6, "max_acceleration_m_s2": 500.0, "max_jerk_m_s3": 1e6, "stop": stop
+        "max_velocity_m_s": 10.6, "max_acceleration_m_s2": 200.0, "max_jerk_m_s3": 1e6, "stop": stop
     }  # fmt: skip
     parts = ["found 10.6", "12.72 m/s", "12.6 m/s", "can never trip"]
     tells_one(tmp_path, machine(axes__x__limits=limits), "axes.x.limits.max_velocity_m_s", parts)
@@ -97,9 +97,33 @@ def test_a_following_error_that_trips_before_an_end_of_the_travel_is_allowed(tmp
     assert problems(tmp_path, machine(axes__x__limits__following_error=error)) == ()
 
 
+def test_braking_that_the_motor_can_never_follow_is_refused(tmp_path):
+    # Twice 10 V brake 0.1 V s^2/m, the lower bound, by 200 m/s^2.
+    allowed = machine(axes__x__limits__max_acceleration_m_s2=200.0)
+    assert problems(tmp_path, allowed) == ()
+    beyond = machine(axes__x__limits__max_acceleration_m_s2=201.0)
+    parts = ["found 201", "never be followed", "10 V", "0.1 V*s^2/m", "200 m/s^2"]
+    tells_one(tmp_path, beyond, "axes.x.limits.max_acceleration_m_s2", parts)
+
+
 def notes_with(tmp_path, words, **changes):
     notes = summarise(load(write(tmp_path, machine(**changes))))["notes"]
     return [note for note in notes if words in note]
+
+
+def test_a_ramp_that_is_more_than_the_motor_has_is_noted_with_its_arithmetic(tmp_path):
+    # 10 V accelerate 0.2 V s^2/m, theta(0), by 50 m/s^2.
+    def told(**limits):
+        changes = {f"axes__x__limits__{key}": value for key, value in limits.items()}
+        return notes_with(tmp_path, "more than the motor has", **changes)
+
+    assert told(max_acceleration_m_s2=50.0, stop__acceleration_m_s2=50.0) == []
+    (hard,) = told(max_acceleration_m_s2=51.0)
+    assert hard.startswith("axis x: limits.max_acceleration_m_s2 51 m/s^2 is more than")
+    assert "10 V accelerate 0.2 V*s^2/m" in hard
+    assert "by 50 m/s^2" in hard
+    _, stop = told(max_acceleration_m_s2=60.0, stop__acceleration_m_s2=51.0)
+    assert stop.startswith("axis x: limits.stop.acceleration_m_s2 51 m/s^2 is more than")
 
 
 def test_a_way_without_samples_that_is_half_the_travel_is_noted(tmp_path):
