@@ -13,6 +13,7 @@ from motorctl.hal import (
     NetworkInterface,
     Outputs,
     RateBudget,
+    unseen_limit_switches,
 )
 from motorctl_can import budget
 from motorctl_can.bus import link_settings
@@ -53,6 +54,13 @@ class CanopenDriver(BusDriver):
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
         """Tell where drives, axes and period do not fit together."""
         return tuple(fits.problems(self._canopen, self.channels, self.period_s))
+
+    def advice(self) -> Sequence[str]:
+        """Tell whose limit switches are not among the inputs that the drives send."""
+        inputs = {axis: node.inputs for axis, node in self._canopen.nodes.items()}
+        return tuple(
+            unseen_limit_switches({axis: of.named() if of else {} for axis, of in inputs.items()})
+        )
 
     def network_interfaces(self) -> Sequence[NetworkInterface]:
         """Tell the SocketCAN interface, and the bit rate that it has to have."""

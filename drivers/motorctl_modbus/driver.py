@@ -19,6 +19,7 @@ from motorctl.hal import (
     RateBudget,
     Status,
     serial_line,
+    unseen_limit_switches,
 )
 from motorctl_modbus import budget, checks
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
@@ -132,7 +133,8 @@ class ModbusDriver(Driver):
             if untold:
                 axes = ", ".join(untold)
                 found.append(f"no {flag} for {axes}: the device has no way to tell of one")
-        return found
+        told = {c.axis: dict(options.channels[c.number].status.named()) for c in self.channels}
+        return [*found, *unseen_limit_switches(told)]
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which one exchange fills nine tenths of the period."""

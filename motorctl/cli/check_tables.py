@@ -215,7 +215,12 @@ def _guards(guards: Part) -> str:
         )
     if guards["skew"]:
         told.append(f"skew {_number(guards['skew']['limit_m'] * 1e3)} mm")
-    told.append(f"computer frozen for {_number(guards['host_frozen']['time_s'])} s")
+    frozen_s = guards["host_frozen"]["time_s"]
+    if frozen_s is None:
+        told.append("computer frozen: never, its time waits")
+    else:
+        told.append(f"computer frozen for {_number(frozen_s)} s")
+    told.append(f"supervisor silent for {_number(guards['supervisor_lost']['time_s'])} s")
     return ", ".join(told)
 
 
