@@ -258,21 +258,21 @@ class Commander:
     async def _follow_program(self, axis: str, program: Program) -> dict[str, Any]:
         standing = {name: self._reference(name) for name in program.axes}
         try:
-            plans = await asyncio.to_thread(plan_program, self._machine, program, standing)
+            # Nothing of the program's motion is asked for here: its signs of life would wait.
+            plan = await asyncio.to_thread(plan_program, self._machine, program, standing)
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
-        whole_s = max(plan.duration_s for plan in plans.values())
-        own_s = max(trajectory.duration_s for trajectory in program.trajectories().values())
-        approach_s = max(whole_s - own_s, 0.0)
-        motion = _Motion(program.name, 0, approach_s, whole_s, program.period_s, program.cycles)
-        await self._follow(motion, plans)
+        motion = _Motion(
+            program.name, 0, plan.approach_s, plan.duration_s, plan.period_s, program.cycles
+        )
+        await self._follow(motion, plan.trajectories)
         return {
             "axis": axis,
             "state": "running",
             "program": program.name,
             "axes": list(program.axes),
-            "approach_s": approach_s,
-            "duration_s": whole_s,
+            "approach_s": plan.approach_s,
+            "duration_s": plan.duration_s,
         }
 
     async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory]) -> None:
