@@ -16,6 +16,11 @@ def unseen_limit_switches(told: Mapping[str, Collection[str]]) -> Iterator[str]:
     told
         Of each axis, what its device tells, by the names in LIMIT_SWITCHES; other names are left.
 
+    Yields
+    ------
+    str
+        A sentence for the axes that lack the same switches.
+
     Examples
     --------
     >>> list(unseen_limit_switches({"x": ["limit_negative", "limit_positive"]}))
