@@ -24,4 +24,19 @@ def printable(text: str) -> str:
     >>> printable("x\\x1b[31m")
     'x\\\\x1b[31m'
     """
-    return "".join(c if c.isprintable() or c in KEPT else ascii(c)[1:-1] for c in text)
+    return _written_out(text, KEPT)
+
+
+def one_line(text: str) -> str:
+    """Return a text as `printable` does, without line ends: it cannot begin a line of its own.
+
+    Examples
+    --------
+    >>> one_line("x\\nmotorctl: all is well")
+    'x\\\\nmotorctl: all is well'
+    """
+    return _written_out(text, "")
+
+
+def _written_out(text: str, kept: str) -> str:
+    return "".join(c if c.isprintable() or c in kept else ascii(c)[1:-1] for c in text)

@@ -16,6 +16,7 @@ from xml.sax.saxutils import escape
 
 from motorctl.loop.states import (
     OFF,
+    OPERATION,
     POWERED,
     STOPPING,
     TRANSITIONS,
@@ -47,7 +48,6 @@ AREAS: dict[State, Area] = {
     State.FAULT_REACTION_ACTIVE: (840, 430, 200, 48),
     State.FAULT: (840, 690, 200, 48),
 }
-OPERATION = tuple(s for s in POWERED if s.drive is DriveState.OPERATION_ENABLED)
 FRAMES: dict[str, tuple[str, tuple[State, ...], Area, float]] = {
     "enabled": ("enabled", (*POWERED, *STOPPING), (34, 240, 1030, 400), 18),
     "powered": ("", POWERED, (46, 272, 628, 350), 18),
@@ -69,7 +69,10 @@ WAYS: dict[tuple[str, str], tuple[list[Point], Point, str]] = {
     ("HOMING", "HOLDING"): ([(204, 546), (295, 546)], (250, 564), "middle"),
     ("HOLDING", "FOLLOWING"): ([(425, 526), (516, 526)], (470, 518), "middle"),
     ("FOLLOWING", "HOLDING"): ([(516, 546), (425, 546)], (470, 564), "middle"),
-    ("powered", "QUICK_STOP_ACTIVE"): ([(674, 314), (840, 314)], (757, 306), "middle"),
+    ("SWITCHED_ON", "SWITCH_ON_DISABLED"): (
+        [(460, 306), (500, 306), (500, 88), (460, 88)], (508, 234), "start"),
+    ("operation", "QUICK_STOP_ACTIVE"): (
+        [(624, 430), (624, 314), (840, 314)], (757, 306), "middle"),
     ("QUICK_STOP_ACTIVE", "SWITCH_ON_DISABLED"): (
         [(940, 290), (940, 74), (460, 74)], (932, 180), "end"),
     ("powered", "FAULT_REACTION_ACTIVE"): ([(674, 454), (840, 454)], (757, 446), "middle"),

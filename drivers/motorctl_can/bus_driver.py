@@ -46,8 +46,8 @@ class BusDriver(Driver):
         """Set up what is on the bus. Raises RunError."""
 
     @abstractmethod
-    def _send_off(self, link: Link) -> None:
-        """Disable everything on the bus."""
+    def _send_off(self, link: Link) -> bool:
+        """Disable everything on the bus; return whether the bus took all that it needs."""
 
     def _leave(self, link: Link) -> None:
         """Do what else is to be done before a bus is left."""
@@ -83,9 +83,10 @@ class BusDriver(Driver):
 
     def safe(self) -> None:
         """Disable everything, a few times; a bus that is not open is opened for that."""
-        with contextlib.suppress(Exception):
+        self.safe_sent, self.safe_failed = False, ""
+        try:
             if self._link is not None:
-                self._send_off(self._link)
+                self._make_safe(self._link)
                 return
             self.prepare()
             # What another program drives is not this one's to make safe.
@@ -93,12 +94,21 @@ class BusDriver(Driver):
             try:
                 link = self._linked()
                 try:
-                    self._send_off(link)
+                    self._make_safe(link)
                 finally:
                     link.close()
             finally:
                 if claim is not None:
                     claim.release()
+        except Exception as error:
+            self.safe_sent = False
+            self.safe_failed = str(error) or type(error).__name__
+
+    def _make_safe(self, link: Link) -> None:
+        self.safe_sent = self._send_off(link)
+        if not self.safe_sent:
+            why = link.complaint or "it had no room for all frames"
+            self.safe_failed = f"{self._bus.medium}: {why}"
 
     def _claimed(self) -> Claim | None:
         """Claim what is sent: a bus obeys everybody. A serial port is claimed by itself."""

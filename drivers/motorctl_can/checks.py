@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from motorctl.hal import LIMIT_SWITCHES, unseen_limit_switches
 from motorctl_can.layout import (
     CLASSIC_LENGTHS,
     COMMAND_MEANINGS,
@@ -108,6 +109,13 @@ def missing_from_layout(layout: Layout) -> Iterator[str]:
         untold = [axis for axis in layout.axes if layout.find(means, axis) is None]
         if untold:
             yield f"no {means} for {', '.join(untold)}: the device has no way to tell of one"
+    switches = [Means(name) for name in LIMIT_SWITCHES]
+    yield from unseen_limit_switches(
+        {
+            axis: [means for means in switches if layout.find(means, axis) is not None]
+            for axis in layout.axes
+        }
+    )
 
 
 def _wrong_identifier(key: Key, identifier: int, extended: bool) -> Iterator[Wrong]:

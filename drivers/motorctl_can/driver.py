@@ -242,9 +242,9 @@ class CanDriver(BusDriver):
             if self._unsent == UNSENT_PERIODS:
                 link.lose_commands()
 
-    def _send_off(self, link: Link) -> None:
-        for _ in range(SAFE_REPEATS):
-            self._send_all(link, self._nothing)
+    def _send_off(self, link: Link) -> bool:
+        whole = [self._send_all(link, self._nothing) for _ in range(SAFE_REPEATS)]
+        return any(whole)
 
     def _send_all(self, link: Link, outputs: Outputs) -> bool:
         whole = True

@@ -13,6 +13,7 @@ from motorctl.hal import (
     NetworkInterface,
     Outputs,
     RateBudget,
+    unseen_limit_switches,
 )
 from motorctl_can import budget
 from motorctl_can.bus import link_settings
@@ -53,6 +54,13 @@ class CanopenDriver(BusDriver):
     def problems(self) -> Sequence[tuple[tuple[str | int, ...], str]]:
         """Tell where drives, axes and period do not fit together."""
         return tuple(fits.problems(self._canopen, self.channels, self.period_s))
+
+    def advice(self) -> Sequence[str]:
+        """Tell whose limit switches are not among the inputs that the drives send."""
+        inputs = {axis: node.inputs for axis, node in self._canopen.nodes.items()}
+        return tuple(
+            unseen_limit_switches({axis: of.named() if of else {} for axis, of in inputs.items()})
+        )
 
     def network_interfaces(self) -> Sequence[NetworkInterface]:
         """Tell the SocketCAN interface, and the bit rate that it has to have."""
@@ -142,14 +150,14 @@ class CanopenDriver(BusDriver):
         if self._link is not None:
             self._nodes[channel].clear_fault()
 
-    def _send_off(self, link: Link) -> None:
-        for _ in range(SAFE_REPEATS):
-            self._exchange.send_off()
-        for node in self._nodes:
-            self._tell(link, node, objects.CONTROLWORD, 0)
+    def _send_off(self, link: Link) -> bool:
+        whole = [self._exchange.send_off() for _ in range(SAFE_REPEATS)]
+        # Many drives fill a socket's queue: this is for those that obey no PDO.
+        written = [self._tell(link, node, objects.CONTROLWORD, 0) for node in self._nodes]
+        return any(whole) or all(written)
 
-    def _tell(self, link: Link, node: Node, entry: objects.Object, value: int) -> None:
-        """Write an entry without waiting for the answer."""
+    def _tell(self, link: Link, node: Node, entry: objects.Object, value: int) -> bool:
+        """Write an entry without waiting for the answer; return whether the bus took it."""
         request = request_message(node.number)
         put_request(request, download_command(entry), entry, value)
-        link.send(request)
+        return link.send(request)

@@ -190,12 +190,19 @@ class Exchange:
         self._nmt.data[0], self._nmt.data[1] = command, node
         self.link.send(self._nmt)
 
-    def send_off(self) -> None:
-        """Disable every drive, and let those that wait for a SYNC obey."""
+    def send_off(self) -> bool:
+        """Disable every drive, and let those that wait for a SYNC obey.
+
+        Returns
+        -------
+        bool
+            Whether the bus took all of it.
+        """
+        whole = True
         for node in self._nodes:
             node.switch_off()
-            self.link.send(node.message)
-        self.link.send(self._sync)
+            whole = self.link.send(node.message) and whole
+        return self.link.send(self._sync) and whole
 
     # Before the first tick.
 

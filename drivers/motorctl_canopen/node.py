@@ -36,11 +36,11 @@ UNPOWERED = int(Status.UNPOWERED)
 LOST = int(Status.COMMUNICATION_LOST)
 AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
 RESTARTED = int(Status.DEVICE_RESTARTED | Status.ENCODER_LOST)
-SWITCHES = (
-    ("limit_negative", int(Status.LIMIT_NEGATIVE)),
-    ("limit_positive", int(Status.LIMIT_POSITIVE)),
-    ("home_switch", int(Status.HOME_SWITCH)),
-)
+SWITCHES = {
+    "limit_negative": int(Status.LIMIT_NEGATIVE),
+    "limit_positive": int(Status.LIMIT_POSITIVE),
+    "home_switch": int(Status.HOME_SWITCH),
+}
 STATE, INPUTS = 1, 2
 """Bits of what a node answers to SYNC."""
 
@@ -66,9 +66,7 @@ class Node:
         self._silence_s = silence_s
         given = options.inputs
         self._switches = tuple(
-            (1 << bit, told)
-            for name, told in SWITCHES
-            if given is not None and (bit := getattr(given, name)) is not None
+            (1 << bit, SWITCHES[name]) for name, bit in (given.named() if given else {}).items()
         )
         self._inverted = 0xFFFFFFFF if given is not None and given.inverted else 0
         self.message = can.Message(

@@ -26,6 +26,11 @@ class InputsOptions(_Part):
     inverted: bool = False
     """0 means pressed, for all of them."""
 
+    def named(self) -> dict[str, int]:
+        """Return the bit of each switch that there is."""
+        switches = ("limit_negative", "limit_positive", "home_switch")
+        return {name: bit for name in switches if (bit := getattr(self, name)) is not None}
+
 
 class NodeOptions(_Part):
     """A drive."""

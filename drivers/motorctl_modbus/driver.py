@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Sequence
 from typing import ClassVar
@@ -19,6 +18,7 @@ from motorctl.hal import (
     RateBudget,
     Status,
     serial_line,
+    unseen_limit_switches,
 )
 from motorctl_modbus import budget, checks
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
@@ -132,7 +132,8 @@ class ModbusDriver(Driver):
             if untold:
                 axes = ", ".join(untold)
                 found.append(f"no {flag} for {axes}: the device has no way to tell of one")
-        return found
+        told = {c.axis: dict(options.channels[c.number].status.named()) for c in self.channels}
+        return [*found, *unseen_limit_switches(told)]
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which one exchange fills nine tenths of the period."""
@@ -322,10 +323,15 @@ class ModbusDriver(Driver):
 
     def safe(self) -> None:
         """Zero and disable every axis: on the open connection, else on one made for it."""
-        with contextlib.suppress(Exception):
+        self.safe_sent, self.safe_failed = False, ""
+        try:
             if self._line is not None and not self._lost and self._safe_on_line():
                 return
             self._safe_on_own_connection()
+            self.safe_sent = True
+        except Exception as error:
+            self.safe_sent = False
+            self.safe_failed = str(error) or type(error).__name__
 
     def _safe_on_line(self) -> bool:
         line, exchange, block = self._line, self._exchange, self._outputs
@@ -343,6 +349,8 @@ class ModbusDriver(Driver):
         while verdict == NOTHING and not self._lost and time.monotonic() < deadline_s:
             line.wait(deadline_s - time.monotonic())
             verdict = self._collect(time.monotonic())
+        # What nobody answers may still be on its way, or lie in front of a cable that is out.
+        self.safe_sent = True if verdict == FRESH else None
         return not self._lost
 
     def _safe_on_own_connection(self) -> None:

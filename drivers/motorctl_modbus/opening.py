@@ -6,6 +6,7 @@ import contextlib
 import errno
 import logging
 import os
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -182,7 +183,7 @@ def switch_off(
 ) -> None:
     """Write zero and disable once by function code 16; where that does nothing, by 23.
 
-    Raises RunError where neither is answered.
+    Raises RunError where neither is answered, or both are refused.
     """
     with contextlib.suppress(RunError):
         answer = ask(
@@ -194,7 +195,10 @@ def switch_off(
         )
         if not answer.isError():
             return
-    ask(client, "safe", lambda: _exchange(client, options, outputs, inputs, 0))
+    answer = ask(client, "safe", lambda: _exchange(client, options, outputs, inputs, 0))
+    if answer.isError():
+        where = f"unit {options.unit} at {options.device}"
+        raise RunError(_why_refused(options, where, answer.exception_code, outputs, inputs))
 
 
 def _exchange(
@@ -211,12 +215,17 @@ def _exchange(
 
 @contextlib.contextmanager
 def complaints() -> Iterator[list[str]]:
-    """Collect what pymodbus logs instead of raising, and keep it from the terminal."""
+    """Collect what pymodbus logs instead of raising, and keep it from the terminal.
+
+    Of this thread alone: others may make other devices safe.
+    """
     heard: list[str] = []
+    here = threading.get_ident()
 
     class Ear(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            heard.append(record.getMessage().partition("\n")[0])
+            if record.thread == here:
+                heard.append(record.getMessage().partition("\n")[0])
 
     Log.last_log_text = ""  # else it says "Repeating....", and nothing the third time
     logger = logging.getLogger("pymodbus.logging")

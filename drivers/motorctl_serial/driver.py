@@ -243,7 +243,8 @@ class SerialDriver(Driver):
 
     def safe(self) -> None:
         """Zero and disable every channel; where the port is not open, it is opened for that."""
-        with contextlib.suppress(Exception):
+        self.safe_sent, self.safe_failed = False, ""
+        try:
             if self._port is not None:
                 self._send_safe(self._port)
                 return
@@ -253,12 +254,20 @@ class SerialDriver(Driver):
                 self._send_safe(port)
             finally:
                 port.close()
+        except Exception as error:
+            self.safe_sent = False
+            self.safe_failed = str(error) or type(error).__name__
 
     def _send_safe(self, port: Port) -> None:
         frame = b"\0" + frames.frame_of(bare(FrameType.SAFE, self._next_number()))
-        if not port.write(frame):
+        sent = port.write(frame)
+        if not sent:
             port.discard_output()
-            port.write(frame)
+            sent = port.write(frame)
+        self.safe_sent = sent
+        if not sent:
+            why = "it has vanished" if port.gone else "it does not take what is sent"
+            self.safe_failed = f"port {self._settings.port}: {why}"
 
     def _polled(self, port: Port) -> int:
         deadline_s = time.monotonic() + self._wait_s

@@ -146,6 +146,7 @@ class SimDriver(Driver):
         """Zero and disable every amplifier."""
         self._states["command"] = 0.0
         self._states["enable"] = 0
+        self.safe_sent = True
 
     def advance(self) -> None:
         """Let one period pass in virtual time."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.socket_option import SocketOption
+from motorctl.printable import one_line
 
 if TYPE_CHECKING:
     from motorctl.daemon.client import Client
@@ -178,7 +179,7 @@ def estop(socket: SocketOption = None) -> None:
 
     with Client(socket) as client:
         answer = client.ask("estop")
-    typer.echo(f"emergency stop: {', '.join(answer['axes'])}")
+    typer.echo(one_line(f"emergency stop: {', '.join(answer['axes'])}"))
 
 
 def register(app: typer.Typer) -> None:
@@ -221,7 +222,7 @@ def _tell_program(axis: str, answer: dict[str, Any]) -> None:
 
 
 def _say(axis: str, text: str) -> None:
-    typer.echo(f"axis {axis}: {text}")
+    typer.echo(one_line(f"axis {axis}: {text}"))
 
 
 def _millimetres(position_m: float) -> str:

@@ -40,9 +40,9 @@ def _check(
 
     Every problem is told at once, with file, line and key; the exit status is then 2.
     """
-    from rich.console import Console
 
     from motorctl.cli.check_tables import print_code, print_summary
+    from motorctl.cli.terminal import Terminal
     from motorctl.config import AllowedCode, config_schema, load, summarise
     from motorctl.errors import ConfigError, UsageError
 
@@ -56,7 +56,7 @@ def _check(
         if as_json:
             typer.echo(json.dumps(told, indent=2))
         else:
-            print_code(Console(), told)
+            print_code(Terminal(), told)
         return
     allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
     try:
@@ -72,7 +72,7 @@ def _check(
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     else:
-        print_summary(Console(), summary)
+        print_summary(Terminal(), summary)
 
 
 def _code(config: str, only_allowed: Path | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from motorctl.config.analysis import LoopMargins
 from motorctl.config.summary import MarginsAt
+from motorctl.printable import one_line
 
 Part = Mapping[str, Any]
 
@@ -44,12 +45,16 @@ def print_summary(console: Console, summary: Part) -> None:
 
 
 def print_code(console: Console, told: Part) -> None:
-    """Print which code a configuration would run, and what the service makes of it."""
+    """Print which code a configuration would run, and what the service makes of it.
+
+    The configuration may be a stranger's: its words may neither begin a line nor end one early.
+    """
     lines = ["[bold]Code that this file runs[/bold]"]
     for code in told["code"]:
         package = f"{code['package']} {code['version']}" if code["package"] else "no package"
         allowed = "allowed" if code["allowed"] else "[yellow]not allowed[/yellow]"
-        lines.append(f"  {escape(code['key'])}: {escape(code['target'])}, {allowed}")
+        key, target = escape(one_line(code["key"])), escape(one_line(code["target"]))
+        lines.append(f"  {key}: {target}, {allowed}")
         lines.append(f"    {escape(package)}: {escape(code['file'] or 'no such module')}")
     console.print("\n".join(lines), highlight=False, soft_wrap=True)
     file, trouble = told["allowed_code"]["file"], told["allowed_code"]["trouble"]
@@ -210,7 +215,12 @@ def _guards(guards: Part) -> str:
         )
     if guards["skew"]:
         told.append(f"skew {_number(guards['skew']['limit_m'] * 1e3)} mm")
-    told.append(f"computer frozen for {_number(guards['host_frozen']['time_s'])} s")
+    frozen_s = guards["host_frozen"]["time_s"]
+    if frozen_s is None:
+        told.append("computer frozen: never, its time waits")
+    else:
+        told.append(f"computer frozen for {_number(frozen_s)} s")
+    told.append(f"supervisor silent for {_number(guards['supervisor_lost']['time_s'])} s")
     return ", ".join(told)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
     "Example: motorctl diagnose run.parquet --out report    or: "
@@ -93,7 +93,7 @@ def _diagnose(
     if as_json:
         print(json.dumps(diagnosis_document(found) | {"files": [str(path) for path in files]}))
         return
-    console = Console()
+    console = Terminal()
     print_diagnosis(console, found, steps)
     for path in files:
         console.print(str(path), markup=False, highlight=False, soft_wrap=True)

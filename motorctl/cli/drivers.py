@@ -42,9 +42,10 @@ def _plain(entry: DriverEntry) -> dict[str, object]:
 
 
 def _print_table(entries: list[DriverEntry]) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
+
+    from motorctl.cli.terminal import Terminal
 
     table = Table(title="Drivers", title_justify="left")
     for column in ("name", "package", "version", "class", "virtual time", "state"):
@@ -55,4 +56,4 @@ def _print_table(entries: list[DriverEntry]) -> None:
             virtual = "yes" if entry.driver.supports_virtual_time else "no"
         state = "ready" if entry.error is None else f"[red]{escape(entry.error)}[/red]"
         table.add_row(entry.name, entry.distribution, entry.version, entry.target, virtual, state)
-    Console().print(table)
+    Terminal().print(table)

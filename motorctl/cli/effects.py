@@ -37,9 +37,10 @@ def _effects(
 
 
 def _print_table(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
+
+    from motorctl.cli.terminal import Terminal
 
     table = Table(title="Effects", title_justify="left")
     for column in ("name", "package", "kind", "what it is"):
@@ -49,4 +50,4 @@ def _print_table(rows: list[dict[str, Any]]) -> None:
         if row["error"] is not None:
             told = f"[red]refused: {escape(row['error'])}[/red]"
         table.add_row(row["name"], row["package"], row["kind"] or "?", told)
-    Console().print(table)
+    Terminal().print(table)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
     "Example: motorctl fit run.parquet --model C2    or: "
@@ -70,4 +70,4 @@ def _fit(
     if as_json:
         print(json.dumps(fit_document(found)))
     else:
-        print_fit(Console(), found)
+        print_fit(Terminal(), found)

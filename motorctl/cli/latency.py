@@ -42,9 +42,9 @@ def latency(
 
     Example: motorctl latency --duration 10 --out latency
     """
-    from rich.console import Console
 
     from motorctl.cli.progress import showing_progress
+    from motorctl.cli.terminal import Terminal
     from motorctl.config import load
     from motorctl.latency import LatencyOptions, measure_latency
     from motorctl.latency.view import print_latency
@@ -55,7 +55,7 @@ def latency(
     if as_json:
         typer.echo(json.dumps(result.document(), indent=2))
     else:
-        print_latency(Console(), result)
+        print_latency(Terminal(), result)
 
 
 def register(app: typer.Typer) -> None:

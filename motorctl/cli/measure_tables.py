@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from motorctl.cli.terminal import Terminal
 from motorctl.identify.compare.measures import (
     DurationFigures,
     MeasuredRun,
@@ -34,12 +34,12 @@ def print_measures(axis: str, groups: Sequence[Rows], headings: Sequence[str] = 
         for name, cells in rows:
             table.add_row(escape(name), *map(escape, cells))
         table.add_section()
-    Console().print(table)
+    Terminal().print(table)
 
 
 def print_comparison(comparison: Comparison) -> None:
     """Print the measures of every run, and the first run's over each other one's."""
-    console = Console()
+    console = Terminal()
     first, *later = comparison.runs
     for axis in comparison.axes:
         measured = [(name, table_cells(m)) for name, m in comparison.measures(axis).items()]

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
@@ -18,6 +17,8 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from motorctl.cli.terminal import Terminal
 
 
 @contextmanager
@@ -51,7 +52,7 @@ def showing_work(what: str) -> Iterator[Callable[[str], None]]:
 
 
 def _line(*columns: ProgressColumn, first: ProgressColumn | None = None) -> Progress:
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     begin = [first] if first else []
     return Progress(
         *begin,

@@ -87,13 +87,13 @@ def _refine(
 
 
 def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.syntax import Syntax
 
+    from motorctl.cli.terminal import Terminal
     from motorctl.identify.refine.header import error_words
 
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     for name, axis in refinement.axes.items():
         console.print(f"[bold]axis {escape(name)}[/bold]")
         for words in (*axis.done, *(error_words(diagnosis.axes[name]) if axis.changed else ())):

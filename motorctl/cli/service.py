@@ -51,7 +51,18 @@ def _install(
     group: Annotated[
         str | None,
         typer.Option(
-            help="Whose members may command the machine; usual: motorctl.", show_default=False
+            help="Whose members may connect and, without --operators, command; usual: motorctl.",
+            show_default=False,
+        ),
+    ] = None,
+    operators: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GROUP",
+            help="Whose members may command, of those of --group; the others may ask for the "
+            "status, and for an emergency stop. Usual: as installed, at first none; --group's own "
+            "name: all its members again.",
+            show_default=False,
         ),
     ] = None,
     root: RootOption = Path("/"),
@@ -64,7 +75,7 @@ def _install(
     """
     from motorctl.service import Request, install
 
-    _show(install(Request(name, config, user, group, root, dry_run)), as_json)
+    _show(install(Request(name, config, user, group, operators, root, dry_run)), as_json)
 
 
 def _remove(

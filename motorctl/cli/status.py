@@ -25,10 +25,10 @@ def status(
 
     Example: motorctl status --watch
     """
-    from rich.console import Console
     from rich.live import Live
 
     from motorctl.cli.status_view import status_view
+    from motorctl.cli.terminal import Terminal
     from motorctl.daemon.client import Client
     from motorctl.errors import UsageError
 
@@ -39,7 +39,7 @@ def status(
         if as_json:
             typer.echo(json.dumps(document, indent=2))
             return
-        console = Console()
+        console = Terminal()
         if not watch:
             console.print(status_view(document, detailed=axis is not None))
             return

@@ -10,6 +10,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from motorctl.printable import one_line
+
 STATE_STYLES = {
     "off": "dim",
     "homing": "yellow",
@@ -33,9 +35,9 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
         if axis.get("dual_drive"):
             parts.append(_skew(name, axis["dual_drive"]))
         if axis["fault"]:
-            parts.append(Text(f"{name}: {axis['fault']['message']}", "bold red"))
+            parts.append(Text(f"{name}: {one_line(axis['fault']['message'])}", "bold red"))
         if axis.get("device"):
-            parts.append(Text(f"{name}: its device now: {axis['device']}", "yellow"))
+            parts.append(Text(f"{name}: its device now: {one_line(axis['device'])}", "yellow"))
         if axis.get("samples", {}).get("missed"):
             parts.append(_missed(name, axis["samples"]))
     if any(axis["fault"] for axis in document["axes"].values()):
@@ -143,7 +145,7 @@ def _motion(name: str, motion: Mapping[str, Any]) -> Text:
     return Text.assemble(
         (name, "bold"),
         (" follows ", "dim"),
-        f"{motion['name']}  ",
+        f"{one_line(motion['name'])}  ",
         ("━" * done, "green"),
         ("━" * (MOTION_CELLS - done), "dim"),
         (f"  {min(elapsed, whole):.1f} of {whole:.1f} s", "dim"),

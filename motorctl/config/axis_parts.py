@@ -18,7 +18,12 @@ from motorctl.config.dual_drive_rules import (
     check_skew_loop,
 )
 from motorctl.config.guard_keys import Guards
-from motorctl.config.guard_rules import check_guards, check_overspeed, check_reactions
+from motorctl.config.guard_rules import (
+    check_guards,
+    check_overspeed,
+    check_ramps,
+    check_reactions,
+)
 from motorctl.config.hardware import Wiring, wire
 from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
@@ -175,6 +180,7 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
         if encoder and rate_hz and parts.guards:
             fullest_m_s2 = parts.fullest_acceleration_m_s2()
             yield from check_guards(parts.guards, limits, encoder, rate_hz, fullest_m_s2)
+        yield from check_ramps(limits, parts.least_inertia_v_s2_m())
         yield from check_overspeed(limits, parts.least_inertia_v_s2_m())
         if parts.model and adaptation:
             yield from check_monotonicity(

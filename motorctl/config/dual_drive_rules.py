@@ -38,9 +38,13 @@ def check_skew_guard(
         message = f"found {guard.limit_m:g}, should be above {COUNTS_AT_REST} encoder counts, "
         yield where, f"{message}{least:g} m: it would always trip at rest"
     low, high = limits.travel_m
-    if low < high and guard.limit_m >= high - low:
-        message = f"found {guard.limit_m:g}, can never trip: both ends are within the travel of "
-        yield where, f"{message}{high - low:g} m; should be less"
+    if low < high and 2.0 * guard.limit_m >= high - low:
+        yield (
+            where,
+            f"found {guard.limit_m:g}, can never trip where one end is stuck in the middle of the "
+            f"travel of {high - low:g} m: the other goes no further than half of it; should be "
+            "less",
+        )
     stiffness = dual.skew.stiffness_v_m
     if stiffness and guard.limit_m >= limits.max_voltage_v / stiffness:
         most = limits.max_voltage_v / stiffness
@@ -75,7 +79,7 @@ def check_dual_drive(
             f"found {apart:g}, should be at least guards.skew.limit_m {guards.skew.limit_m:g} m: a "
             "beam that stood within its limit could not be homed",
         )
-    elif apart >= (travel := limits.travel_m[1] - limits.travel_m[0]) > _skew_limit_m(guards):
+    elif apart >= (travel := limits.travel_m[1] - limits.travel_m[0]) > 2.0 * _skew_limit_m(guards):
         message = f"found {apart:g}, can never trip: both ends are within the travel of "
         yield where, f"{message}{travel:g} m; should be less"
 

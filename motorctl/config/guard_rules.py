@@ -64,6 +64,25 @@ def check_reactions(guards: Guards) -> Iterator[Finding]:
             yield ("guards", name, "reaction"), f"found 'quick_stop', should be disable: {why}"
 
 
+def check_ramps(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Finding]:
+    """Check that the motor can follow the hardest braking at all; the stop ramp is no harder.
+
+    With its full voltage, and once more as much for what brakes it besides: more friction or load
+    could not be moved. A ramp beyond is a jump of the reference, which trips instead of braking.
+    """
+    if not least_inertia_v_s2_m > 0.0:
+        return
+    full, hardest = limits.max_voltage_v, limits.max_acceleration_m_s2
+    most = 2.0 * full / least_inertia_v_s2_m
+    if hardest > most:
+        yield (
+            ("limits", "max_acceleration_m_s2"),
+            f"found {hardest:g}, braking with it can never be followed: twice max_voltage_v "
+            f"{full:g} V at the lower bound of the inertia, {least_inertia_v_s2_m:g} V*s^2/m, give "
+            f"no more than {most:.3g} m/s^2; should be at most that, and the stop ramp, too",
+        )
+
+
 def check_overspeed(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Finding]:
     """Check that the axis can become so fast on its travel that its speed trips it.
 

@@ -21,6 +21,10 @@ Positive = Annotated[float, Field(ge=SMALLEST, le=1e9)]
 NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 Rate = Annotated[float, Field(gt=0, le=1e5)]
 Range = tuple[Number, Number]
+WAITING_PATIENCE_S = 5.0
+"""How long at least the loop goes on without a sign of life from the supervisor [s], for a
+simulated machine that waits for a busy computer: nothing of it can be damaged. Shorter stops it
+while the computer is only busy, longer leaves a loop without a supervisor running. By hand."""
 
 
 class Keys(BaseModel):
@@ -119,3 +123,8 @@ class LoopSettings(Keys):
     def waits(self) -> bool:
         """Whether the machine's time stands still while the computer pauses."""
         return self.without_realtime == "wait"
+
+    @property
+    def patience_s(self) -> float:
+        """How long the loop goes on without a sign of life from the supervisor [s]."""
+        return max(self.supervisor_timeout_s, WAITING_PATIENCE_S if self.waits else 0.0)

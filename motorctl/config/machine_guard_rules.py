@@ -1,4 +1,4 @@
-"""Guards of the whole machine that could never trip: late ticks, silent devices, partners."""
+"""Guards of the whole machine that could never trip: late ticks, pauses, devices, partners."""
 
 from __future__ import annotations
 
@@ -38,17 +38,26 @@ def check_machine_guards(
     list of Problem
         Of guards that could never trip.
     """
-    findings = [*_late_ticks(document, rate_hz), *_partners(document)]
+    findings = [*_late_and_frozen(document, rate_hz), *_partners(document)]
     if rate_hz is not None:
         for driver, divisor in divisors.items():
             findings += _without_sample(document, driver, divisor / rate_hz)
     return [document.problem(where, message) for where, message in findings]
 
 
-def _late_ticks(document: Document, rate_hz: float | None) -> Iterator[Finding]:
+def _late_and_frozen(document: Document, rate_hz: float | None) -> Iterator[Finding]:
     loop = read_keys(LoopSettings, document.part(("loop",)))
     if loop is None:
         return
+    if loop.waits:
+        for name in document.part(("axes",)):
+            if _is_chosen(document, name, "host_frozen"):
+                yield (
+                    ("axes", name, "guards", "host_frozen"),
+                    "can never trip: loop.without_realtime is wait, so the machine's time stands "
+                    "still while the computer does; should be degrade or refuse, or the guard be "
+                    "removed here",
+                )
     if loop.overrun_policy == "count":
         for name in document.part(("axes",)):
             if _is_chosen(document, name, "late_ticks"):

@@ -54,13 +54,20 @@ def check_limits(limits: Limits) -> Iterator[Finding]:
     if distance > travel:
         message = f"stopping from {limits.max_velocity_m_s:g} m/s takes {distance:.3g} m"
         yield ("limits", "stop"), f"{message}, longer than the travel of {travel:g} m"
-    error = limits.following_error
-    if error.minimum_m >= travel:
-        message = f"found {error.minimum_m:g}, should be less than the travel of {travel:g} m"
+    yield from _check_following_error(limits, travel)
+
+
+def _check_following_error(limits: Limits, travel: float) -> Iterator[Finding]:
+    """Check that an axis that runs away can trip before an end of its travel."""
+    error, fastest, half = limits.following_error, limits.max_velocity_m_s, 0.5 * travel
+    if error.minimum_m >= half:
+        message = (
+            f"found {error.minimum_m:g}, from the middle of the travel of {travel:g} m it cannot "
+            f"trip before an end, {half:g} m away; should be less"
+        )
         yield ("limits", "following_error", "minimum_m"), message
-    fastest = limits.max_velocity_m_s
     allowed = error.minimum_m + error.per_velocity_s * fastest
-    if error.minimum_m < travel <= allowed:
+    if error.minimum_m < half and allowed >= travel:
         message = (
             f"found {error.per_velocity_s:g}, at {fastest:g} m/s an error of {error.minimum_m:g} m "
             f"+ {error.per_velocity_s:g} s x {fastest:g} m/s = {allowed:.3g} m would be allowed, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -21,7 +22,9 @@ from motorctl.config.axis_keys import Limits
 from motorctl.config.dual_drive_rules import skew_margins
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.groups import notes_on_groups
+from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
+from motorctl.config.keys import LoopSettings
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.recording_summary import (
@@ -63,7 +66,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
     dict
         The document of ``check --json``, with units in the keys; what is infinite becomes None.
     """
-    axes = {n: _axis(axis, machine.period_of(n)) for n, axis in machine.axes.items()}
+    axes = {n: _axis(axis, machine.period_of(n), machine.loop) for n, axis in machine.axes.items()}
     drivers = dict(_drivers(machine))
     summary = {
         "name": machine.name,
@@ -81,6 +84,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "recording": recording_summary(machine.recording, recording_rate_of(machine)),
         "notes": [
             *notes_on_groups(machine),
+            *notes_on_guards(machine),
             *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(
@@ -132,7 +136,7 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
         yield name, told
 
 
-def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
+def _axis(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
     return {
         "driver": axis.driver,
         "channel": axis.channel,
@@ -142,7 +146,7 @@ def _axis(axis: Axis, period_s: float) -> dict[str, Any]:
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
         "encoder": axis.encoder.model_dump(),
         "limits": _limits(axis.limits),
-        "guards": _guards(axis, period_s),
+        "guards": _guards(axis, period_s, loop),
         "gains": axis.gains.model_dump(),
         "parameters": dict(_parameters(axis)),
         "adaptation": axis.adaptation.model_dump(),
@@ -170,15 +174,17 @@ def _limits(limits: Limits) -> dict[str, Any]:
     return told | {f"stop_{key}": value for key, value in told.pop("stop").items()}
 
 
-def _guards(axis: Axis, period_s: float) -> dict[str, Any]:
-    """The keys as they are, with the numbers that null stands for."""
+def _guards(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
+    """The keys as they are, with the numbers that null stands for, and what the loop adds."""
     guards = axis.guards
     told = guards.model_dump()
     if guards.encoder_stuck:
         told["encoder_stuck"]["distance_m"] = guards.stuck_distance_m(
             axis.limits.following_error.minimum_m
         )
-    told["host_frozen"]["time_s"] = guards.frozen_s(period_s)
+    # No time of a machine that waits for its computer is missing.
+    told["host_frozen"]["time_s"] = math.inf if loop.waits else guards.frozen_s(period_s)
+    told["supervisor_lost"]["time_s"] = loop.patience_s
     return told
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import array
+import errno
 import fcntl
 import grp
 import os
+import pwd
 import socket
 import stat
 import struct
@@ -16,6 +18,9 @@ from pathlib import Path
 from motorctl.errors import UsageError
 
 SOCKET_MODE = 0o660
+FOLDER_MODE = 0o755
+"""Of a socket's folder that is made here: whoever may write there could put another daemon's socket
+in its place. Members of the socket's group have to get through."""
 SO_PEERGROUPS = 59  # Linux 4.13; not among Python's constants
 _MOST_GROUPS = 256
 
@@ -61,15 +66,17 @@ class ControlSocket:
         Raises
         ------
         UsageError
-            Where a daemon lives there, the path is something else, or a group or the place cannot
-            be used.
+            Where a daemon lives there, the path is something else, a group or the place cannot be
+            used, or the folder is in the hands of another user, who could put a daemon of their
+            own in its place.
         """
         self.path = path
         self.group_id = os.getegid() if group is None else _group_id(group)
         self.operators = operators
         self._operators_id = None if operators is None else _group_id(operators)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
+            _insist_on_own_folder(path.parent)
             self._lock = _take_lock(path)
         except OSError as error:
             raise UsageError(f"control socket {path}: {error.strerror}") from error
@@ -141,6 +148,16 @@ def peer_of(connection: socket.socket) -> Peer:
     return Peer(pid, uid, frozenset(groups) | {gid})
 
 
+def insist_on_own_server(connection: socket.socket, path: Path) -> None:
+    """Raise UsageError unless root or the own user serves at the other end of a connection."""
+    uid = peer_of(connection).uid
+    if uid not in _own_users():
+        raise UsageError(
+            f"the daemon on {path} is {_user_name(uid)}'s, not yours: name the socket with "
+            "--socket if that is the one you mean"
+        )
+
+
 def _group_id(group: str) -> int:
     try:
         return grp.getgrnam(group).gr_gid
@@ -148,11 +165,50 @@ def _group_id(group: str) -> int:
         raise UsageError(f"control socket: there is no group '{group}' on this machine") from None
 
 
+def _insist_on_own_folder(folder: Path) -> None:
+    """Raise UsageError where another user rules over what stands in the socket's folder.
+
+    The way there counts, too: who owns a link may let it lead elsewhere.
+    """
+    for found in (folder.lstat(), folder.stat()):
+        if found.st_uid not in _own_users():
+            raise UsageError(
+                f"control socket: the folder {folder} belongs to {_user_name(found.st_uid)}, who "
+                "could answer in the daemon's place; remove it or choose another --socket"
+            )
+    if found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX:
+        raise UsageError(
+            f"control socket: everybody may write into the folder {folder}, and could answer in "
+            f"the daemon's place: chmod o-w {folder}, or choose another --socket"
+        )
+
+
+def _own_users() -> set[int]:
+    return {0, os.geteuid()}
+
+
+def _user_name(uid: int) -> str:
+    try:
+        return f"user {pwd.getpwuid(uid).pw_name}"
+    except KeyError:
+        return f"user {uid}"
+
+
 def _take_lock(path: Path) -> int:
-    """Lock the socket's name for the life of this process; the kernel lets go when it dies."""
-    lock = os.open(
-        path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600
-    )
+    """Lock the socket's name for the life of this process; the kernel lets go when it dies.
+
+    What lies there is written over: only if it is a file of our own, under this one name.
+    """
+    place = path.with_name(path.name + ".lock")
+    try:
+        lock = os.open(place, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise _not_our_lock(place, "is a link") from error
+        raise
+    if strange := _strange(os.fstat(lock)):
+        os.close(lock)
+        raise _not_our_lock(place, strange)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -165,6 +221,22 @@ def _take_lock(path: Path) -> int:
     os.ftruncate(lock, 0)
     os.pwrite(lock, f"{os.getpid()}\n".encode(), 0)
     return lock
+
+
+def _strange(lock: os.stat_result) -> str:
+    """Return why a lock that was there cannot be one of our own; empty: it may be."""
+    if not stat.S_ISREG(lock.st_mode):
+        return "is no plain file"
+    if lock.st_uid not in _own_users():
+        return f"belongs to {_user_name(lock.st_uid)}"
+    return "has a second name, and holds something else" if lock.st_nlink > 1 else ""
+
+
+def _not_our_lock(place: Path, why: str) -> UsageError:
+    return UsageError(
+        f"control socket: the lock {place} {why}, so it is left alone; remove it or choose "
+        "another --socket"
+    )
 
 
 def _remove_stale(path: Path) -> None:
@@ -181,9 +253,19 @@ def _remove_stale(path: Path) -> None:
         try:
             probe.connect(str(path))
         except OSError:
-            path.unlink(missing_ok=True)
+            _unlink(path)
             return
     raise UsageError(f"a daemon already serves {path}; stop it or choose another --socket")
+
+
+def _unlink(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"control socket {path}: what a dead daemon left cannot be removed: {error.strerror}; "
+            "remove it or choose another --socket"
+        ) from error
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:

@@ -11,7 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from motorctl.daemon.paths import client_socket
+from motorctl.daemon.access import insist_on_own_server
+from motorctl.daemon.paths import SYSTEM_FOLDER, client_socket
 from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 
@@ -36,7 +37,8 @@ class Client:
     """One connection to a daemon; use as a context manager.
 
     Raises RunError where no daemon answers or it stops answering, DaemonRefusedError where it
-    says no.
+    says no, UsageError where the one on a socket that nobody named is another user's: it could
+    say that the machine was stopped, and do nothing. Below SYSTEM_FOLDER root lets services be.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -46,9 +48,14 @@ class Client:
         self._socket.settimeout(ANSWER_TIMEOUT_S)
         try:
             self._connect()
+            if path is None and not self.path.is_relative_to(SYSTEM_FOLDER):
+                insist_on_own_server(self._socket, self.path)
         except OSError as error:
             self._socket.close()
             raise _unreachable(self.path, error) from error
+        except UsageError:
+            self._socket.close()
+            raise
         self._lines = self._socket.makefile("rb")
 
     def _connect(self) -> None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -258,21 +259,21 @@ class Commander:
     async def _follow_program(self, axis: str, program: Program) -> dict[str, Any]:
         standing = {name: self._reference(name) for name in program.axes}
         try:
-            plans = await asyncio.to_thread(plan_program, self._machine, program, standing)
+            # Nothing of the program's motion is asked for here: its signs of life would wait.
+            plan = await asyncio.to_thread(plan_program, self._machine, program, standing)
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
-        whole_s = max(plan.duration_s for plan in plans.values())
-        own_s = max(trajectory.duration_s for trajectory in program.trajectories().values())
-        approach_s = max(whole_s - own_s, 0.0)
-        motion = _Motion(program.name, 0, approach_s, whole_s, program.period_s, program.cycles)
-        await self._follow(motion, plans)
+        motion = _Motion(
+            program.name, 0, plan.approach_s, plan.duration_s, plan.period_s, program.cycles
+        )
+        await self._follow(motion, plan.trajectories)
         return {
             "axis": axis,
             "state": "running",
             "program": program.name,
             "axes": list(program.axes),
-            "approach_s": approach_s,
-            "duration_s": whole_s,
+            "approach_s": plan.approach_s,
+            "duration_s": plan.duration_s,
         }
 
     async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory]) -> None:
@@ -285,15 +286,19 @@ class Commander:
         tick = int(self._memory.status["tick"][0]) + margin
         # What else moves at that time is another program, and not stopped for this one.
         shared = self._memory.program_number()
-        numbers = {
-            name: self._post(Verb.FOLLOW, name, slot=slot, tick=tick, program=shared)
-            for name, slot in slots.items()
-        }
-        replies = {name: await self._reply(number) for name, number in numbers.items()}
+        numbers: dict[str, int] = {}
+        replies: dict[str, Reply] = {}
+        try:
+            for name, slot in slots.items():
+                numbers[name] = self._post(Verb.FOLLOW, name, slot=slot, tick=tick, program=shared)
+            for name, number in numbers.items():
+                replies[name] = await self._reply(number)
+        except BaseException:
+            await self._take_back(n for n in numbers if replies.get(n, Reply.OK) is Reply.OK)
+            raise
         refused = {name: reply for name, reply in replies.items() if reply is not Reply.OK}
         if refused:
-            for name in replies.keys() - refused.keys():
-                await self._order(Verb.STOP, name)
+            await self._take_back(name for name in replies if name not in refused)
             name, reply = next(iter(refused.items()))
             raise self._refusal(Verb.FOLLOW, name, reply)
         started = _Motion(**{**vars(motion), "start_tick": tick})
@@ -301,6 +306,30 @@ class Commander:
         for name in plans:
             self._waiting.pop(name, None)
         self._history.append({"axes": list(plans), **vars(started)})
+
+    async def _take_back(self, names: Iterable[str]) -> None:
+        """Stop axes that were ordered to follow a program, or may have been.
+
+        While the mailbox has no room it is tried again, for as long as a reply may take.
+        """
+        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        numbers = []
+        for name in names:
+            with suppress(RefusedError):
+                numbers.append(await self._posted(Verb.STOP, name, deadline))
+        # Who asked is told why the program is not followed, not what became of the stop.
+        with suppress(RefusedError):
+            for number in numbers:
+                await self._reply(number)
+
+    async def _posted(self, verb: Verb, name: str, deadline: float) -> int:
+        while True:
+            try:
+                return self._post(verb, name)
+            except RefusedError:
+                if time.monotonic() > deadline:
+                    raise
+            await asyncio.sleep(POLL_S)
 
     async def _until_idle(self, name: str) -> None:
         began = time.monotonic()

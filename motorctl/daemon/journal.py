@@ -10,14 +10,25 @@ from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.recorder import Recorder
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
+from motorctl.printable import printable
 
 _log = logging.getLogger("motorctl")
+
+
+class _Harmless(logging.Formatter):
+    """Writes out what a terminal would obey: devices, files and users have their words in here.
+
+    What goes on over several lines is indented, so that nobody's text begins a message.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record)).replace("\n", "\n  ")
 
 
 def open_journal() -> None:
     """Send what motorctl has to tell to standard error, a line each."""
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("motorctl: %(message)s"))
+    handler.setFormatter(_Harmless("motorctl: %(message)s"))
     _log.addHandler(handler)
     _log.setLevel(logging.INFO)
 

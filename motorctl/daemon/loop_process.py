@@ -12,6 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from queue import Empty, SimpleQueue
 
 from motorctl.config.guard_keys import STALLED_S
 from motorctl.config.machine import Machine
@@ -131,7 +132,7 @@ class LoopProcess:
         """Make sure that the process is gone and the outputs are safe.
 
         A loop that ended in order has seen to its outputs. For any other it is done from here, and
-        what came of it is told driver by driver.
+        what came of it is told driver by driver: nothing is called safe that may not be.
         """
         if not self.alive and self.phase is Phase.STOPPED:
             return
@@ -141,8 +142,7 @@ class LoopProcess:
                 "Its drivers are told to disable all the same",
                 KILL_TIMEOUT_S,
             )
-        for name in dict.fromkeys(axis.driver for axis in self.machine.axes.values()):
-            problem = self._make_safe(name)
+        for name, problem in self._make_safe().items():
             if problem is None:
                 _log.warning(
                     "driver %s: the supervisor told it to zero and disable its outputs", name
@@ -164,27 +164,47 @@ class LoopProcess:
             return False
         return True
 
-    def _make_safe(self, name: str) -> str | None:
-        """Tell one driver to zero and disable its outputs; return why it may not have, or None.
+    def _make_safe(self) -> dict[str, str | None]:
+        """Tell all drivers at once to zero and disable their outputs.
 
-        A driver does what it can and raises nothing: without its device nothing is certain.
+        Returns
+        -------
+        dict
+            Why a driver's outputs may not be safe, None where it says that all was sent; in the
+            order of the configuration.
         """
-        outcome: list[str | None] = []
+        names = list(dict.fromkeys(axis.driver for axis in self.machine.axes.values()))
+        outcomes: dict[str, str | None] = dict.fromkeys(
+            names, f"no answer within {SAFE_TIMEOUT_S:g} s"
+        )
+        answers: SimpleQueue[tuple[str, str | None]] = SimpleQueue()
+        for name in names:
+            # One that hangs keeps neither the others from being made safe, nor the process alive.
+            work = threading.Thread(target=self._answer_safe, args=(name, answers), daemon=True)
+            work.start()
+        with contextlib.suppress(Empty):
+            for _ in names:
+                # Counted from the last answer: they share a lock, and many may need longer.
+                name, problem = answers.get(timeout=SAFE_TIMEOUT_S)
+                outcomes[name] = problem
+        return outcomes
+
+    def _answer_safe(self, name: str, answers: SimpleQueue[tuple[str, str | None]]) -> None:
+        """Make one driver's outputs safe, and put why they may not be, or None."""
         alone = replace(self.machine, drivers={name: self.machine.drivers[name]})
-
-        def work() -> None:
-            try:
-                make_drivers(alone)[name].safe()
-            except Exception as error:  # a driver may break its contract in any way
-                outcome.append(in_words(error))
-            else:
-                outcome.append(None)
-
-        # A device that hangs must not keep the others from being made safe.
-        thread = threading.Thread(target=work, daemon=True)
-        thread.start()
-        thread.join(SAFE_TIMEOUT_S)
-        return outcome[0] if outcome else f"no answer within {SAFE_TIMEOUT_S:g} s"
+        try:
+            driver = make_drivers(alone)[name]
+            driver.safe()
+            sent, why = driver.safe_sent, driver.safe_failed
+        except Exception as error:  # a driver may break its contract in any way
+            answers.put((name, in_words(error)))
+            return
+        problem = None
+        if sent is None:
+            problem = "it was told to zero and disable them, and does not say whether that was sent"
+        elif sent is not True:
+            problem = f"what zeroes and disables them was not sent: {why or 'it does not say why'}"
+        answers.put((name, problem))
 
     def close(self) -> None:
         """Release the memory."""

@@ -9,17 +9,19 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.protocol import Code, RefusedError
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState
-from motorctl.loop import LoopMemory
+from motorctl.loop import LoopMemory, Phase
 from motorctl.loop.faults import device_message, needs_opening
 from motorctl.loop.vocabulary import Word
 
 ANSWER_S = 20.0
-"""How long one command waits for a driver to open; a client waits for 30 s."""
+"""How long one command waits for a driver to open, or for its turn to clear a fault; a client waits
+for 30 s."""
 POLL_S = 0.005
 CLEARED_S = 1.0
 """How long a device has to forget its fault."""
@@ -64,9 +66,22 @@ class Reopening:
         -------
         bool
             Whether the fault is gone, within CLEARED_S.
+
+        Raises
+        ------
+        RefusedError
+            Where the loop does not pass it on.
         """
-        async with self._one:
-            await self._ask(name, clears=True)
+        try:
+            async with asyncio.timeout(ANSWER_S), self._one:
+                await self._ask(name, clears=True)
+        except TimeoutError as error:
+            message = (
+                f"axis {name}: reset refused: the loop did not ask the device within "
+                f"{ANSWER_S:g} s to forget its fault; another driver may be on its way to be "
+                f"opened. `motorctl reset {name}` tries again"
+            )
+            raise RefusedError(Code.STILL_FAULTY, message) from error
         deadline = time.monotonic() + CLEARED_S
         while self._word(name) & CLEARABLE:
             if time.monotonic() > deadline:
@@ -105,7 +120,7 @@ class Reopening:
             self._must_rest(name, driver)
             task = asyncio.create_task(self._order(name, driver))
             self._under_way[driver] = task
-            task.add_done_callback(lambda _: self._under_way.pop(driver))
+            task.add_done_callback(partial(self._forget, driver))
         done, _ = await asyncio.wait({task}, timeout=ANSWER_S)
         if not done:
             message = (
@@ -140,15 +155,30 @@ class Reopening:
         return None
 
     async def _ask(self, name: str, *, clears: bool) -> None:
-        """Give the loop's thread an order, and wait until it is done."""
+        """Give the loop's thread an order, and wait until it is done.
+
+        Raises RefusedError where the loop ends before.
+        """
         memory = self._memory
         number = memory.look_at(Word.REOPEN_ASKED) + 1
+        await self._until_done(number - 1)  # which nobody may wait for any more
         memory.status["reopen_axis"][0] = self._names.index(name)
         memory.status["reopen_clears"][0] = clears
         memory.announce(Word.REOPEN_ASKED, number)
         self._ring()
-        while memory.look_at(Word.REOPEN_DONE) != number:
+        await self._until_done(number)
+
+    async def _until_done(self, number: int) -> None:
+        while self._memory.look_at(Word.REOPEN_DONE) != number:
+            if self._memory.phase is not Phase.RUNNING:
+                message = "the loop process has ended: the daemon is stopping"
+                raise RefusedError(Code.STOPPING, message)
             await asyncio.sleep(POLL_S)
+
+    def _forget(self, driver: str, done: asyncio.Task[str | None]) -> None:
+        del self._under_way[driver]
+        if not done.cancelled():
+            done.exception()  # perhaps nobody waits for it any more
 
     def _must_rest(self, name: str, driver: str) -> None:
         for other in self._beside(name):

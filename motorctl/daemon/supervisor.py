@@ -10,6 +10,7 @@ import time
 from collections.abc import Awaitable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.config_watch import ConfigWatch
+from motorctl.daemon.ending import Ending
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.journal import Journal
@@ -39,7 +41,6 @@ from motorctl.loop import Phase, Verb, reasons
 BEAT_PERIOD_S = 0.02
 WATCH_PERIOD_S = 0.05
 NOTIFY_PERIOD_S = 0.5
-MORE_TIME_S = 10.0
 NICENESS = -10
 """Before ordinary programs: a busy computer would starve it of its signs of life, which the loop
 misses after half a second, and then stops every axis."""
@@ -102,6 +103,7 @@ class Supervisor:
         )
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
+        self._ending = Ending(self._notifier)
         self._recorder: Recorder | None = None
         self._keeper = LogKeeper(machine, directory)
         self._last_run = LastRun(machine, run_file(machine.name))
@@ -133,13 +135,12 @@ class Supervisor:
             wrong += await _problems(asyncio.to_thread(self._loop.end))
             beating.cancel()
             died = "\n".join(wrong) if wrong and not orderly else None
-            finishing = asyncio.create_task(asyncio.to_thread(self._flight.finish, died))
-            wrong += await _problems(self._taking_time(finishing))
+            record = partial(self._flight.finish, died)
+            wrong += await _problems(self._ending.wait_for("the flight record", record))
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
                 wrong += self._keep_learned()
-            for remark in await asyncio.to_thread(self._last_run.end, "; ".join(wrong)):
-                _log.warning("%s", remark)
+            wrong += await self._note_how_it_ended("; ".join(wrong))
             self._config.end()
             await self._server.close()
             self._loop.close()
@@ -236,23 +237,29 @@ class Supervisor:
         if self._recorder is None:
             return []
         wrong: list[str] = []
-        closing = asyncio.create_task(asyncio.to_thread(self._recorder.finish, self._closing_facts))
-        wrong += await _problems(self._taking_time(closing))
+        close = partial(self._recorder.finish, self._closing_facts)
+        wrong += await _problems(self._ending.wait_for("closing the log", close))
         if not wrong:
             rows, lost = self._recorder.rows_written, self._recorder.rows_lost
             _log.info("log %s: %d ticks, %d lost", self._recorder.path, rows, lost)
             why = self._recorder.failure or self._recorder.lost_because
             if why is not None:
                 wrong.append(f"recording: {why}; {lost} rows were lost")
-        finishing = asyncio.create_task(asyncio.to_thread(self._keeper.finish))
-        failed = await _problems(self._taking_time(finishing))
+        finishing = asyncio.create_task(
+            self._ending.wait_for("making logs of what was recorded", self._keeper.finish)
+        )
+        failed = await _problems(finishing)
         return wrong + (failed or finishing.result())
 
-    async def _taking_time(self, doing: asyncio.Task[Any]) -> None:
-        """Wait for what may take long with large logs; systemd is told that it is not in vain."""
-        while not (await asyncio.wait({doing}, timeout=MORE_TIME_S / 4))[0]:
-            self._notifier.needs_time(MORE_TIME_S)
-        await doing
+    async def _note_how_it_ended(self, why: str) -> list[str]:
+        """Leave a note for the next start and return what went wrong with that."""
+        noting = asyncio.create_task(
+            self._ending.wait_for("the note of how it ended", partial(self._last_run.end, why))
+        )
+        failed = await _problems(noting)
+        for remark in failed or noting.result():
+            _log.warning("%s", remark)
+        return failed
 
     def _keep_learned(self) -> list[str]:
         if not learned.keeps_learned(self._machine):

@@ -23,6 +23,7 @@ from motorctl.hal.error_codes import (
     error_code,
     error_words,
 )
+from motorctl.hal.limit_switches import LIMIT_SWITCHES, unseen_limit_switches
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
 from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
@@ -32,6 +33,7 @@ __all__ = [
     "ENABLE_LATE",
     "FAULT_BITS",
     "LEFT_OPERATION",
+    "LIMIT_SWITCHES",
     "Channel",
     "Claim",
     "Driver",
@@ -52,4 +54,5 @@ __all__ = [
     "kernels_cached",
     "serial_line",
     "specialise",
+    "unseen_limit_switches",
 ]

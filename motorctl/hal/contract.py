@@ -25,8 +25,10 @@ at once and through arrays that are made before the first tick. A complete examp
             self.line.send(outputs.volts, outputs.enable)
 
         def safe(self) -> None:
+            self.safe_sent = False
             with contextlib.suppress(Exception):
                 self.line.send_zero_and_disable()
+                self.safe_sent = True
 
 It is found by the name under which its package registers it in the entry-point group
 ``motorctl.drivers``, or in YAML as ``type: package.module:Class``. Whether it keeps the contract is
@@ -213,6 +215,13 @@ class Driver(ABC):
     """Whether a fault of the device stays until `clear_fault` asks the device to forget it."""
     simulated: ClassVar[bool] = False
     """True where no machine moves: measurements then start axes without being told to."""
+    safe_sent: bool | None = None
+    """Whether the last `safe` could send what zeroes and disables: True where bus or line took all
+    of it, and a device that answers such an order has obeyed; False where not; None where the
+    driver does not tell. When the loop has died, and this is not True, the daemon says that the
+    outputs may not be safe."""
+    safe_failed: str = ""
+    """Where `safe_sent` is False: why, in one line that names the device."""
 
     def __init__(
         self, options: DriverOptions, channels: Sequence[Channel], period_s: float
@@ -270,7 +279,7 @@ class Driver(ABC):
     def safe(self) -> None:
         """Zero and disable every channel; callable at any time, also before `open`.
 
-        It never raises.
+        It never raises; what came of it is told by `safe_sent`.
         """
 
     def clear_fault(self, channel: int) -> None:  # noqa: B027 (most devices need no such order)

@@ -6,7 +6,7 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.loop.fences import load_acquire
-from motorctl.loop.guards.command import is_hot
+from motorctl.loop.guards.command import has_lost_its_numbers, is_hot
 from motorctl.loop.guards.encoder import begin_watching, trembles
 from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
 from motorctl.loop.guards.reactions import emergency_stop, stop
@@ -30,6 +30,7 @@ def take_commands(
     replies: Any,
     settings: Any,
     axes: Any,
+    laws: Any,
     segments: Any,
     tick: int,
     t: float,
@@ -54,13 +55,13 @@ def take_commands(
             answer = Reply.WRONG_STATE
         else:
             i = command.axis
-            answer = _obey(command, settings[i], axes[i], segments[i], tick, t)
+            answer = _obey(command, settings[i], axes[i], laws[i], segments[i], tick)
         replies[number % MAILBOX_SIZE] = answer
     status[0].mail_taken = last
 
 
 @inner_kernel
-def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: float) -> Reply:
+def _obey(command: Any, settings: Any, axis: Any, law: Any, segments: Any, tick: int) -> Reply:
     """Carry out what the table of states allows, and answer.
 
     A verb has the number of its event in the table.
@@ -82,6 +83,8 @@ def _obey(command: Any, settings: Any, axis: Any, segments: Any, tick: int, t: f
         if is_unwell(settings, axis):
             return Reply.STILL_FAULTY
         if is_hot(settings, axis) or is_too_fast(settings, axis) or trembles(settings, axis):
+            return Reply.CAUSE_LASTS
+        if has_lost_its_numbers(axis, law):
             return Reply.CAUSE_LASTS
         axis.fault = 0
     elif verb == Verb.FOLLOW:

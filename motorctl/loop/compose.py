@@ -58,7 +58,7 @@ JOIN = """    join_ends(
 """
 
 COMMANDS = """    supervise(watch[0], status[0], settings, axes, elapsed, overran, t)
-    take_commands(watch[0], status, mailbox, replies, settings, axes, segments, number, t)
+    take_commands(watch[0], status, mailbox, replies, settings, axes, laws, segments, number, t)
     stop_partners(settings, axes, t)
 """
 

@@ -177,6 +177,11 @@ def lasting_words(cause: FaultCause) -> str:
             "the encoder's count still trembles by more than guards.encoder_noise.rms_m; look at "
             "its cable, its shield and its head"
         )
+    if cause is FaultCause.NOT_A_NUMBER:
+        return (
+            "one of its learned parameters is no finite number, and each start would begin with "
+            "it; a new start of the daemon begins with the saved or the configured ones"
+        )
     return "the axis is still faster than its limit; wait until it has come to rest"
 
 

@@ -72,13 +72,32 @@ def plan_move(
     return move.trajectories()[axis_name]
 
 
+@dataclass(frozen=True)
+class ProgramPlan:
+    """A program as its axes will follow it."""
+
+    trajectories: dict[str, Trajectory]
+    """Of each axis the approach, a wait, and the program with all its cycles: as long as that of
+    every other one."""
+    approach_s: float
+    """When the program itself begins."""
+    period_s: float | None
+    """Duration of one cycle where the program is periodic."""
+
+    @property
+    def duration_s(self) -> float:
+        """Approach and program together."""
+        return max(trajectory.duration_s for trajectory in self.trajectories.values())
+
+
 def plan_program(
     machine: Machine, program: Program, references_m: Mapping[str, float]
-) -> dict[str, Trajectory]:
+) -> ProgramPlan:
     """Plan the approach from where the axes stand, then the program with all its cycles.
 
     Where the program moves several axes, those that arrive first wait, so that all begin it in
-    the same tick.
+    the same tick. A long list of moves takes seconds: whoever must not wait calls it in a thread,
+    and asks the program itself for no motion.
 
     Parameters
     ----------
@@ -91,8 +110,8 @@ def plan_program(
 
     Returns
     -------
-    dict
-        A trajectory for each axis, all of the same duration.
+    ProgramPlan
+        What each axis follows.
 
     Raises
     ------
@@ -118,7 +137,7 @@ def plan_program(
             )
     for name, approach in approaches.items():
         _check(machine, _Approach(program.name, name, approach), references_m[name])
-    return plans
+    return ProgramPlan(plans, longest, program.period_s)
 
 
 @dataclass(frozen=True)

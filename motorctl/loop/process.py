@@ -18,7 +18,7 @@ from motorctl.loop.clock import WallClock
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
 from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.runner import run_wall
-from motorctl.loop.shared import LoopMemory, beat_timeout_s
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Degraded, Phase
 from motorctl.loop.warm_up import warm_up
@@ -102,7 +102,7 @@ def main() -> int:
         message = f"{type(error).__name__}: {error}"
     else:
         if orphaned:
-            limit_s = beat_timeout_s(orders.machine.loop)
+            limit_s = orders.machine.loop.patience_s
             told = f"no sign of life from the supervisor for {limit_s:g} s"
             status["message"][0] = f"{told}: every axis was stopped".encode()
         memory.phase = Phase.STOPPED

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.keys import LoopSettings
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
 from motorctl.loop.vocabulary import STATUS_ROWS, Phase, Reply, Verb, Word
@@ -34,9 +33,6 @@ KEPT_FOR_STOPS = 4
 PROGRAM_SEGMENTS = 65536
 """Longest program of one axis, in segments."""
 RING_SECONDS = 8.0
-WAITING_BEAT_TIMEOUT_S = 5.0
-"""How long the loop at least goes on without a sign of life from the supervisor, for a simulated
-machine that waits for a busy computer: nothing of it can be damaged."""
 
 LOOP_STATUS = np.dtype(
     [
@@ -74,11 +70,6 @@ COMMAND = np.dtype(
     ],
     align=True,
 )
-
-
-def beat_timeout_s(loop: LoopSettings) -> float:
-    """Return how long a loop goes on without a sign of life from the supervisor [s]."""
-    return max(loop.supervisor_timeout_s, WAITING_BEAT_TIMEOUT_S if loop.waits else 0.0)
 
 
 def axis_status(parameters: int) -> np.dtype[np.void]:
@@ -235,7 +226,7 @@ class LoopMemory:
                 return told
 
     def beat(self) -> None:
-        """Tell the loop that the supervisor lives; call several times within `beat_timeout_s`."""
+        """Tell the loop that the supervisor lives; call it often within `loop.patience_s`."""
         self.status["beat"][0] += 1
 
     def post(

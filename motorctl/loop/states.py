@@ -98,7 +98,9 @@ class Transition:
 
 
 _S, _E = State, Event
-POWERED = (_S.SWITCHED_ON, _S.HOLDING, _S.HOMING, _S.FOLLOWING)
+OPERATION = (_S.HOLDING, _S.HOMING, _S.FOLLOWING)
+"""All that CiA 402 calls "operation enabled"."""
+POWERED = (_S.SWITCHED_ON, *OPERATION)
 """Enabled, and not being stopped."""
 STOPPING = (_S.QUICK_STOP_ACTIVE, _S.FAULT_REACTION_ACTIVE)
 OFF = (_S.SWITCH_ON_DISABLED, _S.READY_TO_SWITCH_ON)
@@ -121,7 +123,9 @@ TRANSITIONS = (
     Transition((_S.HOLDING,), _E.FOLLOW, _S.FOLLOWING, "", _HOMED),
     Transition((_S.HOMING,), _E.HOMED, _S.HOLDING),
     Transition((_S.FOLLOWING,), _E.PROGRAM_ENDS, _S.HOLDING),
-    Transition(POWERED, _E.STOP, _S.QUICK_STOP_ACTIVE, "11"),
+    # No law leads it yet: there is nothing to ramp down.
+    Transition((_S.SWITCHED_ON,), _E.STOP, _S.SWITCH_ON_DISABLED, "10"),
+    Transition(OPERATION, _E.STOP, _S.QUICK_STOP_ACTIVE, "11"),
     Transition((_S.QUICK_STOP_ACTIVE,), _E.AT_REST, _S.SWITCH_ON_DISABLED, "12"),
     Transition((*POWERED, _S.QUICK_STOP_ACTIVE), _E.QUICK_STOP, _S.FAULT_REACTION_ACTIVE, "13"),
     Transition((_S.FAULT_REACTION_ACTIVE,), _E.AT_REST, _S.FAULT, "14"),

@@ -23,7 +23,7 @@ from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compose import compose_tick
 from motorctl.loop.dual_records import DUAL_SETTINGS, DUAL_STATE, fill_dual_drive
 from motorctl.loop.guards.supervision import WATCH
-from motorctl.loop.shared import LoopMemory, beat_timeout_s
+from motorctl.loop.shared import LoopMemory
 
 with kernels_cached():
     from motorctl.loop.publish import publish
@@ -134,7 +134,7 @@ class Tick:
             fill_dual_drive(axes[i], self.settings[i], *own)
         self.watch = np.zeros(1, WATCH)
         if not virtual:
-            self.watch["silent_limit"] = round(beat_timeout_s(machine.loop) * machine.rate_hz)
+            self.watch["silent_limit"] = round(machine.loop.patience_s * machine.rate_hz)
             policy = machine.loop.overrun_policy
             sizes = {"count": 0, "leaky_bucket": machine.loop.bucket_size, "stop": 1}
             self.watch["bucket_size"] = sizes[policy]

@@ -150,7 +150,7 @@ class VirtualMachine:
         for name in programs:
             program = self.machine.programs[name]
             standing = {axis: self.state(axis)["reference_m"] for axis in program.axes}
-            trajectories |= plan_program(self.machine, program, standing)
+            trajectories |= plan_program(self.machine, program, standing).trajectories
             numbers |= dict.fromkeys(program.axes, self.memory.program_number())
         self.follow(trajectories, numbers)
         return max((t.duration_s for t in trajectories.values()), default=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from motorctl.hal import NetworkInterface
@@ -19,25 +20,41 @@ DEFAULT_PROGRAM = Path("/opt/motorctl/bin/motorctl")
 _RULES_OF = "61-motorctl-{}.rules"
 
 
-def shared_files(program: Path, user: str, group: str) -> Mapping[Path, str]:
+@dataclass(frozen=True)
+class Accounts:
+    """Whom the daemon runs as, and who may use it."""
+
+    user: str
+    group: str
+    """Of the socket: whose members may connect."""
+    operators: str | None = None
+    """Of the members of `group`, those of this group may command; None: all of them."""
+
+
+def shared_files(program: Path, accounts: Accounts) -> Mapping[Path, str]:
     """Return the files that all gantries share, by their places.
 
     Parameters
     ----------
     program
         The command that the unit starts.
-    user, group
-        Whom the daemon runs as, and who may command it.
+    accounts
+        Whom it runs as, and who may use it.
     """
+    user, group, operators = accounts.user, accounts.group, accounts.operators
     unit = _shipped("motorctl@.service").replace(str(DEFAULT_PROGRAM), str(program))
     unit = re.sub(r"^User=.*$", f"User={user}", unit, flags=re.MULTILINE)
     unit = re.sub(r"^Group=.*$", f"Group={group}", unit, flags=re.MULTILINE)
     rules = _shipped("60-motorctl.rules").replace('GROUP="motorctl"', f'GROUP="{group}"')
     users = _shipped("motorctl.sysusers").replace("u motorctl ", f"u {user} ")
     users = users.replace("g motorctl ", f"g {group} ")
+    if operators is not None:
+        unit = re.sub(r"^(ExecStart=.*)$", rf"\1 --operators {operators}", unit, flags=re.MULTILINE)
+        users += f"# Members of both groups may command the machine, those of {group} alone look.\n"
+        users += f"g {operators} -\n"
     return {
         UNIT: f"{MARK}systemctl edit motorctl@NAME\n{unit}",
-        SYSUSERS: f"{MARK}--user, --group\n{users}",
+        SYSUSERS: f"{MARK}--user, --group, --operators\n{users}",
         RULES: f"{MARK}add a file beside it\n{rules}",
     }
 
@@ -82,13 +99,15 @@ def is_ours(path: Path) -> bool:
         return False
 
 
-def user_and_group(root: Path) -> tuple[str, str] | None:
-    """Return whom the installed unit runs as, or None where there is none of ours."""
+def accounts(root: Path) -> Accounts | None:
+    """Return whom the installed unit runs as and serves, or None where there is none of ours."""
     place = root / UNIT.relative_to("/")
     if not is_ours(place):
         return None
-    found = dict(re.findall(r"^(User|Group)=(.+)$", place.read_text(), re.MULTILINE))
-    return found["User"], found["Group"]
+    unit = place.read_text()
+    found = dict(re.findall(r"^(User|Group)=(.+)$", unit, re.MULTILINE))
+    operators = re.search(r"^ExecStart=.* --operators (\S+)$", unit, re.MULTILINE)
+    return Accounts(found["User"], found["Group"], operators[1] if operators else None)
 
 
 def _shipped(name: str) -> str:

@@ -39,6 +39,8 @@ class Request:
     """Copied to /etc/motorctl; None: what is there already."""
     user: str | None = None
     group: str | None = None
+    operators: str | None = None
+    """The same as the group: all its members may command."""
     root: Path = Path("/")
     dry_run: bool = False
 
@@ -68,12 +70,12 @@ def install(request: Request) -> Outcome:
     _must_fit("name of a gantry", request.name, NAME, NAME_IN_WORDS)
     system = System(request.root.resolve(), request.dry_run)
     system.insist("installing")
-    user, group = _accounts(request, system)
+    accounts = _accounts(request, system)
     text, machine = _configuration(request, system)
     program = _program(system)
     configuration = files.configuration_of(request.name)
     planned = {
-        **files.shared_files(program, user, group),
+        **files.shared_files(program, accounts),
         files.rules_of(request.name): files.device_rules(
             request.name, interfaces := _interfaces(machine)
         ),
@@ -92,7 +94,7 @@ def install(request: Request) -> Outcome:
     for one in interfaces:
         found = (f"--sysname-match={one.name}", "--subsystem-match=net")
         system.run(outcome, "udevadm", "trigger", "--action=add", *found)
-    outcome.next += _next(system, outcome.unit, group, program)
+    outcome.next += _next(system, outcome.unit, accounts, program)
     return outcome
 
 
@@ -101,14 +103,20 @@ def _must_fit(what: str, given: str, pattern: re.Pattern[str], right: str) -> No
         raise UsageError(f"{what} '{given}': should be {right}")
 
 
-def _accounts(request: Request, system: System) -> tuple[str, str]:
-    before = files.user_and_group(system.root) or (USUAL_ACCOUNT, USUAL_ACCOUNT)
-    user, group = request.user or before[0], request.group or before[1]
-    for what, given in (("--user", user), ("--group", group)):
+def _accounts(request: Request, system: System) -> files.Accounts:
+    before = files.accounts(system.root) or files.Accounts(USUAL_ACCOUNT, USUAL_ACCOUNT)
+    user, group = request.user or before.user, request.group or before.group
+    operators = request.operators or before.operators
+    for what, given in (("--user", user), ("--group", group), ("--operators", operators)):
+        if given is None:
+            continue
         _must_fit(what, given, ACCOUNT, ACCOUNT_IN_WORDS)
         if given == "root":
-            raise UsageError(f"{what} root: the daemon needs no rights of root, only those of udev")
-    return user, group
+            why = "root may command all the same: name a group of people"
+            if what != "--operators":
+                why = "the daemon needs no rights of root, only those of udev"
+            raise UsageError(f"{what} root: {why}")
+    return files.Accounts(user, group, None if operators == group else operators)
 
 
 def _configuration(request: Request, system: System) -> tuple[str, Machine]:
@@ -197,15 +205,22 @@ def _refuse_foreign(system: System, planned: Iterable[Path]) -> None:
         )
 
 
-def _next(system: System, unit: str, group: str, program: Path) -> list[str]:
+def _next(system: System, unit: str, accounts: files.Accounts, program: Path) -> list[str]:
     if not system.running:
         told = [f"systemctl --root={system.root} enable {unit}"]
         if not system.at(program).exists():
             folder = program.parent.parent
             told.insert(0, f"install motorctl in that system, so that {folder} holds it")
         return told
+    group, operators = accounts.group, accounts.operators
+    people = [f"usermod -aG {group} USER          members of the group may command the machine"]
+    if operators is not None:
+        people = [
+            f"usermod -aG {group},{operators} USER          operators: may command the machine",
+            f"usermod -aG {group} USER          observers: may look, and stop it at once",
+        ]
     return [
-        f"usermod -aG {group} USER          members of the group may command the machine",
+        *people,
         f"systemctl enable --now {unit}",
         "motorctl status",
     ]

@@ -50,7 +50,7 @@ def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
     if name not in there:
         outcome.tell("unchanged", unit_of(name), "it is not installed")
         return outcome
-    before = files.user_and_group(system.root)
+    before = files.accounts(system.root)
     system.run(outcome, "systemctl", "disable", "--now", unit_of(name))
     system.remove(files.rules_of(name), outcome)
     if others := [other for other in there if other != name]:
@@ -67,5 +67,7 @@ def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
         if system.at(path).is_dir():
             outcome.tell("kept", path, what)
     if system.running and before is not None and not others:
-        outcome.tell("kept", f"user {before[0]}, group {before[1]}", "files belong to them")
+        outcome.tell("kept", f"user {before.user}, group {before.group}", "files belong to them")
+        if before.operators is not None:
+            outcome.tell("kept", f"group {before.operators}", "people are its members")
     return outcome

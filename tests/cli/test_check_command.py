@@ -62,6 +62,16 @@ def test_every_problem_is_in_the_error_and_in_the_json(tmp_path):
     assert str(plain.exception) == str(result.exception)
 
 
+def test_the_times_in_force_of_a_machine_that_waits_for_its_computer_are_shown(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "220")
+    shown = run("check", "published_gantry").stdout
+    assert "computer frozen: never, its time waits, supervisor silent for 5 s" in shown
+    shown = run("check", write(tmp_path, machine())).stdout
+    assert "computer frozen for 0.1 s, supervisor silent for 0.5 s" in shown
+
+
 def test_the_schema_needs_no_configuration():
     assert json.loads(run("check", "--schema").stdout) == config_schema()
 

@@ -34,6 +34,7 @@ MISTAKES = [
     ("axes.x.limits.stop.acceleration_m_s2", 1.0, "axes.x.limits.stop", ["0.5 m", "0.4 m"]),
     ("axes.x.limits.following_error.minimum_m", 1e-6, None, ["1e-06", "2 encoder counts", "2e-06"]),
     ("axes.x.limits.following_error.minimum_m", 0.5, None, ["0.5", "travel of 0.4 m"]),
+    ("axes.x.limits.following_error.minimum_m", 0.2, None, ["0.2", "middle", "travel of 0.4 m"]),
     ("axes.x.limits.following_error.filter_time_s", 0.5, None, ["0.5 m", "0.4 m"]),
     ("axes.x.gains.k1_1_s", 2000, None, ["2000", "rate of 2000"]),
     ("axes.x.gains.gamma_d", 80_001, None, ["gamma_d / ks", "below 80000"]),

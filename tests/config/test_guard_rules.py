@@ -1,9 +1,11 @@
 """A guard that can never trip, or always does, is refused with its arithmetic."""
 
 import pytest
+import yaml
 from config_bench import machine, problems, write
 
-from motorctl.config import load, load_resolved
+from motorctl.config import load, load_resolved, shipped_config
+from motorctl.config.guard_keys import NO_QUICK_STOP
 from motorctl.config.summary import summarise
 
 # The machine: 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
@@ -75,12 +77,127 @@ def test_a_limit_beside_the_guards_that_can_never_trip_is_refused(tmp_path, chan
 
 def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
     # 0.1 V s^2/m at least: 200 m/s^2 for twice 10 V, over 0.4 m to 12.6 m/s.
-    stop = {"acceleration_m_s2": 500.0, "jerk_m_s3": 1e6}
+    stop = {"acceleration_m_s2": 200.0, "jerk_m_s3": 1e6}
     limits = machine()["axes"]["x"]["limits"] | {
-        "max_velocity_m_s": 10.6, "max_acceleration_m_s2": 500.0, "max_jerk_m_s3": 1e6, "stop": stop
+        "max_velocity_m_s": 10.6, "max_acceleration_m_s2": 200.0, "max_jerk_m_s3": 1e6, "stop": stop
     }  # fmt: skip
     parts = ["found 10.6", "12.72 m/s", "12.6 m/s", "can never trip"]
     tells_one(tmp_path, machine(axes__x__limits=limits), "axes.x.limits.max_velocity_m_s", parts)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        {"minimum_m": 0.199},
+        {"minimum_m": 0.001, "per_velocity_s": 0.398},
+        {"minimum_m": 0.001, "filter_time_s": 0.399},
+    ],
+)
+def test_a_following_error_that_trips_before_an_end_of_the_travel_is_allowed(tmp_path, error):
+    assert problems(tmp_path, machine(axes__x__limits__following_error=error)) == ()
+
+
+def test_braking_that_the_motor_can_never_follow_is_refused(tmp_path):
+    # Twice 10 V brake 0.1 V s^2/m, the lower bound, by 200 m/s^2.
+    allowed = machine(axes__x__limits__max_acceleration_m_s2=200.0)
+    assert problems(tmp_path, allowed) == ()
+    beyond = machine(axes__x__limits__max_acceleration_m_s2=201.0)
+    parts = ["found 201", "never be followed", "10 V", "0.1 V*s^2/m", "200 m/s^2"]
+    tells_one(tmp_path, beyond, "axes.x.limits.max_acceleration_m_s2", parts)
+
+
+def notes_with(tmp_path, words, **changes):
+    notes = summarise(load(write(tmp_path, machine(**changes))))["notes"]
+    return [note for note in notes if words in note]
+
+
+def test_a_ramp_that_is_more_than_the_motor_has_is_noted_with_its_arithmetic(tmp_path):
+    # 10 V accelerate 0.2 V s^2/m, theta(0), by 50 m/s^2.
+    def told(**limits):
+        changes = {f"axes__x__limits__{key}": value for key, value in limits.items()}
+        return notes_with(tmp_path, "more than the motor has", **changes)
+
+    assert told(max_acceleration_m_s2=50.0, stop__acceleration_m_s2=50.0) == []
+    (hard,) = told(max_acceleration_m_s2=51.0)
+    assert hard.startswith("axis x: limits.max_acceleration_m_s2 51 m/s^2 is more than")
+    assert "10 V accelerate 0.2 V*s^2/m" in hard
+    assert "by 50 m/s^2" in hard
+    _, stop = told(max_acceleration_m_s2=60.0, stop__acceleration_m_s2=51.0)
+    assert stop.startswith("axis x: limits.stop.acceleration_m_s2 51 m/s^2 is more than")
+
+
+def test_a_way_without_samples_that_is_half_the_travel_is_noted(tmp_path):
+    def told(ticks):
+        late = {"hold_ticks": ticks}
+        return notes_with(tmp_path, "without a sample", drivers__line__late=late)
+
+    assert told(399) == []
+    (note,) = told(400)
+    assert "hold_ticks 400" in note
+    assert "0.2 s without a sample, 0.2 m at 1 m/s" in note
+
+
+def test_an_error_that_may_be_half_the_travel_in_fast_motion_is_noted(tmp_path):
+    def told(slope_s):
+        changes = {"axes__x__limits__following_error__per_velocity_s": slope_s}
+        return notes_with(tmp_path, "limits.following_error allows", **changes)
+
+    assert told(0.198) == []
+    (note,) = told(0.2)
+    assert "at 1 m/s" in note
+    assert "0.201 m" in note
+
+
+def test_a_way_within_the_filter_time_that_is_half_the_travel_is_noted(tmp_path):
+    def told(time_s):
+        changes = {"axes__x__limits__following_error__filter_time_s": time_s}
+        return notes_with(tmp_path, "filter_time_s", **changes)
+
+    assert told(0.199) == []
+    (note,) = told(0.2)
+    assert "0.2 m at 1 m/s, half of the travel of 0.4 m" in note
+
+
+def waiting(**loop):
+    """Return the shipped gantry as plain data; its simulated plant can wait for the computer."""
+    data = yaml.safe_load(shipped_config("published_gantry").read_text())
+    data["loop"] |= loop
+    return data
+
+
+@pytest.mark.parametrize("guard", [{"time_s": 0.05}, {"reaction": "quick_stop"}])
+def test_a_frozen_computer_cannot_be_guarded_against_where_the_machine_waits_for_it(
+    tmp_path, guard
+):
+    data = waiting()
+    data["axes"]["y"]["guards"] = {"host_frozen": guard}
+    parts = ["can never trip", "loop.without_realtime is wait"]
+    tells_one(tmp_path, data, "axes.y.guards.host_frozen", parts)
+    data["loop"]["without_realtime"] = "degrade"
+    assert problems(tmp_path, data) == ()
+
+
+def test_what_is_written_of_a_frozen_computer_but_asks_for_nothing_is_allowed(tmp_path):
+    data = waiting()
+    data["axes"]["y"]["guards"] = {"host_frozen": {"time_s": None, "reaction": "disable"}}
+    assert problems(tmp_path, data) == ()
+
+
+@pytest.mark.parametrize(
+    ("loop", "frozen_s", "silent_s"),
+    [
+        ({"without_realtime": "degrade"}, 0.1, 0.5),
+        ({"without_realtime": "wait"}, None, 5.0),
+        ({"without_realtime": "wait", "supervisor_timeout_s": 8.0}, None, 8.0),
+        ({"without_realtime": "degrade", "supervisor_timeout_s": 2.0}, 0.1, 2.0),
+    ],
+)
+def test_the_times_that_a_loop_really_allows_are_told(tmp_path, loop, frozen_s, silent_s):
+    machine_ = load(write(tmp_path, waiting(**loop)))
+    for axis in summarise(machine_)["axes"].values():
+        assert axis["guards"]["host_frozen"]["time_s"] == frozen_s
+        assert axis["guards"]["supervisor_lost"]["time_s"] == silent_s
+    assert machine_.loop.patience_s == silent_s
 
 
 def test_a_machine_can_be_built_again_from_what_its_log_holds(tmp_path):
@@ -116,24 +233,30 @@ def test_guards_may_be_switched_off_but_not_all(tmp_path):
     assert told.key == "axes.x.guards.host_frozen"
 
 
-@pytest.mark.parametrize(
-    ("guard", "why"),
-    [
-        ("encoder_lost", "position"),
-        ("encoder_jump", "position"),
-        ("encoder_stuck", "position"),
-        ("not_a_number", "no command"),
-        ("amplifier", "nothing brakes"),
-        ("estop", "power"),
-        ("communication", "device"),
-        ("no_new_sample", "device"),
-    ],
-)
+NO_RAMP = {
+    "encoder_lost": "position",
+    "encoder_jump": "position",
+    "encoder_stuck": "position",
+    "encoder_noise": "position",
+    "not_a_number": "no command",
+    "amplifier": "nothing brakes",
+    "estop": "power",
+    "communication": "device",
+    "no_new_sample": "device",
+}
+NEEDED = {"encoder_noise": {"rms_m": 1e-3}}
+
+
+def test_every_guard_that_can_only_let_go_is_tried_here():
+    assert set(NO_RAMP) == set(NO_QUICK_STOP)
+
+
+@pytest.mark.parametrize(("guard", "why"), NO_RAMP.items())
 def test_a_quick_stop_where_nothing_could_follow_it_is_refused_once_with_the_reason(
     tmp_path, guard, why
 ):
-    data = machine(axes__x__guards={guard: {"reaction": "quick_stop"}})
-    (told,) = problems(tmp_path, data)
+    keys = NEEDED.get(guard, {}) | {"reaction": "quick_stop"}
+    (told,) = problems(tmp_path, machine(axes__x__guards={guard: keys}))
     assert told.key == f"axes.x.guards.{guard}.reaction"
     assert told.line is not None
     assert told.message.startswith("found 'quick_stop', should be disable: ")

@@ -50,6 +50,8 @@ class Loop:
         self.why: str | None = None
         """Why the driver cannot be opened; None: it can."""
         self.hangs = False
+        self.ends = False
+        """Whether the loop process ends instead of opening anything."""
         self.opened = 0
 
     def set(self, axis: str, state: AxisState, status: int = 0) -> None:
@@ -61,7 +63,9 @@ class Loop:
         asyncio.get_running_loop().call_later(0.05, self.open)
 
     def open(self) -> None:
-        if self.hangs:
+        if self.ends:
+            self.memory.phase = Phase.FAILED
+        if self.hangs or self.ends:
             return
         self.opened += 1
         status = self.memory.status[0]
@@ -80,7 +84,7 @@ class Loop:
         self.memory.announce(Word.MAIL_TAIL, taken + 1)
 
     def ask(self, *lines: bytes) -> list[Any]:
-        """Have the daemon handle requests at once; give each answer or refusal."""
+        """Have the daemon handle requests at once; give each answer or refusal, in a minute."""
 
         async def obey() -> None:
             while True:
@@ -92,7 +96,8 @@ class Loop:
             obeying = asyncio.create_task(obey())
             try:
                 asked = (self.commander.handle(parse_request(line)) for line in lines)
-                return await asyncio.gather(*asked, return_exceptions=True)
+                async with asyncio.timeout(60.0):
+                    return await asyncio.gather(*asked, return_exceptions=True)
             finally:
                 obeying.cancel()
 
@@ -188,6 +193,13 @@ def test_a_driver_that_does_not_come_back_in_time_is_told(
     assert "driver gantry is not open again after 0.1 s, and still trying" in no.message
 
 
+def test_whoever_waits_for_a_driver_is_told_when_the_loop_ends(loop: Loop) -> None:
+    loop.set("x", AxisState.FAULT, GONE)
+    loop.ends = True
+    no = loop.refused(RESET_X)
+    assert no.code is Code.STOPPING
+
+
 class KeepsFaults(SimDriver):
     """Of drives that keep their own fault until they are told to forget it."""
 
@@ -203,6 +215,10 @@ class Clears(Loop):
         self.lasts = False
 
     def open(self) -> None:
+        if self.ends:
+            self.memory.phase = Phase.FAILED
+        if self.hangs or self.ends:
+            return
         status = self.memory.status[0]
         assert status["reopen_clears"]
         axis = list(self.machine.axes)[int(status["reopen_axis"])]
@@ -234,6 +250,33 @@ def test_reset_is_refused_with_the_code_while_the_device_keeps_its_fault(
     no = loop.refused(RESET_X)
     assert no.code is Code.STILL_FAULTY
     assert "error 3220h: under voltage of the DC link" in str(no)
+
+
+def test_a_fault_that_the_loop_does_not_clear_in_time_is_told_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reopening, "ANSWER_S", 0.2)
+    loop = Clears(tmp_path)
+    loop.hangs = True
+    loop.set("x", AxisState.FAULT, int(Status.AMPLIFIER_FAULT))
+    no = loop.refused(RESET_X)
+    assert no.code is Code.STILL_FAULTY
+    assert "the loop did not ask the device within 0.2 s to forget its fault" in no.message
+    monkeypatch.undo()
+    loop.hangs = False
+    loop.open()  # the order that nobody waits for any more
+    loop.set("x", AxisState.FAULT, int(Status.AMPLIFIER_FAULT))
+    (answer,) = loop.ask(RESET_X)
+    assert answer["cleared"]
+    assert loop.cleared == ["x", "x"]
+
+
+def test_whoever_waits_for_a_fault_to_be_cleared_is_told_when_the_loop_ends(tmp_path: Path) -> None:
+    loop = Clears(tmp_path)
+    loop.ends = True
+    loop.set("x", AxisState.FAULT, int(Status.AMPLIFIER_FAULT))
+    no = loop.refused(RESET_X)
+    assert no.code is Code.STOPPING
 
 
 def test_a_device_in_order_or_an_enabled_axis_is_asked_nothing(tmp_path: Path) -> None:

@@ -38,6 +38,32 @@ class Hangs(SimDriver):
         released.wait()
 
 
+class SaysNothing(SimDriver):
+    """Of a third party that knows of no `safe_sent`."""
+
+    def safe(self) -> None:
+        super().safe()
+        self.safe_sent = None
+
+
+class Refused(SimDriver):
+    """Its device does not obey, which it says without a reason."""
+
+    def safe(self) -> None:
+        self.safe_sent = False
+
+
+together = threading.Barrier(2)
+
+
+class Meets(SimDriver):
+    """Is only safe while another one is being made safe."""
+
+    def safe(self) -> None:
+        together.wait()
+        super().safe()
+
+
 class CannotBeMade(SimDriver):
     """Is not even there."""
 
@@ -52,6 +78,11 @@ class CannotBeMade(SimDriver):
         (Raises, "OSError: the cable is out"),
         (Hangs, "no answer within 2 s"),
         (CannotBeMade, "RuntimeError: no such device"),
+        (
+            SaysNothing,
+            "it was told to zero and disable them, and does not say whether that was sent",
+        ),
+        (Refused, "what zeroes and disables them was not sent: it does not say why"),
     ],
 )
 def test_each_drivers_outputs_are_told_as_they_are(
@@ -76,6 +107,48 @@ def test_each_drivers_outputs_are_told_as_they_are(
     assert [record.getMessage() for record in caplog.records] == [
         f"driver other: its outputs may NOT be safe: {cause}",
         "driver gantry: the supervisor told it to zero and disable its outputs",
+    ]
+
+
+def test_no_driver_waits_for_another_to_be_made_safe(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    together.reset()
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    machine = load(str(tmp_path / "bench.yaml"))
+    both = replace(machine.drivers["gantry"], cls=Meets)
+    axes = {**machine.axes, "x": machine.axes["x"].model_copy(update={"driver": "other"})}
+    loop = LoopProcess(replace(machine, drivers={"other": both, "gantry": both}, axes=axes))
+    try:
+        with caplog.at_level(logging.INFO, logger="motorctl"):
+            loop.end()
+    finally:
+        together.abort()
+        loop.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"driver {name}: the supervisor told it to zero and disable its outputs"
+        for name in ("other", "gantry")
+    ]
+
+
+def test_nobody_is_told_that_a_port_which_is_not_there_made_its_device_safe(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    absent = tmp_path / "ttyUSB7"
+    serial = f"gantry: {{type: serial, port: {absent}, baud: 3000000, mode: exchange}}"
+    config = bench_config().replace(
+        "gantry: {type: sim, preset: published_gantry, seed: 1}", serial
+    )
+    (tmp_path / "bench.yaml").write_text(config)
+    loop = LoopProcess(load(str(tmp_path / "bench.yaml")))
+    try:
+        with caplog.at_level(logging.INFO, logger="motorctl"):
+            loop.end()
+    finally:
+        loop.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        "driver gantry: its outputs may NOT be safe: what zeroes and disables them was not sent: "
+        f"port {absent}: No such file or directory"
     ]
 
 

@@ -22,6 +22,7 @@ import pytest
 from loop_bench import gantry
 from numba import njit
 
+from motorctl.control import law_state
 from motorctl.errors import UsageError
 from motorctl.hal import Outputs
 from motorctl.kernels import specialise
@@ -60,7 +61,8 @@ def _code_of(kernel: Any) -> str:
         announce: (memory.status, 0, 0),
         take_commands: (
             np.zeros(1, WATCH)[0], memory.status, memory.mailbox, memory.replies,
-            np.zeros(1, AXIS_SETTINGS), np.zeros(1, AXIS_STATE), memory.segments, 0, 0.0,
+            np.zeros(1, AXIS_SETTINGS), np.zeros(1, AXIS_STATE), np.zeros(1, law_state(1)),
+            memory.segments, 0, 0.0,
         ),
     }[kernel]  # fmt: skip
     fresh = njit(kernel.py_func)

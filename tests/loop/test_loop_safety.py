@@ -7,6 +7,7 @@ from loop_bench import TS, Rig, Still, changed, gantry, with_axes, with_driver, 
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
+from motorctl.loop.faults import lasting_words
 from motorctl.motion import point_to_point
 
 RESOLUTION_M = 0.5e-6
@@ -205,6 +206,46 @@ def test_a_command_that_is_no_number_never_leaves(place):
     assert rig.driver.volts[0] == 0.0
     assert rig.driver.enable[0] == 0
     assert (rig.rows("x")["command_v"] == 0.0).all()
+
+
+@pytest.mark.parametrize("place", [("theta", 2), ("theta", 5), ("D", 0), ("U", (1, 4))])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_an_axis_that_would_start_with_no_number_again_is_not_reset(place, wrong):
+    field, index = place
+    rig = held_with_no_number()
+    record = rig.tick.laws[field][0]
+    good = record[index]
+    record[index] = wrong
+    assert rig.ask(Verb.RESET) is Reply.CAUSE_LASTS
+    assert rig.state_of("x") is AxisState.FAULT
+    assert "new start of the daemon" in lasting_words(FaultCause.NOT_A_NUMBER)
+    record[index] = good
+    assert rig.ask(Verb.RESET) is Reply.OK
+
+
+def test_an_axis_that_tripped_once_on_no_number_and_learned_none_is_reset_and_starts():
+    rig = held_with_no_number()
+    assert rig.ask(Verb.RESET) is Reply.OK
+    rig.advance(1)
+    assert rig.ask(Verb.START) is Reply.OK
+    rig.advance(20)
+    assert rig.state_of("x") is AxisState.IDLE
+
+
+def test_what_was_learned_keeps_no_axis_from_the_reset_of_another_fault():
+    rig = still()
+    rig.order(Verb.ESTOP, "x")
+    rig.tick.laws["theta"][0, 0] = np.nan
+    assert rig.ask(Verb.RESET) is Reply.OK
+
+
+def held_with_no_number():
+    """Return a machine whose x has tripped on no number, though it has learned good ones."""
+    rig = still()
+    rig.tick.laws["d0"][0] = np.nan
+    rig.advance(1)
+    assert rig.fault_of("x") is FaultCause.NOT_A_NUMBER
+    return rig
 
 
 def test_a_jump_of_the_count_is_a_fault_and_no_position():

@@ -99,6 +99,60 @@ def test_user_and_group_are_those_that_were_asked_for_in_every_file(root: Path) 
     assert (root / UNIT).read_text() == unit
 
 
+def exec_start(root: Path) -> list[str]:
+    """Return the words of the one command that the installed unit starts."""
+    (line,) = re.findall(r"^ExecStart=(.*)$", (root / UNIT).read_text(), re.MULTILINE)
+    return line.split()
+
+
+def test_operators_stand_in_the_unit_and_are_made_and_kept(root: Path) -> None:
+    run("install", "left", "--root", root)
+    plain = exec_start(root)
+    assert "--operators" not in plain
+    run("install", "left", "--root", root, "--operators", "gantry_operators")
+    assert exec_start(root) == [*plain, "--operators", "gantry_operators"]
+    users = (root / "etc/sysusers.d/motorctl.conf").read_text()
+    assert re.findall("^g (.*) -$", users, re.MULTILINE) == [
+        "motorctl",
+        "dialout",
+        "gantry_operators",
+    ]
+    # an update and another gantry keep them, and another group of the socket does, too
+    (root / "etc/motorctl/right.yaml").write_text(shipped_config("small_stage").read_text())
+    assert set(did(run("install", "left", "--root", root, "--json")).values()) == {"unchanged"}
+    run("install", "right", "--root", root, "--group", "axes")
+    assert exec_start(root)[-2:] == ["--operators", "gantry_operators"]
+    assert re.search(
+        "^g gantry_operators -$", (root / "etc/sysusers.d/motorctl.conf").read_text(), re.M
+    )
+
+
+def test_other_operators_take_the_place_of_those_before(root: Path) -> None:
+    run("install", "left", "--root", root, "--operators", "day")
+    run("install", "left", "--root", root, "--operators", "night")
+    assert exec_start(root)[-2:] == ["--operators", "night"]
+    assert "day" not in (root / "etc/sysusers.d/motorctl.conf").read_text()
+
+
+def test_operators_that_are_the_sockets_own_group_are_all_its_members_again(root: Path) -> None:
+    run("install", "left", "--root", root)
+    before = tree(root)
+    run("install", "left", "--root", root, "--operators", "gantry_operators")
+    assert tree(root) != before
+    run("install", "left", "--root", root, "--operators", "motorctl")
+    assert tree(root) == before
+
+
+def test_what_is_next_tells_who_may_command(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = root / "etc/motorctl/left.yaml"
+    there, exists = "/opt/motorctl", Path.exists
+    monkeypatch.setattr(sys, "prefix", there)
+    monkeypatch.setattr(Path, "exists", lambda path: str(path).startswith(there) or exists(path))
+    said = run("install", "left", "--config", config, "--dry-run", "--operators", "ops")
+    assert re.search(r"usermod -aG motorctl,ops USER +operators: may command", said)
+    assert re.search(r"usermod -aG motorctl USER +observers: may look, and stop", said)
+
+
 @pytest.mark.slow
 def test_can_interfaces_come_up_with_the_bit_rates_of_the_configuration(root: Path) -> None:
     config = yaml.safe_load(shipped_config("can_gantry").read_text())
@@ -260,6 +314,8 @@ def test_files_that_a_configuration_names_have_to_lie_beside_its_new_place(
         (("install", "../etc"), "name of a gantry"),
         (("install", "left", "--user", "root"), "needs no rights of root"),
         (("install", "left", "--group", "my group"), "--group 'my group'"),
+        (("install", "left", "--operators", "a,b"), "--operators 'a,b'"),
+        (("install", "left", "--operators", "root"), "root may command all the same"),
         (("install", "right"), "right.yaml is not there: name the configuration with --config"),
         (("install", "right", "--config", "nowhere.yaml"), "nowhere.yaml: there is no such file"),
     ],
@@ -300,7 +356,10 @@ def test_a_motorctl_that_the_service_could_not_see_is_refused(
 def test_systemd_reads_what_was_installed(root: Path) -> None:
     if shutil.which("systemd-sysusers") is None:
         pytest.skip("systemd is not installed")
-    run("install", "left", "--root", root, "--user", "axes", "--group", "operators")
+    run(
+        *("install", "left", "--root", root, "--user", "axes"),
+        *("--group", "operators", "--operators", "drivers"),
+    )
     done = subprocess.run(
         ["systemd-sysusers", f"--root={root}"], capture_output=True, text=True, check=False
     )
@@ -308,4 +367,5 @@ def test_systemd_reads_what_was_installed(root: Path) -> None:
     assert "axes:" in (root / "etc/passwd").read_text()
     groups = (root / "etc/group").read_text()
     assert "operators:" in groups
+    assert "drivers:" in groups
     assert "dialout:" in groups

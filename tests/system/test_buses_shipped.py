@@ -18,11 +18,12 @@ from motorctl_devices.load import SHIPPED
 pytestmark = pytest.mark.wall_clock
 
 RUN_S = 3.0
+NO_SWITCHES = "no limit_negative and limit_positive for x, y"
 ADVICE = {
     "serial": [],
-    "can": [],
-    "canopen": [],
-    "modbus": ["coupler generic has no watchdog that is known"],
+    "can": [NO_SWITCHES],
+    "canopen": [NO_SWITCHES],
+    "modbus": ["coupler generic has no watchdog that is known", NO_SWITCHES],
 }
 
 

@@ -298,6 +298,7 @@ REFUSED_WHILE = {
     "silence": "STILL_FAULTY",
     "overheating": "CAUSE_LASTS",
     "push_too_fast": "CAUSE_LASTS",
+    "learned_nan": "CAUSE_LASTS",
 }
 """The answer to a reset, and to a start of an axis that is off, while the cause is there. Others
 are gone once the axis is disabled, or nobody can see them then."""

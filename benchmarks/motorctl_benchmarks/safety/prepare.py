@@ -173,9 +173,9 @@ def _ring(made: Ready, rng: np.random.Generator) -> None:
     stand, machine = made.stand, made.stand.machine
     program = machine.programs["ring"]
     standing = {name: float(stand.status(name)["reference_m"]) for name in program.axes}
-    plans = plan_program(machine, program, standing)
-    own = next(iter(program.trajectories().values())).duration_s
-    approach_s = plans[made.axis].duration_s - own
+    plan = plan_program(machine, program, standing)
+    plans, approach_s = plan.trajectories, plan.approach_s
+    own = plan.duration_s - approach_s
     begin = stand.follow(plans, together=True)
     tick = begin + round((approach_s + rng.uniform(0.15, 0.6) * own) * machine.rate_hz)
     stand.until(tick - 1)

@@ -60,6 +60,8 @@ class LifeChecks:
                 for _ in range(times):
                     bench.safe()
                 bench.until_at_rest()
+                told = bench.driver.safe_sent
+                assert told in (None, True), f"safe_sent is {told!r}, but the device was told"
 
     def test_safe_reaches_the_device_without_open(self, rig: Rig) -> None:
         """Where the process that drove the machine has died, another one makes it safe."""

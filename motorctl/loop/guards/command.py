@@ -53,3 +53,20 @@ def is_hot(settings: Any, axis: Any) -> bool:
     """Return whether the motor has not cooled down enough since it was too warm."""
     cool_v = COOLED_RATIO * settings.continuous_voltage_v
     return axis.fault == FaultCause.THERMAL and axis.heat_v2 > cool_v * cool_v  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def has_lost_its_numbers(axis: Any, law: Any) -> bool:
+    """Return whether an axis tripped on no number while what the law has learned is none, either.
+
+    Every start goes on from that: it would trip again at once.
+    """
+    if axis.fault != FaultCause.NOT_A_NUMBER:
+        return False
+    for i in range(law.theta.size):
+        if not (math.isfinite(law.theta[i]) and math.isfinite(law.D[i])):
+            return True
+        for k in range(i + 1, law.theta.size):
+            if not math.isfinite(law.U[i, k]):
+                return True
+    return False

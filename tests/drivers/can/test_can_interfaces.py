@@ -338,3 +338,21 @@ def test_safe_of_a_bus_that_is_not_open_opens_it_to_disable_every_amplifier():
         heard = [peer.recv(1.0) for _ in range(3)]
         assert [m.arbitration_id for m in heard if m] == [COMMAND] * 3
         assert all(not any(m.data[:5]) for m in heard if m)
+
+
+def test_safe_tells_whether_the_bus_took_it():
+    with over_slcan() as (driver, peer, _inputs):
+        driver.safe()
+        assert (driver.safe_sent, driver.safe_failed) == (True, "")
+        other = CanDriver(options(interface="slcan", channel=peer.port), channels(), 0.01)
+        other.safe()
+        assert other.safe_sent is False
+        assert "in use by another program" in other.safe_failed
+        peer.unplug()
+        driver.safe()
+        assert driver.safe_sent is False
+        assert driver.safe_failed.startswith(f"serial port {peer.port}: ")
+    absent = CanDriver(options(interface="socketcan", channel="nocan7"), channels(), 0.01)
+    absent.safe()
+    assert absent.safe_sent is False
+    assert "socketcan channel 'nocan7' cannot be opened" in absent.safe_failed

@@ -485,3 +485,47 @@ def test_what_a_layout_leaves_open_is_told_and_is_no_problem():
     said = " ".join(driver.advice())
     for words in ("watchdog", "no sequence in state", "no boot for x", "no estop for x"):
         assert words in said
+    assert "no limit_negative and limit_positive for x: a limit switch there is not seen" in said
+
+
+def test_a_limit_switch_that_one_axis_alone_has_is_missed_at_the_others():
+    frames = {
+        "command": {
+            "id": 0x200,
+            "direction": "command",
+            "length": 6,
+            "signals": {
+                f"{means}_{axis}": {
+                    "means": means,
+                    "axis": axis,
+                    "start": at + 20 * n,
+                    "bits": bits,
+                }
+                for n, axis in enumerate("xy")
+                for means, at, bits in (("volts", 0, 16), ("enable", 16, 1))
+            },
+        },
+        "state": {
+            "id": 0x180,
+            "direction": "state",
+            "length": 7,
+            "signals": {
+                **{
+                    f"n_{axis}": {"means": "counts", "axis": axis, "start": 24 * n, "bits": 24}
+                    for n, axis in enumerate("xy")
+                },
+                "low": {"means": "limit_negative", "start": 48, "bits": 1},
+                "high_y": {"means": "limit_positive", "axis": "y", "start": 49, "bits": 1},
+            },
+        },
+    }
+    for axis in "xy":
+        signal = frames["command"]["signals"][f"volts_{axis}"]
+        signal |= {"signed": True, "scale": 0.001}
+    given = {"interface": "virtual", "channel": "switches", "frames": frames}
+    axes = [Channel(axis, n, 1e-6, 24, 10.0) for n, axis in enumerate("xy")]
+    driver = CanDriver(CanOptions.model_validate(given), axes, 1e-3)
+    assert not driver.problems()
+    told = [said for said in driver.advice() if "limit_" in said]
+    assert len(told) == 1
+    assert told[0].startswith("no limit_positive for x: ")

@@ -179,3 +179,13 @@ def test_a_drive_that_cannot_say_what_it_does_without_motorctl_is_noted():
             assert "has no 6007h:00 (abort connection option code)" in made.notes[0]
         finally:
             made.close()
+
+
+def test_safe_tells_whether_the_bus_took_it() -> None:
+    reached = driver(data())
+    reached.safe()
+    assert (reached.safe_sent, reached.safe_failed) == (True, "")
+    absent = driver(data(interface="socketcan", channel="nocan7"))
+    absent.safe()
+    assert absent.safe_sent is False
+    assert "socketcan channel 'nocan7' cannot be opened" in absent.safe_failed

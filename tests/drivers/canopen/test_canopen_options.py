@@ -38,6 +38,21 @@ def test_two_drives_of_one_number_are_refused():
     assert told.count("is the number of two drives") == 2
 
 
+@pytest.mark.parametrize(
+    ("inputs", "missed"),
+    [
+        (None, ["no limit_negative and limit_positive for x"]),
+        ({"home_switch": 2}, ["no limit_negative and limit_positive for x"]),
+        ({"limit_negative": 0}, ["no limit_positive for x"]),
+        ({"limit_negative": 0, "limit_positive": 1}, []),
+    ],
+)
+def test_limit_switches_that_a_drive_does_not_send_are_told(inputs, missed):
+    made = driver(data(nodes={"x": node() | {"inputs": inputs}}))
+    assert list(made.problems()) == []
+    assert [said.partition(":")[0] for said in made.advice()] == missed
+
+
 def test_the_host_needs_a_number_of_its_own():
     assert "is host_node" in refused(nodes={"x": node(127)})
 

@@ -72,6 +72,7 @@ def drive_and_compare(driver, periods=40, timeout_s=1.0):
             assert not inputs.status.any()
             assert np.array_equal(inputs.counts - start, expected)
         driver.safe()
+        assert driver.safe_sent is True
         driver.read(inputs)
         assert not inputs.status.any(), "the answer to `safe` is a sample like any other"
         assert np.array_equal(inputs.counts - start, expected)
@@ -104,18 +105,24 @@ def test_safe_without_a_connection_makes_one_and_writes_zeros(pymodbus_server):
     driver.close()
     driver.safe()
     assert pymodbus_server.requests[-1] == (16, [0, 0, 0, 0])
+    assert driver.safe_sent is True
 
 
 def test_safe_tries_function_code_23_where_16_does_nothing(pymodbus_server):
     pymodbus_server.refused = 16
-    make(tcp={"host": "localhost", "port": pymodbus_server.port}).safe()
+    driver = make(tcp={"host": "localhost", "port": pymodbus_server.port})
+    driver.safe()
     assert pymodbus_server.requests == [(23, [0, 0, 0, 0])]
+    assert driver.safe_sent is True
 
 
 def test_pymodbus_refusing_an_address_is_told_with_the_range(pymodbus_server):
     driver = make(tcp={"host": "127.0.0.1", "port": pymodbus_server.port}, output_base=0x1FE)
     with pytest.raises(RunError, match=r"0x0000 to 0x0004.*0x01fe to 0x0201"):
         driver.open()
+    driver.safe()
+    assert driver.safe_sent is False
+    assert "exception 2 (illegal data address)" in driver.safe_failed
 
 
 def test_libmodbus_on_tcp_and_driver_agree_on_every_count(gantry_program):

@@ -220,6 +220,23 @@ def test_what_fits_has_no_problems():
     assert make(channels=half_a_step_short).problems() == []
 
 
+def test_limit_switches_that_no_register_tells_are_no_problem_and_are_told():
+    lower = {"limit_negative": {"address": 5, "bit": 0}}
+    both = lower | {"limit_positive": {"address": 5, "bit": 1}}
+
+    def said(status):
+        driver = make(channels=changed(0, status=status))
+        assert driver.problems() == []
+        return [words.partition(":")[0] for words in driver.advice() if "limit_" in words]
+
+    assert said({}) == ["no limit_negative and limit_positive for x, y"]
+    assert said(lower) == [
+        "no limit_positive for x",
+        "no limit_negative and limit_positive for y",
+    ]
+    assert said(both) == ["no limit_negative and limit_positive for y"]
+
+
 def test_a_coupler_brings_its_addresses_and_its_factory_watchdog():
     beckhoff = options(coupler="beckhoff_bk9000", output_base=None)
     assert (beckhoff.output_base, beckhoff.input_base, beckhoff.watchdog_s) == (0x0800, 0, 1.0)

@@ -210,6 +210,7 @@ def test_safe_sends_zero_and_disable_whatever_is_outstanding(bench):
     bench.driver.safe()
     assert time.monotonic() - started < 2.0  # pymodbus' own time-out is 3 s
     assert bench.peer.request().registers[:3] == [0, 0, 0]
+    assert bench.driver.safe_sent is None  # sent, and not answered
 
 
 def test_safe_after_a_loss_connects_for_itself(bench):
@@ -219,6 +220,8 @@ def test_safe_after_a_loss_connects_for_itself(bench):
     bench.peer.accept()
     request = bench.peer.request()
     assert (request.function, request.registers) == (16, [0, 0, 0, 0])
+    assert bench.driver.safe_sent is False
+    assert "no valid answer" in bench.driver.safe_failed
 
 
 def test_a_channel_that_no_axis_uses_stays_at_its_zero_and_disabled():
@@ -259,6 +262,8 @@ def test_safe_of_an_unreachable_device_is_over_within_a_second():
     started = time.monotonic()
     driver.safe()
     assert time.monotonic() - started < 1
+    assert driver.safe_sent is False
+    assert "cannot connect to 192.0.2.1" in driver.safe_failed
 
 
 def test_status_bits_pass_inverted_or_not_and_are_repeated_but_for_the_index():

@@ -373,6 +373,29 @@ def test_safe_before_open_reaches_the_device():
         with_session._port = None
 
 
+def test_safe_tells_whether_the_port_took_it():
+    absent = driver_for("/dev/no_such_port")
+    assert absent.safe_sent is None
+    absent.safe()
+    told = "port /dev/no_such_port: No such file or directory"
+    assert (absent.safe_sent, absent.safe_failed) == (False, told)
+    with box_running() as device:
+        driver, other = driver_for(device.port), driver_for(device.port)
+        driver.safe()
+        assert driver.safe_sent is True
+        driver.open()
+        driver.safe()
+        assert (driver.safe_sent, driver.safe_failed) == (True, "")
+        other.safe()
+        told = f"port {device.port}: in use by another program"
+        assert (other.safe_sent, other.safe_failed) == (False, told)
+        device.vanish()
+        driver.safe()
+        told = f"port {device.port}: it has vanished"
+        assert (driver.safe_sent, driver.safe_failed) == (False, told)
+        driver.close()
+
+
 def test_safe_never_raises_in_any_state():
     driver_for("/dev/no_such_port").safe()
     with box_running() as device:

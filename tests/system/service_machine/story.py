@@ -153,6 +153,50 @@ def driven() -> str:
     return f"x at {1e3 * at:.3f} mm; nobody: {refused.splitlines()[-1]}"
 
 
+def roles() -> str:
+    """With operators named, an observer looks and stops at once, an operator commands."""
+    install = f"{MOTORCTL} service install left --json"
+    done = _done(f"{install} --operators gantry_operators")
+    assert done["/etc/systemd/system/motorctl@.service"] == "updated", done
+    assert set(_done(install).values()) == {"unchanged", "run"}  # and keeps them
+    shell("useradd -m bert && usermod -aG motorctl bert")
+    shell("useradd -m carl && usermod -aG motorctl,gantry_operators carl")
+    bert, carl = (
+        f"setpriv --reuid={who} --regid={who} --init-groups {MOTORCTL}" for who in ("bert", "carl")
+    )
+    shell("systemctl restart motorctl@left")
+    assert LEFT.ready()
+    shell(f"{bert} status")
+    refused = shell(f"{bert} start x --hold", status=2)
+    assert "only members of the group 'gantry_operators' may command" in refused, refused
+    wait_for("the device", LEFT.start)
+    LEFT.ask("stop", axis="x")
+    wait_for("off", lambda: LEFT.axis()["state"] == "off", 60)
+    shell(f"{carl} start x --hold")
+    stopped = shell(f"{bert} estop")
+    wait_for("the emergency stop", lambda: LEFT.axis()["state"] == "fault", 60)
+    shell(f"{bert} reset x", status=2)
+    for axis in ("x", "y"):
+        wait_for("standing still", lambda axis=axis: _succeeds(f"{carl} reset {axis}"), 60)
+    shell(f"{install} --operators motorctl; systemctl restart motorctl@left")
+    assert LEFT.ready()
+    assert LEFT.ask("status")["axes"]["x"]["state"] == "off"
+    return f"bert: {stopped}; {refused.splitlines()[-1]}"
+
+
+def _done(command: str) -> dict[str, str]:
+    """Run an installation and return what it did to each file."""
+    return {one["target"]: one["what"] for one in json.loads(shell(command))["done"]}
+
+
+def _succeeds(command: str) -> bool:
+    try:
+        shell(command)
+    except RuntimeError:
+        return False
+    return True
+
+
 def beside() -> str:
     """A second gantry lives beside the first, with its own socket, logs, state and CPU."""
     shell(f"{MOTORCTL} service install right --config /job/right.yaml")
@@ -398,8 +442,9 @@ def gone() -> str:
 
 THE_STEPS: list[Step] = [
     *(kernel, wheel, bad_configuration, installed, bus, hardened, started, fenced_in, driven),
-    *(beside, removed, canopen, loop_killed, supervisor_killed, loop_frozen, supervisor_frozen),
-    *(busy, starved, reloaded, restarted, misconfigured, logs, rebooting, rebooted, gone),
+    *(roles, beside, removed, canopen, loop_killed, supervisor_killed, loop_frozen),
+    *(supervisor_frozen, busy, starved, reloaded, restarted, misconfigured, logs),
+    *(rebooting, rebooted, gone),
 ]
 ALWAYS = {wheel, installed, bus, started}
 """Without them there is no service to try."""
