@@ -46,4 +46,5 @@ def _bytes_behind(head: memoryview) -> int:
         raise ValueError(f"no MAT file of version 4 to 7: a matrix of type {kind}")
     if rows < 0 or columns < 0 or name < 1:
         raise ValueError(f"a matrix of {rows} rows and {columns} columns")
-    return name + rows * columns * _NUMBER_BYTES[number] * (1 + is_complex)
+    numbers = rows * columns * (1 + is_complex)
+    return int(name + numbers * _NUMBER_BYTES[number])
