@@ -13,7 +13,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from motorctl_benchmarks.real_machines.readers import COMMITS, REPOSITORIES, folder_of
+from motorctl_benchmarks.real_machines.repositories import (
+    COMMITS,
+    REPOSITORIES,
+    folder_of,
+)
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Check the structure of a MAT file of version 5 to 7 before scipy reads it.
+"""Check the structure of a MAT file before scipy reads it.
 
 scipy looks data types and array classes up in tables without checking the codes: a damaged file
 can end the process. scipy 1.17.1 still does so (SIGSEGV) on 12 of 400 files with one to three bytes
@@ -11,6 +11,8 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
+
+from motorctl.log.mat_version_4 import check_version_4, is_version_4
 
 HEADER_BYTES = 128
 
@@ -28,9 +30,12 @@ _Parts = list[tuple[int, memoryview]]
 
 def check_structure(data: memoryview) -> None:
     """Raise ValueError where the tree of data elements is damaged."""
+    if is_version_4(data):
+        check_version_4(data)
+        return
     order = _ORDERS.get(bytes(data[HEADER_BYTES - 2 : HEADER_BYTES]))
     if order is None:
-        raise ValueError("no MAT file of version 5 to 7")
+        raise ValueError("no MAT file of version 4 to 7")
     for kind, content in _elements(data[HEADER_BYTES:], order):
         inner = [(kind, content)]
         if kind == _COMPRESSED:

@@ -26,9 +26,11 @@ METADATA_VARIABLE = "motorctl"
 class MatTable(Table):
     """A MAT file up to version 7: vectors, and vectors in structs as ``struct.field``.
 
-    Columns of a matrix are ``name(:,k)``, what cells hold is ``name{k}``, and the structs of an
-    array are ``name(k)``, k from 1, as the signals that dSPACE and Simulink write. What objects
-    hold, as a timeseries or Simulink's output, is ``objects{k}`` or ``objects{k}.field``.
+    Columns of a matrix are ``name(:,k)``, and rows of one that has more columns than rows
+    ``name(k,:)``, as Simulink's and QUARC's "To File" write a signal a row. What cells hold is
+    ``name{k}``, and the structs of an array are ``name(k)``, k from 1, as the signals that dSPACE
+    and Simulink write. What objects hold, as a timeseries or Simulink's output, is ``objects{k}``
+    or ``objects{k}.field``.
 
     A name of MATLAB cannot contain a dot, so ``x_position_m`` also means ``x.position_m``.
     """
@@ -79,6 +81,8 @@ def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
         yield name, value.ravel()
     elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value):
         yield from ((f"{name}(:,{k + 1})", value[:, k]) for k in range(value.shape[1]))
+    elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value.T):
+        yield from ((f"{name}({k + 1},:)", value[k]) for k in range(value.shape[0]))
 
 
 def _is_tall(matrix: NDArray[Any]) -> bool:

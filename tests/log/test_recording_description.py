@@ -1,6 +1,7 @@
 """YAML descriptions of foreign recordings: units, clocks, segments, and every way to be wrong."""
 
 import math
+import struct
 
 import numpy as np
 import pyarrow as pa
@@ -179,6 +180,24 @@ def as_mat(path):
     scipy.io.savemat(path, {"run": ROWS})
 
 
+def as_mat_of_version_4(path):
+    scipy.io.savemat(path, {"run": ROWS, "unit": "V"}, format="4")
+
+
+def as_mat_with_a_signal_a_row(path):
+    scipy.io.savemat(path, {"run": ROWS.T})
+
+
+def as_mat_of_version_4_from_quarc(path):
+    """As QUARC writes it: a signal a row, time in the first."""
+    scipy.io.savemat(path, {"run": ROWS.T}, format="4")
+
+
+def as_mat_of_version_4_by_another_machine(path):
+    head = struct.pack(">5i", 1000, *ROWS.shape, 0, len(b"run\0"))
+    path.write_bytes(head + b"run\0" + ROWS.astype(">f8").tobytes("F"))
+
+
 @pytest.mark.parametrize(
     ("file", "write", "columns"),
     [
@@ -188,6 +207,10 @@ def as_mat(path):
         ("a.npy", as_npy, ("[:,0]", "[:,1]", "[:,2]")),
         ("a.npz", as_npz, ("run[:,0]", "run[:,1]", "run[:,2]")),
         ("a.mat", as_mat, ("run(:,1)", "run(:,2)", "run(:,3)")),
+        ("a.mat", as_mat_of_version_4, ("run(:,1)", "run(:,2)", "run(:,3)")),
+        ("a.mat", as_mat_with_a_signal_a_row, ("run(1,:)", "run(2,:)", "run(3,:)")),
+        ("a.mat", as_mat_of_version_4_from_quarc, ("run(1,:)", "run(2,:)", "run(3,:)")),
+        ("a.mat", as_mat_of_version_4_by_another_machine, ("run(:,1)", "run(:,2)", "run(:,3)")),
     ],
 )
 def test_columns_without_names_are_found_by_their_number(tmp_path, file, write, columns):

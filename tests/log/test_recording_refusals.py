@@ -1,5 +1,7 @@
 """Files that cannot be used: one DataError that says what, where and what would be right."""
 
+import struct
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -30,6 +32,9 @@ from motorctl.log import LogWriter, read_recording
         ("a.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "save it with -v7 instead"),
         ("a.mat", b"\x89HDF\r\n\x1a\n", "save it with -v7 instead"),
         ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(300), "not a MAT file, or a damaged one"),
+        ("a.mat", struct.pack("<5i", 2000, 3, 3, 0, 2) + bytes(74), "version 4 to 7: .* type 2000"),
+        ("a.mat", struct.pack("<5i", 0, 3, 3, 0, 2) + bytes(73), "it ends within a matrix"),
+        ("a.mat", struct.pack("<5i", 0, -3, 3, 0, 2), "a matrix of -3 rows"),
     ],
 )
 def test_a_file_that_is_no_recording_is_told_by_what_it_is(tmp_path, name, content, message):
@@ -159,6 +164,7 @@ def read_or_refuse(path):
             b"PAR1",
             b"\xff\xff\xff\xff",
             b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM",
+            struct.pack("<5i", 0, 3, 3, 0, 2),
             b"time_s,x.position_m,x.command_v\n",
             b"file: a.csv\naxes:\n x: ",
         ]

@@ -7,6 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+)
+from motorctl_benchmarks.real_machines.repositories import (
     AR5,
     JOINT_FRICTION,
     LIGHT_ARMS,
@@ -14,8 +18,6 @@ from motorctl_benchmarks.real_machines.readers import (
     SURGICAL,
     UR10,
     XMATE,
-    Columns,
-    Read,
     folder_of,
 )
 

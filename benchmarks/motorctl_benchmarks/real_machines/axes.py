@@ -31,12 +31,16 @@ from motorctl_benchmarks.real_machines.bench_readers import (
     trolley,
 )
 from motorctl_benchmarks.real_machines.drive_readers import (
+    course_motor,
     creeping_servo,
     fluid_damper,
     gimbal_motor,
     instrument_drive,
+    random_volts,
     shaking_table,
+    smaller_servo,
     students_motor,
+    tachometer,
     winch,
 )
 from motorctl_benchmarks.real_machines.lab_readers import (
@@ -85,6 +89,15 @@ from motorctl_benchmarks.real_machines.stage_readers import (
     levitated_magnet,
     stage,
     wheel_of_mouse,
+)
+from motorctl_benchmarks.real_machines.walker_readers import (
+    ankle,
+    balancing_car,
+    carried_arm,
+    compass_leg,
+    exoskeleton_motor,
+    light_elbow,
+    walking_hip,
 )
 
 
@@ -175,6 +188,10 @@ AGAINST_A_BRAKE = ("position_force",)
 """The brake pulls back with a force that grows with the angle."""
 LATE_MOTION = ("input_lag", "input_delay")
 """The table moves 40 to 50 ms after its voltage; the motor's speed is told 12 to 24 ms late."""
+TURNS_OVER = ("cogging", "presliding")
+"""Waves of 5, 10 and 20 a turn, and a torque that rises over the first 50 mrad."""
+FALLING = (*HANGING, *LATE_MOTION)
+"""An angle that grows by itself, 20 ms behind the wheels."""
 SWINGING_LOAD = ("gravity", "flexible_mode")
 """At rest the torque is a sine of the angle; acceleration over torque has a dip at 11 Hz."""
 YIELDS = ("presliding", "position_force")
@@ -350,6 +367,29 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("rod on a gimbal motor, turned", gimbal_motor, "%", SWINGING_LOAD, "deg", -1),
     RealAxis("winch 3, Down25", winch(3, "Down25"), "A", HANGING, "turn"),
     RealAxis("creeping servo", creeping_servo, "%", ("cogging",), "turn"),
+    *(
+        RealAxis(f"compass walker, {leg} leg", compass_leg(leg), "V", HANGING, "deg")
+        for leg in ("outer", "inner")
+    ),
+    RealAxis("compass walker, walking", walking_hip, "V", HANGING, "deg"),
+    RealAxis("arm carried by its motor", carried_arm, "N*m", HANGING, "deg"),
+    *(
+        RealAxis(f"exoskeleton's motor {number}", exoskeleton_motor(number), "A")
+        for number in (1, 2, 3, 4)
+    ),
+    *(RealAxis(f"elbow, log {log}", light_elbow(log), "N*m", HANGING) for log in (2, 4)),
+    *(RealAxis(f"walking ankle {number}", ankle(number), "N*m") for number in (2, 3)),
+    RealAxis("balancing car, turned", balancing_car, "%", FALLING, scale=-1),
+    RealAxis("course motor, current", course_motor("chirp 1", "current"), "A", LATE_MOTION),
+    *(
+        RealAxis(f"smaller servo, {name}", smaller_servo(name), "N*m", TURNS_OVER)
+        for name in ("S1_10", "10")
+    ),
+    RealAxis("random volts", random_volts, "V", LATE_MOTION),
+    *(
+        RealAxis(f"tachometer{where}", tachometer(looped), "V", LATE_MOTION)
+        for where, looped in (("", False), (" in a loop", True))
+    ),
 )
 
 

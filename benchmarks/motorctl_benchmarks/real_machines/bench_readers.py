@@ -9,16 +9,18 @@ import numpy as np
 from scipy.io import loadmat
 
 from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+    mat,
+)
+from motorctl_benchmarks.real_machines.repositories import (
     BELT_CART,
     COUPLED_MOTORS,
     CRANE,
     GUIDES,
     SEVENTH_JOINT,
     SMALL_SERVO,
-    Columns,
-    Read,
     folder_of,
-    mat,
 )
 
 GUIDE_ROWS = 20_000

@@ -10,15 +10,21 @@ from scipy.io import loadmat
 
 from motorctl.log.table_mat import MatTable
 from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+)
+from motorctl_benchmarks.real_machines.repositories import (
+    COURSE_MOTOR,
     FLUID_DAMPERS,
     GIMBAL_MOTOR,
     INSTRUMENT_DRIVE,
+    RANDOM_VOLTS,
     SERVO_PROJECT,
     SHAKING_TABLE,
+    SMALLER_SERVO,
     STUDENTS_MOTOR,
+    TACHOMETER,
     WINCHES,
-    Columns,
-    Read,
     folder_of,
 )
 
@@ -117,3 +123,54 @@ def creeping_servo(recordings: Path) -> Columns:
     rows = np.loadtxt(path / "motorCoggingTorque.txt")
     turns = np.unwrap(rows[:, 3], period=2048.0) / 2048.0
     return {"time_s": rows[:, 0] - rows[0, 0], "position": turns, "command": rows[:, 2]}
+
+
+def course_motor(name: str, command: str = "volts") -> Read:
+    """Return the reader of a geared motor of a course: rad/s and volts or amperes, 1 kHz."""
+
+    def read(recordings: Path) -> Columns:
+        path = folder_of(recordings, COURSE_MOTOR) / "Raw Signal" / f"{name}.mat"
+        speed, driven = "objects{50}", {"volts": "objects{24}", "current": "objects{75}"}[command]
+        rows = MatTable(path).read([speed, driven])
+        return {
+            "time_s": np.arange(len(rows[speed])) / 1000.0,
+            "velocity": rows[speed],
+            "command": rows[driven],
+        }
+
+    return read
+
+
+def smaller_servo(name: str) -> Read:
+    """Return the reader of a servo motor that turns to and fro once: rad and N m, 1 kHz."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, SMALLER_SERVO) / "Lorenz_id" / "Lorenz_id" / "data"
+        rows = np.genfromtxt(folder / f"data_{name}.txt")
+        time_s = np.arange(len(rows)) / 1000.0
+        return {"time_s": time_s, "position": rows[:, 0], "command": rows[:, 4]}
+
+    return read
+
+
+def random_volts(recordings: Path) -> Columns:
+    """Read a geared motor that is given random volts: rad/s, 100 Hz."""
+    folder = folder_of(recordings, RANDOM_VOLTS) / "stm32" / "motor_sys_id" / "SWV_export"
+    rows = np.genfromtxt(folder / "random_input_rsp.csv", delimiter=",", skip_header=1)
+    return {"time_s": rows[:, 0], "velocity": rows[:, 2], "command": rows[:, 1]}
+
+
+def tachometer(looped: bool) -> Read:
+    """Return the reader of a motor that drives a tachometer by a belt: V and V, 100 or 500 Hz."""
+
+    def read(recordings: Path) -> Columns:
+        folder = folder_of(recordings, TACHOMETER)
+        path = folder / "Dados-de-leitura" / "PRBS-FS500.csv"
+        if looped:
+            path = folder / "Controles" / "PRBS-FS10" / "ord1" / "real"
+            path /= "data-cavlr1-kc-fs100.csv"
+        rows = np.genfromtxt(path, delimiter=",", names=True, usecols=range(2 + looped))
+        time_s = np.arange(len(rows)) / (100.0 if looped else 500.0)
+        return {"time_s": time_s, "velocity": rows["y"], "command": rows["u"]}
+
+    return read

@@ -15,7 +15,10 @@ from motorctl.latency.progress import Progress
 from motorctl_benchmarks.findings import Findings
 from motorctl_benchmarks.real_machines.axes import AXES
 from motorctl_benchmarks.real_machines.peer_models import PEERS
-from motorctl_benchmarks.real_machines.readers import REPOSITORIES, folder_of
+from motorctl_benchmarks.real_machines.repositories import (
+    REPOSITORIES,
+    folder_of,
+)
 from motorctl_benchmarks.real_machines.run_axis import AxisOutcome, AxisTask, run_axis
 from motorctl_benchmarks.worker_pool import run_tasks
 

@@ -10,6 +10,10 @@ import numpy as np
 
 from motorctl.log.open_table import open_table
 from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+)
+from motorctl_benchmarks.real_machines.repositories import (
     CYLINDER,
     DISCS,
     DRIVETRAIN,
@@ -21,8 +25,6 @@ from motorctl_benchmarks.real_machines.readers import (
     ROD_MOTOR,
     TENDON_DRIVES,
     TWISTED_STRINGS,
-    Columns,
-    Read,
     folder_of,
 )
 

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from motorctl_benchmarks.real_machines.readers import (
+    Columns,
+    Read,
+    mat,
+)
+from motorctl_benchmarks.real_machines.repositories import (
     PROPELLER,
     STAGES,
     WHEELS,
-    Columns,
-    Read,
     folder_of,
-    mat,
 )
 
 STIFF = "Project1_360"

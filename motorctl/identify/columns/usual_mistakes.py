@@ -35,6 +35,10 @@ BRAKING_LONG = 2.0
 """The same factor where it stands still so long. Larger misses encoders that stick in slow motion;
 smaller takes rests for them: sound machines come to one with a quarter. Measured on machines of
 other hands, which stick with 3 to 20."""
+ONE_STEP = 0.9
+"""Part of the way before a standstill that may lie in one sample: more is a jump of the position,
+not motion that ends. Larger takes jumps for motion, smaller misses encoders that stick while the
+axis speeds up. Chosen by hand: half of it where the speed is steady."""
 OPPOSITE = -0.5
 """Correlation of the reference with the position, from which the two run against each other. Nearer
 to -1 misses reversed references of poor controllers; nearer to 0 suspects columns that have nothing
@@ -87,6 +91,8 @@ def _check_encoder(data: Measured) -> None:
         usual = _usual_change(x, width)
         for start, length in zip(starts[frozen], lengths[frozen], strict=True):
             way = abs(float(x[start] - x[start - width]))
+            if np.abs(steps[start - width : start]).max() > ONE_STEP * way:
+                continue
             long = length >= LONG_STUCK_S * data.sample_rate_hz
             if way > (BRAKING_LONG if long else BRAKING) * usual:
                 at_s = data.time_s[rows][start]

@@ -56,6 +56,21 @@ def test_an_encoder_that_freezes_in_motion_is_told_with_its_time(run, share):
     assert told == pytest.approx(run.time_s[at], abs=2e-3)
 
 
+def test_a_jump_is_no_motion_that_freezes(run):
+    """So begin recordings whose first rows still have the position of a run before."""
+    position = run.position.copy()
+    rest = np.full(len(position) // 8, position[0])
+    before = np.full(20, position[0] + 10.0 * np.ptp(position))
+    damaged = np.concatenate([before, rest, position])
+    still = np.concatenate([np.zeros(len(before) + len(rest)), run.command])
+    time_s = run.period_s * np.arange(len(damaged))
+    data = replace(
+        run, time_s=time_s, position=damaged, command=still, reference=None,
+        reference_velocity=None, saturated=None, usable=np.ones(len(damaged), dtype=bool),
+    )  # fmt: skip
+    check_columns(data)
+
+
 @pytest.mark.slow
 def test_what_lies_outside_the_segments_is_not_looked_at(run):
     freezes = run.position.copy()

@@ -47,13 +47,15 @@ from motorctl_benchmarks.real_machines.lab_readers import (
     rack,
 )
 from motorctl_benchmarks.real_machines.readers import (
-    REPOSITORIES,
     Read,
     brushless,
-    folder_of,
     panda,
     propeller,
     wam,
+)
+from motorctl_benchmarks.real_machines.repositories import (
+    REPOSITORIES,
+    folder_of,
 )
 from motorctl_benchmarks.real_machines.run_axis import RELIED_UPON
 from motorctl_benchmarks.real_machines.stage_readers import (
