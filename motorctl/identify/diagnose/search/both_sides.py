@@ -8,6 +8,7 @@ from dataclasses import replace
 from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
+from motorctl.identify.diagnose.search.input_instead import inputs_instead
 from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import (
     LONGEST_SEARCH_S,
@@ -115,7 +116,9 @@ def both_ways(
     other = replace(other, across=next(iter(found.steps), None))
     found, other = (over_all(each, signals, catalogue) for each in (found, other))
     # effects of the input cannot be sought there
-    return found if _explained(other) < _explained(found) - LOSES else other
+    if _explained(other) < _explained(found) - LOSES:
+        return found
+    return replace(other, instead=inputs_instead(other))
 
 
 def _explained(found: Found) -> float:

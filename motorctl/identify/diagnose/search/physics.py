@@ -122,15 +122,20 @@ def _largest_force(hypothesis: Hypothesis, effect: Effect, theta: Array) -> floa
 def inertia_is_negative(hypothesis: Hypothesis) -> bool:
     """Return whether a model's inertia is negative.
 
-    With the command on the left it may be too small to be seen, beside a weight that is held.
+    With the command on the left it may be too small to be seen, beside a weight that is held. Not
+    so where the command comes late: inertia is a lag of the velocity, and less than none makes room
+    for one that is not there.
     """
     if hypothesis.regressors.side == "acceleration":
         return float(hypothesis.b[0]) <= 0.0
     found, problem = hypothesis.solution, hypothesis.problem
     sigma = float(np.sqrt(robust_covariance(problem, found)[0, 0]))
+    surely = float(found.b[0]) < -SURELY * sigma
+    if any(effect.kind == "command" for effect in hypothesis.added):
+        return surely
     rows = problem.joined(hypothesis.regressors.signals.rows)
     part = abs(float(found.b[0])) * np.std(rows[0]) / max(float(np.std(rows[-1])), 1e-300)
-    return float(found.b[0]) < -SURELY * sigma and bool(part > SEEN)
+    return surely and bool(part > SEEN)
 
 
 def is_physical(hypothesis: Hypothesis, beside: Compensation) -> bool:

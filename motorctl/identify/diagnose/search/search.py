@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -116,6 +116,17 @@ class Step:
 
 
 @dataclass(frozen=True)
+class InputInstead:
+    """An effect of the input that does as well as a force, with the acceleration on the left."""
+
+    name: str
+    share: float
+    """Its gain over that of the force."""
+    leaves: float
+    """Squared error on held-out rows over that with the force."""
+
+
+@dataclass(frozen=True)
 class Found:
     """The outcome of a search."""
 
@@ -132,6 +143,8 @@ class Found:
     across: Step | None = None
     """The first round with the acceleration on the left, of a search with the command there: it
     tried effects of the input, too."""
+    instead: Mapping[str, InputInstead] = field(default_factory=dict)
+    """What of the input does as well as a force that was found with the command on the left."""
 
 
 def declared_alone(found: Found) -> Found:

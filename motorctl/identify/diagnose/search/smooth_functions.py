@@ -73,6 +73,23 @@ class SmoothFunctions:
         """Return the filtered columns of a rival, (p, m)."""
         return self.signals.kept_rows(("smooth", name), lambda: self._formed(name))
 
+    def powers_of_position(self, count: int) -> Array:
+        """Return the filtered powers 1 to count of the position, (count, m).
+
+        Of the position within the travel, -1 to 1, so that no power is out of all measure.
+        """
+        low, high = float(self._x.min()), float(self._x.max())
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        stretches, d = self.signals.stretches, self.signals.decimation
+        exponents = np.arange(1, count + 1)[:, None]
+
+        def form() -> Spectra:
+            return self.signals.spectra(
+                [((s.x[::d] - middle) / half) ** exponents for s in stretches], d
+            )
+
+        return self.signals.kept_rows(("powers", count), form)
+
     def _formed(self, name: str) -> Spectra:
         stretches, d = self.signals.stretches, self.signals.decimation
         if name == "history":

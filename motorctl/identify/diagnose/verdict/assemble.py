@@ -82,6 +82,11 @@ silent about structure, smaller speaks of chance. Chosen by hand: NOISE_LIKE = 1
 in rms."""
 
 
+DRIVES_A_MOTOR = ("V", "A")
+"""Units of a command that is a motor's voltage or current. Fewer add a note to motors, more leave
+out what else may bend. Convention."""
+
+
 def assemble(
     data: Measured,
     found: Found,
@@ -366,6 +371,19 @@ def _notes(
         notes.append(
             f"below {low_hz(found):.3g} Hz the residual still has {judged.coloured:.1f} times the "
             "power of the noise"
+        )
+    for name, rival in found.instead.items():
+        notes.append(
+            f"with the acceleration in the place of the command, {rival.name} leaves "
+            f"{rival.leaves:.2g} times the squared error that {name} leaves there: the recording "
+            f"may show {rival.name}"
+        )
+    unit = found.final.regressors.signals.data.command_unit
+    curved = [each.effect.name for each in effects if each.effect.electromagnetic]
+    if curved and unit not in DRIVES_A_MOTOR:
+        notes.append(
+            f"{' and '.join(curved)}: a command in {unit} need not drive a motor; a propeller, a "
+            "pump or a valve bends its force over the command as magnetic saturation does"
         )
     forces = forces_of_position(effect.effect for effect in effects)
     if len(forces) > 1:

@@ -16,8 +16,10 @@ from motorctl.identify.diagnose.search.forms import by_simplex, measure
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
     BlockedRegression,
+    held_out_sse,
     residual,
     solve,
+    with_columns,
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.search import Found
@@ -26,6 +28,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     position_of_declared,
     simulated_position,
 )
+from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -209,7 +212,35 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             ]
             same += alike
         break
+    if as_powers_of_place(found, effect):
+        same += [name for name in splines_of_family(found, effect) if name not in same]
     return same
+
+
+def splines_of_family(found: Found, effect: Effect) -> list[str]:
+    """Return the effects that can draw any function of what an effect depends on."""
+    return [
+        name
+        for name, cls in found.final.regressors.catalogue.items()
+        if name != effect.name
+        and cls.family() == effect.family()
+        and any(form.is_spline for form in cls.trials(found.spans))
+    ]
+
+
+def as_powers_of_place(found: Found, effect: Effect) -> bool:
+    """Return whether as many powers of the position do as well as a formula of it.
+
+    Over a small part of a turn the sine of an angle is a parabola, and so is many a spring. A wave
+    is asked how often it repeats instead.
+    """
+    waves = "wave_over_position" in effect.groups
+    if "force_of_position" not in effect.groups or waves or effect.is_spline:
+        return False
+    rest = found.final.without(effect.name)
+    powers = SmoothFunctions(rest.regressors.signals).powers_of_position(len(effect.parameters))
+    left = float(held_out_sse(with_columns(rest.problem, powers)).sum())
+    return left <= found.final.held_out * (1.0 + SAME)
 
 
 def draws_any_form(other: Effect, effect: Effect) -> bool:
@@ -226,9 +257,16 @@ def _of_input(found: Found, name: str) -> tuple[Alternative, ...]:
     """Return the effect of the input that beats another where both can be tried, if any does.
 
     With the command on the left none is: what it asks for would be explained by itself. There the
-    next best stands without the rival that it has. Only what was taken first is asked: the round
-    across knew of no other.
+    next best stands without the rival that it has. Of what was taken first the round across tells,
+    which knew of no other effect; of each the whole model, with that effect in its place.
     """
+    if (instead := found.instead.get(name)) is not None:
+        why = (
+            "cannot be tried with the command on the left; with the acceleration there and the "
+            f"other effects beside it, it leaves {instead.leaves:.2g} times the squared error "
+            f"that {name} leaves"
+        )
+        return (Alternative(instead.name, why, float(min(instead.share, MOST_AHEAD))),)
     first = {s.taken.effect.name for s in found.steps if s.taken and not s.before.added}
     if found.across is None or name not in first:
         return ()
