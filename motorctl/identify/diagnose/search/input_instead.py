@@ -1,8 +1,8 @@
-"""Effects of the input that do as well as a force, where the search could not try them.
+"""Effects of the input that do as well as a friction, where the search could not try them.
 
 With the command on the left a function of the command would explain the command by itself, so none
 is sought there; a friction that grows with the load, or the hysteresis of a drive, is then taken
-for the force that comes nearest. With the acceleration on the left both can be asked.
+for the friction that comes nearest. With the acceleration on the left both can be asked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ little, smaller divides by zero. Convention: far below any gain that counts."""
 
 
 def inputs_instead(found: Found) -> dict[str, InputInstead]:
-    """Return, for forces that were found, the effect of the input that leaves no more in its place.
+    """Return, for frictions that were found, the effect of the input that leaves no more instead.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def inputs_instead(found: Found) -> dict[str, InputInstead]:
     Returns
     -------
     dict
-        By the force's name, where there is such an effect.
+        By the friction's name, where there is such an effect.
     """
     old, added = found.final.regressors, found.final.added
     signals = shortened(old.signals, LONGEST_SEARCH_S)
@@ -46,7 +46,7 @@ def inputs_instead(found: Found) -> dict[str, InputInstead]:
     sign, spans = sign_of(old.declared.effects), found.spans
     rivals = {}
     for effect in added:
-        if effect.kind != "state":
+        if "friction" not in effect.groups:
             continue
         rest = whole.without(effect.name)
         classes = [cls for cls in candidates(rest, spans) if cls.kind == "input"]
