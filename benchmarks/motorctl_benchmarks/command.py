@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.table import Table
 
+    from motorctl.cli.terminal import Terminal
     from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
@@ -139,12 +139,14 @@ def bench(
 
     Example: motorctl bench campaign --only gantry:C2:cruise:encoder_stuck:default:1
     """
-    from rich.console import Console
+    from rich.markup import escape
 
     from motorctl.cli.progress import showing_progress
+    from motorctl.cli.terminal import Terminal
     from motorctl.errors import UsageError
     from motorctl.json_values import plain
     from motorctl.latency.host import host_line
+    from motorctl.printable import printable
     from motorctl_benchmarks.measure import measure
 
     options: Options | None = None
@@ -178,18 +180,18 @@ def bench(
     if as_json:
         typer.echo(json.dumps(plain(result.document()), indent=2, allow_nan=False))
         raise typer.Exit(1 if result.failed else 0)
-    console = Console()
+    console = Terminal()
     if not console.is_terminal:
-        console = Console(width=WIDTH_OF_A_FILE)
+        console = Terminal(width=WIDTH_OF_A_FILE)
     console.print(host_line(result.host), highlight=False)
     console.print(_table(result))
     for table in result.tables:
-        typer.echo("\n" + "\n".join(table.lines()) + "\n")
+        typer.echo(printable("\n" + "\n".join(table.lines()) + "\n"))
     for note in result.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
     _print_mistakes(console, result)
     for sentence in result.missed:
-        console.print(f"[yellow]not met[/yellow]  {sentence}", highlight=False)
+        console.print(f"[yellow]not met[/yellow]  {escape(sentence)}", highlight=False)
     if not result.missed:
         console.print("[green]every target is met[/green]")
     if result.failed:
@@ -299,7 +301,7 @@ def _socket(seed: int | None) -> SocketOptions:
     return SocketOptions(seed=1 if seed is None else seed)
 
 
-def _print_mistakes(console: Console, result: Result) -> None:
+def _print_mistakes(console: Terminal, result: Result) -> None:
     for row in result.mistakes[:MISTAKES_SHOWN]:
         words = f"{row['case']}  {row['truth']}  ->  {row['answer']}"
         console.print(f"wrong  {words}", highlight=False, markup=False, soft_wrap=True)
@@ -309,7 +311,10 @@ def _print_mistakes(console: Console, result: Result) -> None:
 
 
 def _table(result: Result) -> Table:
+    from rich.markup import escape
     from rich.table import Table
+
+    from motorctl.printable import one_line
 
     table = Table(title=result.subject, title_justify="left", title_style="bold")
     table.add_column("figure")
@@ -327,9 +332,9 @@ def _table(result: Result) -> Table:
             peer += f": {figure.peer_value:.3g} {figure.unit}"
         ratio = "" if figure.ratio is None else f"{figure.ratio:.3g}"
         table.add_row(
-            figure.title,
+            escape(one_line(figure.title)),
             f"{figure.value:.3g} {figure.unit}",
-            peer,
+            escape(one_line(peer)),
             *([ratio] if ratios else []),
             str(figure.target or ""),
             marks[figure.met],

@@ -92,6 +92,7 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
 
     from motorctl.cli.terminal import Terminal
     from motorctl.identify.refine.header import error_words
+    from motorctl.printable import printable
 
     console = Terminal(highlight=False)
     for name, axis in refinement.axes.items():
@@ -103,7 +104,7 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     if console.is_terminal:
         console.print(Syntax(refinement.diff, "diff", background_color="default"))
     else:
-        print(refinement.diff)
+        print(printable(refinement.diff))
     print(refinement.out)
 
 

@@ -33,6 +33,11 @@ LONGEST_SATURATION_S = 60.0
 """That a command may stand at its limit [s]. Longer is no guard: an axis that is free crosses any
 travel in it, and the motor of one that is blocked burns. Shorter forbids what a slow machine may
 want. Chosen by hand."""
+HEATING_CONSTANTS = 3.0
+"""Time constants within which the full command has to trip the model of the motor's heat. By then
+a motor is within 5 % of as warm as that command ever makes it, so that a model that trips later
+warns of nothing. Larger accepts those; smaller refuses motors that carry nearly all of the full
+command, 97.47 % of it with this. Chosen by hand."""
 SLOW_RATIO = 0.1
 """Of the top speed: at such a speed hardly more than friction has to be overcome. Larger adds what
 the speed costs, smaller than the friction's turn-over leaves friction out. Chosen by hand."""
@@ -194,6 +199,16 @@ def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[
         )
         return
     warm_s = -thermal.time_constant_s * math.log1p(-((continuous / full) ** 2))
+    if warm_s > HEATING_CONSTANTS * thermal.time_constant_s:
+        most = full * math.sqrt(-math.expm1(-HEATING_CONSTANTS))
+        yield (
+            ("guards", "thermal", "continuous_voltage_v"),
+            f"found {continuous:g}, can hardly ever trip: max_voltage_v {full:g} V would have to "
+            f"stand for {warm_s:.3g} s, {warm_s / thermal.time_constant_s:.2g} time constants; "
+            f"should be at most {math.floor(1e4 * most / full) * full / 1e4:g} V, which trips "
+            f"within {HEATING_CONSTANTS:g}, or the guard be removed",
+        )
+        return
     # A default that comes too late is nobody's mistake; what a log holds says it, too.
     if saturation and saturation != Saturation() and saturation.time_s >= warm_s:
         yield (

@@ -139,7 +139,7 @@ class Supervisor:
             wrong += await _problems(self._ending.wait_for("the flight record", record))
             wrong += await self._close_log()
             if orderly and self._recorder and self._recorder.rows_written:
-                wrong += self._keep_learned()
+                wrong += await self._keep_learned()
             wrong += await self._note_how_it_ended("; ".join(wrong))
             self._config.end()
             await self._server.close()
@@ -261,14 +261,16 @@ class Supervisor:
             _log.warning("%s", remark)
         return failed
 
-    def _keep_learned(self) -> list[str]:
+    async def _keep_learned(self) -> list[str]:
         if not learned.keeps_learned(self._machine):
             return []
-        estimates = self._loop.memory.axis_status["theta_hat"]
+        # A copy: the memory is closed, even where a disk hangs and this is given up.
+        estimates = self._loop.memory.axis_status["theta_hat"].copy()
         theta = dict(zip(self._machine.axes, estimates, strict=True))
+        save = partial(learned.save, self._machine, theta, self._state)
         try:
-            learned.save(self._machine, theta, self._state)
-        except (OSError, ValueError) as error:
+            await self._ending.wait_for("saving the learned parameters", save)
+        except (OSError, ValueError, RunError) as error:
             return [f"{self._state}: the learned parameters were not saved: {error}"]
         return []
 

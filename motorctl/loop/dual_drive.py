@@ -20,6 +20,8 @@ from motorctl.loop.guards.device import (
     ENDS,
     FIRST_END,
     FORGET_PLACE,
+    HOME_SWITCH,
+    INDEX_LATCHED,
     SECOND_END,
 )
 from motorctl.loop.guards.encoder import count_is_ambiguous, jump
@@ -28,8 +30,6 @@ from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import is_enabled
 
 STALE = int(Status.STALE)
-HOME_SWITCH = int(Status.HOME_SWITCH)
-INDEX_LATCHED = int(Status.INDEX_LATCHED)
 MARKS = HOME_SWITCH | INDEX_LATCHED
 NOT_READ = ENCODER_LOST | COMMUNICATION_LOST | STALE
 TROUBLES = int(FAULT_BITS) | STALE

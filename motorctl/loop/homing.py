@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
+from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
 from motorctl.loop.guards.motion import LIMIT_NEGATIVE, LIMIT_POSITIVE
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.reference import ramp
 from motorctl.loop.states import Event, take
-
-HOME_SWITCH = int(Status.HOME_SWITCH)
-INDEX_LATCHED = int(Status.INDEX_LATCHED)
 
 BACK_OFF = 0  # leave the switch, if it is pressed at the start
 SEARCH = 1  # towards the switch

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
+from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import State
 
-HOME_SWITCH = int(Status.HOME_SWITCH)
-INDEX_LATCHED = int(Status.INDEX_LATCHED)
 NO_PHASE = -1
 
 

@@ -13,11 +13,13 @@ from typer.testing import CliRunner
 
 from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target, missed
+from motorctl.latency.host import host_facts
 from motorctl_benchmarks import law_figures, tick_figures, virtual_figures
 from motorctl_benchmarks.command import bench
+from motorctl_benchmarks.findings import TextTable
 from motorctl_benchmarks.gantries import gantry_with
 from motorctl_benchmarks.interleave import interleaved, median_ratio
-from motorctl_benchmarks.measure import measure
+from motorctl_benchmarks.measure import Result, measure
 from motorctl_benchmarks.tick_figures import growth_figures
 from motorctl_benchmarks.tick_probe import PARTS, TickProbe
 
@@ -140,3 +142,23 @@ def test_the_parts_of_every_tick_lie_within_it():
 def test_an_unknown_subject_is_refused_with_those_there_are():
     with pytest.raises(UsageError, match="no bench 'diagnosi'; there are: speed"):
         measure("diagnosi", _ignore)
+
+
+def test_names_of_others_are_written_out_wherever_the_command_prints_them(monkeypatch):
+    name = "axis\x1b[1A\x1b[2K[bold]\u202e"
+    shown = r"axis\x1b[1A\x1b[2K[bold]\u202e"
+    result = Result(
+        subject="recordings",
+        host=host_facts(),
+        figures=(Figure("far", name, 2.0, "mm", peer=name, target=Target("value", "<", 1.0)),),
+        notes=(name,),
+        mistakes=({"case": name, "truth": name, "answer": name},),
+        tables=(TextTable(name, (name,), ((name,),)),),
+    )
+    monkeypatch.setattr("motorctl_benchmarks.measure.measure", lambda *_: result)
+    app = typer.Typer()
+    app.command()(bench)
+    answer = CliRunner().invoke(app, ["recordings"])
+    assert answer.exit_code == 0
+    assert all(c.isprintable() or c == "\n" for c in answer.stdout)
+    assert answer.stdout.count(shown) == 10

@@ -16,6 +16,9 @@ NEVER = [
                                                    "can never trip"]),
     ("thermal", {"continuous_voltage_v": 10.0, "time_constant_s": 20.0}, "continuous_voltage_v",
      ["found 10", "max_voltage_v 10 V", "can never trip"]),
+    ("thermal", {"continuous_voltage_v": 9.99, "time_constant_s": 60.0}, "continuous_voltage_v",
+     ["found 9.99", "10 V would have to stand for 373 s, 6.2 time constants", "at most 9.747 V",
+      "can hardly ever trip"]),
     ("host_frozen", {"time_s": 1.0}, "time_s", ["found 1", "not ticked for 1 s", "can never trip"]),
     ("saturation", {"time_s": 1e6}, "time_s", ["1e+06", "at most 60 s", "can hardly ever trip"]),
     ("encoder_noise", {"rms_m": 1e-3, "filter_time_s": 1e4}, "filter_time_s",
@@ -37,6 +40,12 @@ ALWAYS = [
 @pytest.mark.parametrize(("guard", "keys", "key", "parts"), NEVER)
 def test_a_guard_that_can_never_trip_is_refused(tmp_path, guard, keys, key, parts):
     refused(tmp_path, guard, keys, key, parts)
+
+
+def test_a_model_of_heat_that_the_full_command_trips_in_time_is_accepted_as_told(tmp_path):
+    thermal = {"continuous_voltage_v": 9.747, "time_constant_s": 60.0}
+    told = load(write(tmp_path, machine(axes__x__guards={"thermal": thermal})))
+    assert told.axes["x"].guards.thermal.continuous_voltage_v == 9.747
 
 
 @pytest.mark.parametrize(("guard", "keys", "key", "parts"), ALWAYS)

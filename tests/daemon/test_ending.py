@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import signal
 import socket
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import daemon_rig
 import pytest
-from daemon_rig import Daemon, command
+from daemon_rig import Daemon, bench_config, command, wait_until
 
 from motorctl.daemon import ending
 from motorctl.daemon.ending import Ending
@@ -25,6 +28,16 @@ HANGS = (
     "ending.ENDING_LIMIT_S, ending.MORE_TIME_S = 1.0, 0.4;"
     "rotating_log.RotatingLog.close = lambda *_: threading.Event().wait();"
 )
+
+SLOW_TO_SAVE = (
+    "import os, sys, time, types; from motorctl.daemon import ending, learned;"
+    "ending.MORE_TIME_S = 0.4;"
+    "say = lambda words: print(words, file=sys.stderr, flush=True);"
+    "wait = lambda fd: (say('saving begins'), time.sleep(4.0), say('saving ends'), os.fsync(fd));"
+    "learned.os = types.SimpleNamespace(getpid=os.getpid, fsync=wait);"
+)
+"""Patches the disk under what was learned: it takes four seconds."""
+LIMITED = "ending.ENDING_LIMIT_S = 1.0;"
 
 
 def test_a_daemon_whose_disk_hangs_ends_all_the_same_and_its_log_can_be_recovered(
@@ -42,6 +55,62 @@ def test_a_daemon_whose_disk_hangs_ends_all_the_same_and_its_log_can_be_recovere
         )
         (partial,) = daemon.partial_logs()
     assert recover(partial).rows > 0
+
+
+def test_a_disk_that_is_slow_to_save_what_was_learned_holds_up_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*arguments: str) -> list[str]:
+        python, option, code, *rest = command(*arguments)
+        return [python, option, SLOW_TO_SAVE + code, *rest]
+
+    monkeypatch.setattr(daemon_rig, "command", slow)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        config = bench_config(keep_learned=True)
+        with Daemon(tmp_path, config, NOTIFY_SOCKET=str(tmp_path / "notify")) as daemon:
+            daemon.process.send_signal(signal.SIGTERM)
+            wait_until(lambda: "saving begins" in daemon.said)
+            # Meanwhile clients are answered, though not longer than the disk takes.
+            assert set(daemon.ask("status")["axes"]) == {"x", "y"}
+            assert "saving ends" not in daemon.said
+            drained(manager)
+            wait_until(lambda: "saving ends" in daemon.said)
+            asked = [told for told in drained(manager) if "EXTEND_TIMEOUT_USEC" in told]
+            assert len(asked) > 5, "systemd was not told that it goes on"
+            assert daemon.process.wait(60) == 0, daemon.said
+    saved = json.loads((tmp_path / "state" / "motorctl" / "bench.json").read_text())
+    assert set(saved["axes"]) == {"x", "y"}
+
+
+def drained(manager: socket.socket) -> list[str]:
+    """Take what systemd was told so far."""
+    told = []
+    with suppress(BlockingIOError):
+        while True:
+            told.append(manager.recv(4096, socket.MSG_DONTWAIT).decode())
+    return told
+
+
+def test_a_disk_that_never_saves_what_was_learned_keeps_the_old_file_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangs = SLOW_TO_SAVE.replace("time.sleep(4.0)", "time.sleep(600.0)")
+
+    def hanging(*arguments: str) -> list[str]:
+        python, option, code, *rest = command(*arguments)
+        return [python, option, hangs + LIMITED + code, *rest]
+
+    with Daemon(tmp_path, bench_config(keep_learned=True)) as daemon:
+        assert daemon.end() == 0, daemon.said
+        kept = tmp_path / "state" / "motorctl" / "bench.json"
+        before = kept.read_bytes()
+        monkeypatch.setattr(daemon_rig, "command", hanging)
+        daemon.process = daemon.launch()
+        daemon.wait_until_running()
+        assert daemon.end() == 1
+        assert "the learned parameters were not saved: saving the learned" in daemon.said
+        assert kept.read_bytes() == before
 
 
 def test_systemd_is_asked_for_time_as_long_as_a_work_is_not_given_up(

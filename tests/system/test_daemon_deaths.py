@@ -14,6 +14,7 @@ from buses_bench import BUSES, WATCHDOG_S, DeviceProcess, device_file, host_file
 from daemon_rig import Daemon, alive, bench_config, wait_until
 from recorded_ring import metadata_of
 
+from motorctl.daemon.conversion import MODULE
 from motorctl.flight import list_records
 from motorctl.log.folder import stored_logs
 from motorctl.log.sample import AxisState, SampleFlag
@@ -74,6 +75,67 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
         assert table["x.state"][-1].as_py() == AxisState.RUNNING
         no_row_is_missing(first)
         assert pq.read_table(second, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
+
+
+@pytest.mark.slow
+def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_the_next_start_tells(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        time.sleep(1.0)
+        ticks = [daemon.ask("status")["loop"]["ticks"]]
+        loop = loop_pid(daemon)
+        os.kill(daemon.process.pid, signal.SIGKILL)
+        daemon.process.wait()
+        wait_until(lambda: not alive(loop))
+        (closed,) = daemon.partial_logs()
+        start_anew(daemon)
+        converter = stopped_converter(closed)
+        moving(daemon)
+        time.sleep(1.0)
+        status = daemon.ask("status")
+        loop = status["loop"]["pid"]
+        ticks.append(status["loop"]["ticks"])
+        os.kill(daemon.process.pid, signal.SIGKILL)
+        os.kill(converter, signal.SIGKILL)
+        daemon.process.wait()
+        wait_until(lambda: not alive(loop) and not alive(converter))
+        assert closed.exists()  # whole, as its log is not
+        said = start_anew(daemon)
+        assert "did not end in order: its supervisor was killed" in said
+        assert "2 of earlier runs are unfinished" in said
+        assert closed.name in said
+        assert "Traceback" not in said
+        assert daemon.end() == 0, daemon.said
+        *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+        assert len(killed) == 2
+        for log, at_kill in zip(killed, ticks, strict=True):
+            table = pq.read_table(log, columns=["tick"])
+            assert table["tick"][-1].as_py() > at_kill - RATE_HZ
+            no_row_is_missing(log)
+        assert not daemon.partial_logs()
+        assert not list(daemon.logs.glob("*.tmp"))
+
+
+def stopped_converter(closed: Path) -> int:
+    """Wait for the process that makes a log of a closed recording; have it stand in its work."""
+    found: list[int] = []
+
+    def begun() -> bool:
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (process / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if MODULE.encode() in words and os.fsencode(closed) in words:
+                found.append(int(process.name))
+                os.kill(found[0], signal.SIGSTOP)
+                return True
+        return False
+
+    wait_until(begun)
+    return found[0]
 
 
 @pytest.mark.parametrize(

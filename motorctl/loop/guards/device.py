@@ -13,6 +13,8 @@ ENCODER_LOST = int(Status.ENCODER_LOST)
 AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
 COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
 HARDWARE_ESTOP = int(Status.ESTOP)
+HOME_SWITCH = int(Status.HOME_SWITCH)
+INDEX_LATCHED = int(Status.INDEX_LATCHED)
 DEVICE_FAULTS = int(FAULT_BITS)
 FORGET_PLACE = 1 << 31
 """Beside a driver's bits of `Status`: it is being opened anew, and what it counted is void."""

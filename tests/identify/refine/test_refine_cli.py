@@ -70,6 +70,19 @@ def test_people_see_the_change_and_what_to_run_next(log, tmp_path):
     assert "cogging" in page
 
 
+@pytest.mark.usefixtures("known")
+def test_a_strangers_configuration_cannot_move_the_terminal_that_shows_its_change(log, tmp_path):
+    config, sly = tmp_path / "machine.yaml", "turned \u202e round"
+    text = load("published_gantry").source.read_text()
+    assert "    model:\n" in text
+    config.write_text(text.replace("    model:\n", f"    model:  # {sly}\n"))
+    out = tmp_path / "new.yaml"
+    shown = run(refine, log, "--config", config, "--out", out, "--axis", "y").stdout
+    assert sly in out.read_text()  # the file is as it was written
+    assert r"turned \u202e round" in shown
+    assert sly not in shown
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("known")
 def test_a_configuration_may_be_refined_in_place(log, tmp_path):
