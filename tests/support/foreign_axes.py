@@ -100,7 +100,7 @@ def worm_joint(loss: float) -> Measured:
     def moved_by(x: float, v: float, u: float) -> float:
         return (u - 4.0 * sin(x) - (0.2 + loss * abs(u)) * tanh(v / 0.02)) / 0.02
 
-    motion = sines(40.0, 200.0, 1.2, (0.1, 1.0), seed=1)
+    motion = sines(80.0, 200.0, 1.2, (0.1, 1.0), seed=1)
     count = 2.0 * np.pi / 4096
     return led(
         moved_by, motion, 200.0, (20.0, 0.6), lambda x, v, a: 4.0 * sin(x), count,

@@ -26,7 +26,7 @@ def test_friction_that_grows_with_a_joints_load_is_not_called_one_of_place():
 
 
 def test_over_a_small_turn_a_weight_may_be_a_hose():
-    found = diagnose_axis(small_turn(lambda x: 4.0 * sin(x - 0.5), turn_rad=0.5), C1)
+    found = diagnose_axis(small_turn(lambda x: 4.0 * sin(x - 0.5), turn_rad=0.15), C1)
     (told,) = axis_document(found)["effects"]
     assert told["family"] == "force_of_position"
     assert told["confidence"] < SURE
