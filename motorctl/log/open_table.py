@@ -8,6 +8,7 @@ from motorctl.errors import DataError
 from motorctl.log.partial import STREAM_MAGIC, SUFFIX
 from motorctl.log.table import Table
 from motorctl.log.table_csv import CsvTable
+from motorctl.log.table_hdf5 import Hdf5Table
 from motorctl.log.table_mat import MatTable
 from motorctl.log.table_npz import NumpyTable
 from motorctl.log.table_parquet import ParquetTable
@@ -37,9 +38,7 @@ def open_table(path: Path) -> Table:
     if head.startswith(b"PAR1"):
         return ParquetTable(path)
     if head.startswith(_HDF5) or b"MATLAB 7.3" in head:
-        raise DataError(
-            f"{path}: HDF5, such as MATLAB's save -v7.3 makes; save it with -v7 instead"
-        )
+        return Hdf5Table(path)
     if head.startswith(_NPY) or (head.startswith(_ZIP) and path.suffix.lower() == ".npz"):
         return NumpyTable(path)
     for magic, what in _FOREIGN.items():

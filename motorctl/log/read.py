@@ -51,7 +51,7 @@ def read_recording(
     gaps: Gaps = "fill",
     whole_run: bool = False,
 ) -> Recording:
-    """Read a log, a CSV, Parquet or MAT file with a log's columns, or a YAML description.
+    """Read a log, a CSV, Parquet, MAT or HDF5 file with a log's columns, or a YAML description.
 
     Parameters
     ----------
@@ -169,7 +169,9 @@ def _axis(
 def _read_described(path: Path, description: Description) -> Recording:
     file = path.parent / description.file
     if file.suffix.lower() in (".yaml", ".yml"):
-        raise DataError(f"{path}: file: {file} should be a CSV, Parquet or MAT file, or NumPy's")
+        raise DataError(
+            f"{path}: file: {file} should be a CSV, Parquet, MAT or HDF5 file, or NumPy's"
+        )
     table = open_table(file)
     clock = description.time
     wanted = [] if clock is None else [clock.column]
