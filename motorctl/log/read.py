@@ -27,6 +27,7 @@ from motorctl.log.open_table import open_table
 from motorctl.log.recording import AxisRecording, Recording
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
+from motorctl.log.table_csv import CsvTable
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
 from motorctl.log.turns import counted_on
 
@@ -172,12 +173,14 @@ def _read_described(path: Path, description: Description) -> Recording:
         raise DataError(
             f"{path}: file: {file} should be a CSV, Parquet, MAT or HDF5 file, or NumPy's"
         )
-    table = open_table(file)
     clock = description.time
     wanted = [] if clock is None else [clock.column]
+    wanted += [c for axis in description.axes.values() for c in axis.columns.values()]
+    table = open_table(file, description.header_line, wanted)
+    if description.header_line is not None and not isinstance(table, CsvTable):
+        raise DataError(f"{path}: header_line: {file} is no text file, and has no lines")
     for name, axis in description.axes.items():
         for signal, column in axis.columns.items():
-            wanted.append(column)
             if column not in table.names:
                 key = f"axes.{name}.{signal}.column"
                 raise DataError(f"{path}: {key}: {table.missing(column)}")
@@ -202,7 +205,13 @@ def _read_described(path: Path, description: Description) -> Recording:
             for name, axis in description.axes.items()
         },
         segments=description.segments.given,
-        notes=(*together, *turns, *grid.notes, *_description_notes(columns, description)),
+        notes=(
+            *table.notes,
+            *together,
+            *turns,
+            *grid.notes,
+            *_description_notes(columns, description),
+        ),
     )
 
 
