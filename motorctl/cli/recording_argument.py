@@ -11,8 +11,8 @@ RecordingParts = Annotated[
     list[Path],
     typer.Argument(
         metavar="RECORDING...",
-        help="A log, a CSV, Parquet or MAT file, or its YAML description. Several logs of one run, "
-        "a folder of them, or the run's name: all of it as one recording.",
+        help="A log, a CSV, Parquet, MAT or HDF5 file, or its YAML description. Several logs of "
+        "one run, a folder of them, or the run's name: all of it as one recording.",
         show_default=False,
     ),
 ]

@@ -22,7 +22,7 @@ from motorctl.log.mat_structure import HEADER_BYTES, check_structure
 
 WITHIN = "__function_workspace__"
 """What scipy calls the variable without a name."""
-_REFERENCE = 0xDD000000
+OBJECT_REFERENCE = 0xDD000000
 """The first number of an array that only refers to an object."""
 _HEAD_BYTES = 8
 """Of the file within: version and byte order, where a whole file has 128 bytes."""
@@ -69,5 +69,5 @@ def _refers(value: object) -> bool:
         isinstance(value, np.ndarray)
         and value.dtype == np.uint32
         and value.size > 0
-        and int(value.ravel()[0]) == _REFERENCE
+        and int(value.ravel()[0]) == OBJECT_REFERENCE
     )

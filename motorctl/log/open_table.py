@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from motorctl.errors import DataError
 from motorctl.log.partial import STREAM_MAGIC, SUFFIX
 from motorctl.log.table import Table
 from motorctl.log.table_csv import CsvTable
+from motorctl.log.table_hdf5 import Hdf5Table
 from motorctl.log.table_mat import MatTable
 from motorctl.log.table_npz import NumpyTable
 from motorctl.log.table_parquet import ParquetTable
@@ -27,8 +29,23 @@ _FOREIGN = {
 }
 
 
-def open_table(path: Path) -> Table:
-    """Open a table by its content. Raises DataError where it is of no known kind, or damaged."""
+def open_table(path: Path, header_line: int | None = None, wanted: Collection[str] = ()) -> Table:
+    """Open a table by its content.
+
+    Parameters
+    ----------
+    path
+        The file.
+    header_line
+        The line of a text file that has the names of its columns, from 1, where it is told.
+    wanted
+        Columns that will be read, where they are known: they tell the header among other lines.
+
+    Raises
+    ------
+    DataError
+        Where it is of no known kind, or damaged.
+    """
     head = _head(path)
     if _begins_unfinished(path, head):
         raise DataError(
@@ -37,9 +54,7 @@ def open_table(path: Path) -> Table:
     if head.startswith(b"PAR1"):
         return ParquetTable(path)
     if head.startswith(_HDF5) or b"MATLAB 7.3" in head:
-        raise DataError(
-            f"{path}: HDF5, such as MATLAB's save -v7.3 makes; save it with -v7 instead"
-        )
+        return Hdf5Table(path)
     if head.startswith(_NPY) or (head.startswith(_ZIP) and path.suffix.lower() == ".npz"):
         return NumpyTable(path)
     for magic, what in _FOREIGN.items():
@@ -51,7 +66,7 @@ def open_table(path: Path) -> Table:
         return MatTable(path)
     if b"\0" in head:
         raise DataError(f"{path}: neither Parquet, MAT nor CSV: it begins with {head[:8]!r}")
-    return CsvTable(path)
+    return CsvTable(path, header_line, wanted)
 
 
 def is_unfinished(path: Path) -> bool:

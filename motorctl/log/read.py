@@ -27,8 +27,10 @@ from motorctl.log.open_table import open_table
 from motorctl.log.recording import AxisRecording, Recording
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
+from motorctl.log.table_csv import CsvTable
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
 from motorctl.log.turns import counted_on
+from motorctl.log.wild_values import without_wild
 
 _POSITION = ".position_m"
 _COMMAND = ".command_v"
@@ -51,7 +53,7 @@ def read_recording(
     gaps: Gaps = "fill",
     whole_run: bool = False,
 ) -> Recording:
-    """Read a log, a CSV, Parquet or MAT file with a log's columns, or a YAML description.
+    """Read a log, a CSV, Parquet, MAT or HDF5 file with a log's columns, or a YAML description.
 
     Parameters
     ----------
@@ -110,7 +112,11 @@ def _read_columns(table: Table, gaps: Gaps) -> Recording:
     described = _mapping(config.get("axes"))
     of_tick = {name: grid.measured(columns[name]) for name in _OF_TICK if name in columns}
     finite = [n for n in columns if n.partition(".")[2] in _FINITE.values()]
-    notes = (*table.notes, *grid.notes, *_blank_notes(columns, finite))
+    blank = [*_blank_notes(columns, finite)]
+    wild: list[str] = []
+    if not table.metadata:  # what a log of ours holds was seen by the guards
+        columns, wild = _without_wild(table, columns, [axis + _POSITION for axis in axes])
+    notes = (*table.notes, *grid.notes, *wild, *blank)
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,
@@ -169,25 +175,31 @@ def _axis(
 def _read_described(path: Path, description: Description) -> Recording:
     file = path.parent / description.file
     if file.suffix.lower() in (".yaml", ".yml"):
-        raise DataError(f"{path}: file: {file} should be a CSV, Parquet or MAT file, or NumPy's")
-    table = open_table(file)
+        raise DataError(
+            f"{path}: file: {file} should be a CSV, Parquet, MAT or HDF5 file, or NumPy's"
+        )
     clock = description.time
     wanted = [] if clock is None else [clock.column]
+    wanted += [c for axis in description.axes.values() for c in axis.columns.values()]
+    table = open_table(file, description.header_line, wanted)
+    if description.header_line is not None and not isinstance(table, CsvTable):
+        raise DataError(f"{path}: header_line: {file} is no text file, and has no lines")
     for name, axis in description.axes.items():
         for signal, column in axis.columns.items():
-            wanted.append(column)
             if column not in table.names:
                 key = f"axes.{name}.{signal}.column"
                 raise DataError(f"{path}: {key}: {table.missing(column)}")
     columns, together = brought_together(table.read(wanted), description)
-    columns, turns = _with_turns_counted(table, columns, description)
+    described = [axis.motion.column for axis in description.axes.values()]
+    sound, wild = _without_wild(table, columns, described)
+    sound, turns = _with_turns_counted(table, sound, description)
     if clock is None:
         assert description.sample_rate_hz is not None
         rows = len(columns[wanted[0]])
         grid = grid_of_rate(table, rows, description.sample_rate_hz)
     else:
-        motion = [columns[axis.motion.column] for axis in description.axes.values()]
-        time_s = columns[clock.column] * clock.seconds
+        motion = [sound[name] for name in described]
+        time_s = sound[clock.column] * clock.seconds
         grid = grid_of_time(table, clock.column, time_s, motion=motion)
     for part, span in description.segments.given.items():
         _require_within(path, part, span, grid)
@@ -196,12 +208,30 @@ def _read_described(path: Path, description: Description) -> Recording:
         sample_rate_hz=grid.sample_rate_hz,
         time_s=grid.time_s,
         axes={
-            name: _described_axis(table, columns, name, axis, grid)
+            name: _described_axis(table, sound, name, axis, grid)
             for name, axis in description.axes.items()
         },
         segments=description.segments.given,
-        notes=(*together, *turns, *grid.notes, *_description_notes(columns, description)),
+        notes=(
+            *table.notes,
+            *together,
+            *wild,
+            *turns,
+            *grid.notes,
+            *_description_notes(columns, description),
+        ),
     )
+
+
+def _without_wild(
+    table: Table, columns: Mapping[str, Array], names: Iterable[str]
+) -> tuple[dict[str, Array], list[str]]:
+    """Return columns in which the damaged values of some are blank, and notes."""
+    out, notes = dict(columns), []
+    for name in dict.fromkeys(names):
+        out[name], told = without_wild(table, name, columns[name])
+        notes += told
+    return out, notes
 
 
 def _with_turns_counted(

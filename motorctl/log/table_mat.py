@@ -52,7 +52,7 @@ class MatTable(Table):
         held = () if within is None else held_by_objects(within)
         variables |= {f"objects{{{number}}}": value for number, value in held}
         self._columns = {
-            _dotted(name): values
+            dotted(name): values
             for name, value in variables.items()
             if not name.startswith("__")
             for name, values in _vectors(name, value)
@@ -90,7 +90,8 @@ def _is_tall(matrix: NDArray[Any]) -> bool:
     return bool(0 < columns < rows and columns <= MOST_MATRIX_COLUMNS)
 
 
-def _dotted(name: str) -> str:
+def dotted(name: str) -> str:
+    """Return a name of MATLAB with the dot before a signal that it cannot contain."""
     if "." not in name:
         for signal in sorted(AXIS_SIGNALS, key=len, reverse=True):
             if name.endswith(f"_{signal}"):

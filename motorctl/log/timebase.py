@@ -296,14 +296,30 @@ def _require_rows(table: Table, rows: int) -> None:
 
 
 def _require_increasing(table: Table, name: str, values: NDArray[Any]) -> None:
-    wrong = np.flatnonzero(np.diff(values) <= 0)
-    if wrong.size:
-        k = int(wrong[0]) + 1
-        what = "repeats" if values[k] == values[k - 1] else "runs backwards:"
-        raise DataError(
-            f"{table.path}: {table.row(k)}: column '{name}' {what} "
-            f"{values[k]:.9g} after {values[k - 1]:.9g}"
-        )
+    steps = np.diff(values)
+    wrong = np.flatnonzero(steps <= 0)
+    if not wrong.size:
+        return
+    k = int(wrong[0]) + 1
+    repeats = steps[k - 1] == 0
+    what = "repeats" if repeats else "runs backwards:"
+    more = f"; {wrong.size} of {len(values)} rows do not come after the one before"
+    raise DataError(
+        f"{table.path}: {table.row(k)}: column '{name}' {what} "
+        f"{values[k]:.9g} after {values[k - 1]:.9g}{more if wrong.size > 1 else ''}"
+        f"{_way_out(values) if repeats and name != 'tick' else ''}"
+    )
+
+
+def _way_out(time_s: Array) -> str:
+    """Return what to do with times of which some are the same."""
+    rate = (len(time_s) - 1) / float(np.ptp(time_s)) if np.ptp(time_s) > 0.0 else 0.0
+    on_average = f": {rate:.6g}, its rows over its time," if rate and rate < HIGHEST_RATE_HZ else ""
+    return (
+        ": the clock has too few digits, or rows were written twice. Where samples are evenly "
+        f"spaced, describe the file in YAML with sample_rate_hz{on_average} in place of time; else "
+        "take the rows out that stand twice"
+    )
 
 
 def _counted(table: Table, tick: Array) -> Ticks:

@@ -367,7 +367,7 @@ def test_csv_and_parquet_can_be_described_too(tmp_path):
         ("[0.06, 0.1]", "[0.1, 0.06]", r"\[0\.1, 0\.06\] s: the end"),
         ("0.06, 0.1]", "0.06, 9]", r"segments\.held_out: .* lasts from 0 to 0\.1 s"),
         ("data.mat", "none.mat", r"none\.mat: no such file"),
-        ("data.mat", "run.yaml", r"should be a CSV, Parquet or MAT file"),
+        ("data.mat", "run.yaml", r"should be a CSV, Parquet, MAT or HDF5 file"),
         ("file:", "file: [", r"not valid YAML"),
         ("  x:\n", "  x:\n  x:\n", r"yaml:5: axes\.x: stands twice, first on line 4"),
     ],

@@ -251,3 +251,19 @@ def test_a_tick_that_is_no_count_is_refused(tmp_path):
     table = columns()
     with pytest.raises(DataError, match=r"column 'tick' is 0\.005"):
         read_recording(write_table(tmp_path / "a.csv", table | {"tick": table["time_s"]}))
+
+
+def test_times_of_too_few_digits_are_refused_with_the_way_out(tmp_path):
+    table = columns()
+    table["time_s"] = np.floor(table["time_s"] * 100.0) / 100.0
+    with pytest.raises(DataError) as refusal:
+        read_recording(write_table(tmp_path / "a.csv", table))
+    told = str(refusal.value)
+    assert "row 2 (line 3): column 'time_s' repeats 0 after 0; 32 of 64 rows" in told
+    assert "sample_rate_hz: 203.226" in told  # 63 steps in 0.31 s
+    (tmp_path / "a.yaml").write_text(
+        "file: a.csv\nsample_rate_hz: 200\naxes:\n  slide:\n"
+        "    position: {column: slide.position_m, unit: m}\n"
+        "    command: {column: slide.command_v, unit: V}\n"
+    )
+    assert read_recording(tmp_path / "a.yaml").sample_rate_hz == 200.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
+from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 
@@ -65,12 +66,20 @@ JUST_SO = 0.02
 smaller misses them where the axis follows softly. Chosen by hand."""
 
 
-def check_columns(data: Measured) -> None:
-    """Raise DataError where a column cannot be what it is said to be, with what to do."""
+def check_columns(data: Measured, declared: EffectList | None = None) -> None:
+    """Raise DataError where a column cannot be what it is said to be, with what to do.
+
+    A command in proportion to the position is what drives an axis against a stiff spring, where the
+    declared model has a force of the position.
+    """
     _check_encoder(data)
+    springs = declared is not None and any(
+        "force_of_position" in effect.groups for effect in declared.effects
+    )
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         _check_reference(data)
-        _check_command(data)
+        if not springs:
+            _check_command(data)
 
 
 def _check_encoder(data: Measured) -> None:
@@ -145,9 +154,11 @@ def _check_command(data: Measured) -> None:
     if likeness > ALIKE and same and beside < JUST_SO * float(np.ptp(command)):
         raise DataError(
             f"{data.place}: the command is the position (correlation {likeness:.3f}, factor "
-            f"{factor:.4g}): it is where the axis is or is sent to, not what "
-            "drives it there; give the current, force, torque or voltage as its command, and this "
-            "column as its reference"
+            f"{factor:.4g}), as one is that says where the axis is or is sent to, not what drives "
+            "it there: then give the current, force, torque or voltage as its command, and this "
+            "column as its reference. A stage that a stiff spring holds, such as a piezo, gives "
+            "the same where it is driven slowly: then declare a force of the position in its "
+            "model, and record motion that is quick enough to show more than the spring"
         )
 
 

@@ -157,7 +157,7 @@ def diagnose_axis(
     if "fit" in parts:
         data = within(data, list(parts.values()))
     check_usable(data)
-    check_columns(data)
+    check_columns(data, declared)
     check_magnitude(data)
     data, stuck = without_stuck(data)
     tell("reading its motion")

@@ -134,7 +134,7 @@ def fit_axis(
         columns that seem exchanged or of opposite sign.
     """
     check_usable(data)
-    check_columns(data)
+    check_columns(data, model)
     everything = prepare(data, model, options or FitOptions())
     options = everything.options
     columns = _chosen(everything, options.fit_segments)

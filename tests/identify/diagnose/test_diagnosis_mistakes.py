@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.identify.fit.recording import fit_axis
+from motorctl.model import EffectList, known_effects, make_effect
 
 
 @pytest.fixture(
@@ -302,6 +303,14 @@ def test_a_command_that_is_the_position_is_told(run):
         sent = replace(run, command=factor * (run.position + noise))
         with pytest.raises(DataError, match=r"the command is the position .* as its reference"):
             check_columns(sent)
+
+
+def test_a_stage_that_a_stiff_spring_holds_is_told_of_and_can_be_declared(run):
+    """A piezo of 1 V/um that is driven slowly: the voltage is the position in micrometres."""
+    held = replace(run, command=1e6 * run.position, reference=None)
+    with pytest.raises(DataError, match=r"a stiff spring holds.* declare a force of the position"):
+        check_columns(held, C1)
+    check_columns(held, EffectList([*C1.effects, make_effect(known_effects()["position_force"])]))
 
 
 def test_a_weight_in_proportion_to_the_place_is_not_taken_for_the_position(run):

@@ -1,0 +1,102 @@
+"""Single damaged values in a column of positions: far from where the axis was before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.log.table import Array, Table
+
+MOST_WILD = 10
+"""Values of a column that may be damaged one by one. Larger takes time, and takes what comes often
+for damage; smaller leaves some in. Chosen by hand."""
+FAR = 10.0
+"""How far such a value lies off the line between its neighbours, over the largest such distance in
+the rest of the column. Larger leaves damaged values in, smaller takes the machine's own impacts for
+damage. Chosen by hand."""
+TURNS_BACK = 0.3
+"""What its neighbours lie off at least, the other way, over what it does itself: half of it, where
+nothing else happens. Larger misses damage in quick motion, smaller takes an impact, which leaves
+its neighbours on their lines, for it. Chosen by hand."""
+_FEWEST = 32
+_TOLD = 3
+
+
+def without_wild(table: Table, name: str, values: Array) -> tuple[Array, list[str]]:
+    """Return a column of positions with damaged values as NaN, and notes that tell each."""
+    rows = np.flatnonzero(np.isfinite(values))
+    wild = rows[wild_places(values[rows])]
+    if not wild.size:
+        return values, []
+    out = values.copy()
+    out[wild] = np.nan
+    told = "; ".join(_told(table, values, rows, int(k)) for k in wild[:_TOLD])
+    more = f"; and {wild.size - _TOLD} more" if wild.size > _TOLD else ""
+    return out, [
+        f"column '{name}' has {wild.size} damaged value{'s' if wild.size > 1 else ''}, left out of "
+        f"every judgement: {told}{more}"
+    ]
+
+
+def wild_places(x: Array) -> NDArray[np.intp]:
+    """Return where single values of a column lie far off, (m,) in rising order; x is finite, (N,).
+
+    A value is judged by its distance from the middle of its neighbours, the first and the last one
+    by the step to their only neighbour.
+    """
+    if len(x) < _FEWEST:
+        return np.zeros(0, dtype=np.intp)
+    x = x.copy()
+    found: list[int] = []
+    sure = 0
+    smallest = np.inf
+    for place, size in _furthest(x):
+        if size * FAR < smallest and size > 0.0 and found:
+            sure = len(found)
+        if place is None or len(found) == MOST_WILD:
+            break
+        found.append(place)
+        smallest = min(smallest, size)
+    return np.array(sorted(found[:sure]), dtype=np.intp)
+
+
+def _furthest(x: Array) -> Iterator[tuple[int | None, float]]:
+    """Yield the place of each value that may be damaged, furthest first, and mend it in `x`.
+
+    The last is None, and how far off the rest is.
+    """
+    while True:
+        off = x[1:-1] - 0.5 * (x[:-2] + x[2:])
+        k = int(np.argmax(np.abs(off)))
+        size = float(abs(off[k]))
+        beside = [-off[j] / off[k] for j in (k - 1, k + 1) if size and 0 <= j < len(off)]
+        if beside and min(beside) > TURNS_BACK:
+            yield k + 1, size
+            x[k + 1] -= off[k]
+        elif (end := _wild_end(x, k)) is not None:
+            yield end, size
+            x[end] = x[end + 1 if end == 0 else end - 1]
+        else:
+            yield None, size
+            return
+
+
+def _wild_end(x: Array, k: int) -> int | None:
+    """Return the first or last place where the step to it is none of the column's, else None."""
+    steps = np.abs(np.diff(x))
+    if k == 0 and steps[0] > FAR * steps[1:].max():
+        return 0
+    if k == len(x) - 3 and steps[-1] > FAR * steps[:-1].max():
+        return len(x) - 1
+    return None
+
+
+def _told(table: Table, values: Array, rows: NDArray[np.intp], wild: int) -> str:
+    """Say where a damaged value stands, and what stands beside it."""
+    place = int(np.searchsorted(rows, wild))
+    before = f"{values[rows[place - 1]]:.6g} before" if place else ""
+    behind = f"{values[rows[place + 1]]:.6g} behind" if place + 1 < len(rows) else ""
+    beside = " and ".join(filter(None, (before, behind)))
+    return f"{table.row(wild)} is {values[wild]:.6g}, with {beside}"
