@@ -138,6 +138,8 @@ def bench(
     Example: motorctl bench machines --clean 200
 
     Example: motorctl bench campaign --only gantry:C2:cruise:encoder_stuck:default:1
+
+    Example: motorctl bench campaign --only dual
     """
     from rich.markup import escape
 

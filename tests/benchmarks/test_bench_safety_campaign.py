@@ -4,27 +4,35 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from motorctl.config import load
 from motorctl.errors import UsageError
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl_benchmarks.buses.transports import transports
 from motorctl_benchmarks.command import bench
-from motorctl_benchmarks.safety import expectations, fault_free, findings, kinds
+from motorctl_benchmarks.safety import expectations, expected, fault_free, findings, kinds
 from motorctl_benchmarks.safety.bus_case import bus_keys, judged, parse_bus
-from motorctl_benchmarks.safety.bus_lines import LINES, WIRE, promise
+from motorctl_benchmarks.safety.bus_lines import LINES, NOT_ORDERED, NOT_TRIED, WIRE, promise
 from motorctl_benchmarks.safety.bus_session import Kept, Session, Spell
-from motorctl_benchmarks.safety.cases import keys, parse_case
-from motorctl_benchmarks.safety.expectations import EXPECTED, Expected
+from motorctl_benchmarks.safety.cases import CaseKey, keys, parse_case
+from motorctl_benchmarks.safety.end_kinds import END_FAULTS
+from motorctl_benchmarks.safety.expectations import EXPECTED
+from motorctl_benchmarks.safety.expected import Expected
 from motorctl_benchmarks.safety.fault_free import run_spell, spells
 from motorctl_benchmarks.safety.findings import findings_of, parse_task, parse_tasks
 from motorctl_benchmarks.safety.kinds import FAULTS
+from motorctl_benchmarks.safety.plan import draw
 from motorctl_benchmarks.safety.run_case import run_case
+from motorctl_devices.orders import FaultKind
 
 HANDFUL = (
     "gantry:C1:ring:encoder_lost:default:3",
@@ -33,6 +41,10 @@ HANDFUL = (
     "serial:C2:off:amplifier_fault:default:3",
     "modbus:C2:reaction:estop:default:3",
     "stage:C2:homing:silence:default:3",
+    "dual:C2:cruise:end_encoder_stuck:quick_stop:3",
+    "dual:C1:accelerate:end_dead_output:default:3",
+    "dual:C2:hold:end_push:disable:3",
+    "dual:C2:homing:end_amplifier_fault:default:3",
 )
 """All machines and both controllers, on ticks that each other or other tests need anyhow."""
 
@@ -76,6 +88,19 @@ def test_a_fault_that_another_guard_detects_by_luck_is_not_as_promised(monkeypat
     assert any("should be encoder_stuck" in why for why in outcome.failures)
 
 
+@pytest.mark.slow
+def test_an_end_that_only_another_guard_sees_is_not_as_promised(monkeypatch):
+    loose = {
+        "dual_drive": {"max_out_of_square_m": 0.018},
+        "guards": {"skew": {"limit_m": 0.015}},
+    }
+    off = replace(FAULTS["end_encoder_stuck"], axis_keys=lambda _: loose)
+    monkeypatch.setitem(kinds.FAULTS, "end_encoder_stuck", off)
+    outcome = run_case(parse_case("dual:C2:cruise:end_encoder_stuck:disable:1"))
+    assert outcome.measured.guard == "following_error"
+    assert any("should be skew" in why for why in outcome.failures)
+
+
 def test_a_guard_that_comes_a_tick_too_late_is_not_as_promised(monkeypatch):
     early = lambda _case: Expected(("no_new_sample",), 2, 2)  # noqa: E731
     monkeypatch.setitem(expectations.EXPECTED, "silence", early)
@@ -84,7 +109,7 @@ def test_a_guard_that_comes_a_tick_too_late_is_not_as_promised(monkeypatch):
 
 
 def test_what_must_not_trip_is_told_where_it_does(monkeypatch):
-    monkeypatch.setitem(expectations.EXPECTED, "silence", expectations.nothing)
+    monkeypatch.setitem(expectations.EXPECTED, "silence", expected.nothing)
     outcome = run_case(parse_case("gantry:C2:hold:silence:default:1"))
     assert any(why.startswith("false trip: no_new_sample") for why in outcome.failures)
 
@@ -123,6 +148,20 @@ def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():
 )
 def test_a_key_names_its_case(of):
     assert [parse_task(str(key)) for key in of] == of
+
+
+def test_a_machine_names_all_of_its_cases():
+    found = parse_tasks("dual")
+    assert found == tuple(key for key in keys("full", 1) if key.machine == "dual")
+    assert {key.controller for key in found} == {"C1", "C2"}
+
+
+@pytest.mark.slow
+def test_every_fault_of_one_end_meets_both_ends_and_only_a_beam_has_two():
+    assert {kind.machines for kind in END_FAULTS.values()} == {("dual",)}
+    for fault, kind in END_FAULTS.items():
+        keys = [CaseKey("dual", "C2", kind.states[0], fault, "", seed) for seed in range(9)]
+        assert {draw(key).broken for key in keys} == {(0,), (1,)}
 
 
 def test_a_bus_names_all_of_its_cases():
@@ -197,7 +236,7 @@ def test_the_command_ends_with_1_where_a_case_is_not_as_promised(monkeypatch):
     right = _command("--only", key, "--json")
     assert right.exit_code == 0
     assert json.loads(right.stdout)["cases"][0]["case"] == key
-    monkeypatch.setitem(expectations.EXPECTED, "silence", expectations.nothing)
+    monkeypatch.setitem(expectations.EXPECTED, "silence", expected.nothing)
     wrong = _command("--only", key)
     assert wrong.exit_code == 1
     assert f"wrong  {key}" in wrong.stdout
@@ -281,6 +320,31 @@ def test_a_device_whose_amplifiers_stay_on_is_told():
 
 def test_every_line_is_promised_something_for_silence():
     assert {promise(line, "silence").guard for line in LINES} == {"no_new_sample"}
+
+
+def test_every_fault_of_the_wire_is_tried_on_every_bus_or_it_is_written_why_not():
+    tried = {(key.line, key.fault) for key in bus_keys("full", 1)}
+    pairs = {(line, fault) for line in LINES for fault in WIRE}
+    assert pairs - tried == set(NOT_TRIED)
+    assert all(len(why.split()) > 3 for why in NOT_TRIED.values())
+    both = [key for key in pairs if key in tried]
+    assert len(bus_keys("full", 1)) == 2 * len(both)  # C1 and C2
+
+
+def test_every_bus_that_there_is_belongs_to_the_campaign():
+    emulated = {bus.name.replace("udp_multicast", "udp").replace(" ", "-") for bus in transports()}
+    assert set(LINES) == emulated
+    drivers = entry_points(group="motorctl.drivers")
+    shipped = {entry.name for entry in drivers if entry.value.startswith("motorctl_")}
+    configs = {line.config for line in LINES.values()}
+    driven = {load(config).resolved["drivers"]["gantry"]["type"] for config in configs}
+    assert driven == shipped - {"sim"}
+
+
+def test_every_order_of_a_device_is_a_fault_of_the_wire_or_it_is_written_why_not():
+    ordered = {order["kind"] for _, order in WIRE.values()}
+    assert not ordered & set(NOT_ORDERED)
+    assert ordered | set(NOT_ORDERED) == set(get_args(FaultKind))
 
 
 @pytest.mark.slow

@@ -155,29 +155,46 @@ WIRE: Mapping[str, tuple[str, Options]] = {
 }
 """Faults to order of the device at the other end: title and order."""
 
+_CHECKSUM = (
+    "the line's own checksum lets no wrong bit pass, so the order would be a device that sends "
+    "wrong content, of which nobody can promise anything"
+)
+NOT_TRIED: Mapping[tuple[str, str], str] = {
+    ("can-udp", "bit_errors"): _CHECKSUM,
+    ("can-slcan", "bit_errors"): _CHECKSUM,
+    (CANOPEN, "bit_errors"): _CHECKSUM,
+    (_TCP, "bit_errors"): _CHECKSUM,
+    (_TCP, "wrong_length"): "it may cost the stream its step, or not: there are two promises",
+    (CANOPEN, "stuck_sequence"): "a PDO has no number that could stand still",
+    ("modbus-rtu", "shifted_count"): (
+        "in a period of 8 ms a jump of 30 mm may be motion, for all that a guard knows"
+    ),
+}
+"""Why a fault of WIRE is not tried on a line. Every other pair is."""
+NOT_ORDERED: Mapping[str, str] = {
+    "jitter": "a delay that changes; late_answers has it at its longest, all the time",
+    "duplicates": "the axis goes on: nothing has to trip",
+    "reordering": "the axis goes on: nothing has to trip",
+    "babbling": "the axis goes on while samples come: nothing has to trip",
+    "counter_wrap": "the count is unwrapped: nothing has to trip",
+}
+"""Why an order that a device takes is none of WIRE; what becomes of each stands in its page."""
+
 
 def promise(line: str, fault: str) -> Promise | None:
-    """Return what a fault must lead to on a line; None where content decides, which is not tried.
+    """Return what a fault must lead to on a line; None where it is not tried (NOT_TRIED).
 
-    A checksum of the line's own (CAN, TCP) lets no wrong bit pass, so such an order is a device
-    that sends wrong content; and wrong lengths may cost TCP its step, or not. On CAN an answer that
-    is late, or whose number stands still, passes for a new one about once in a hundred ticks; a
-    reset may be obeyed then, and is not asked for. Nor is it where it would open the driver anew:
-    on CANopen after three heartbeats that are missing. Its answers have no number to stand still.
+    On CAN an answer that is late, or whose number stands still, passes for a new one about once in
+    a hundred ticks; a reset may be obeyed then, and is not asked for. Nor is it where it would open
+    the driver anew: on CANopen after three heartbeats that are missing.
     """
-    if fault == "stuck_sequence" and line == CANOPEN:
+    if (line, fault) in NOT_TRIED:
         return None
-    if fault == "shifted_count" and line == "modbus-rtu":
-        return None  # in a period of 8 ms it may be motion, for all that a guard knows
     if fault == "broken_amplifier":
         # The drives of CANopen are reset, and fail again: a fault that ends meanwhile is gone.
         return Promise("amplifier", 0.0, held=False, asked=line != CANOPEN)
     if fault == "shifted_count":
         return Promise("encoder_jump", 0.0, held=False)
-    if fault == "bit_errors" and (line.startswith("can") or line == _TCP):
-        return None
-    if fault == "wrong_length" and line == _TCP:
-        return None
     if fault in ("silence", "unplug"):
         # The device hears nothing either: its watchdog takes the volts.
         gone = fault == "unplug" and line not in ("can-udp", CANOPEN)

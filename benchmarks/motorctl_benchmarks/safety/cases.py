@@ -10,14 +10,14 @@ from typing import Literal
 import numpy as np
 
 from motorctl.errors import UsageError
-from motorctl_benchmarks.safety.kinds import FAULTS, FaultKind
+from motorctl_benchmarks.safety.fault_kind import FaultKind
+from motorctl_benchmarks.safety.kinds import FAULTS
 from motorctl_benchmarks.safety.machines import KINDS
 
 Size = Literal["small", "full"]
 
-ONE_AXIS = "stage"
 MACHINES: dict[Size, tuple[tuple[str, str], ...]] = {
-    "small": (("gantry", "C2"), ("serial", "C1"), ("stage", "C2")),
+    "small": (("gantry", "C2"), ("serial", "C1"), ("stage", "C2"), ("dual", "C2")),
     "full": tuple((machine, law) for machine in KINDS for law in ("C1", "C2")),
 }
 PARTS = 6
@@ -78,9 +78,8 @@ def keys_of(machine: str, controller: str, seed: int) -> Iterator[CaseKey]:
         if machine not in kind.machines:
             continue
         for state in kind.states:
-            if (state == "ring" and machine == ONE_AXIS) or (
-                state == "homing" and machine != ONE_AXIS
-            ):
+            homes = KINDS[machine].homes
+            if (state == "ring" and homes) or (state == "homing" and not homes):
                 continue
             for reaction in kind.reactions:
                 yield CaseKey(machine, controller, state, fault, reaction, seed)

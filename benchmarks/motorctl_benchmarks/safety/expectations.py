@@ -9,49 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
+from motorctl_benchmarks.safety.end_expectations import END_EXPECTED, END_REFUSED_WHILE
+from motorctl_benchmarks.safety.expected import (
+    ERROR_BEFORE,
+    NOTHING,
+    RAMP_UP_S,
+    Expected,
+    at_once,
+    limit_switch,
+    no_new_sample,
+    nothing,
+)
 from motorctl_benchmarks.safety.setting import Setting
 
-
-@dataclass(frozen=True)
-class Expected:
-    """What has to happen."""
-
-    guards: tuple[str, ...]
-    """The cause has to be one of these; none: nothing may trip."""
-    least: int = 0
-    most: int = 0
-    """Ticks from the fault to its detection."""
-
-
-NOTHING = Expected(())
-ERROR_BEFORE = 0.1
-"""Following error of an axis in order, as a part of its limit: what a fault may find."""
 SILENT_S = 0.5
 STANDARD_DEVIATIONS = 4.0
 """That a random amount may be off."""
 OVERSPEED_SAMPLES = 5
 OVERSPEED_RATIO = 1.2
 BUCKET = 10
-RAMP_UP_S = 0.02
-"""Homing comes to its speed within this: 0.05 m/s at 10 m/s^2 and 2000 m/s^3 are 0.01 s."""
-
-
-def at_once(guard: str) -> Callable[[Setting], Expected]:
-    """Expect a guard in the tick of the fault."""
-    return lambda _case: Expected((guard,))
-
-
-def nothing(_case: Setting) -> Expected:
-    """Expect that nothing trips."""
-    return NOTHING
-
-
-def no_new_sample(case: Setting) -> Expected:
-    """One tick more than may be held: the first without a sample is the first of them."""
-    held = case.limits.hold_ticks
-    return Expected(("no_new_sample",), held, held)
 
 
 def encoder_stuck(case: Setting) -> Expected:
@@ -85,11 +62,6 @@ def _spread(q: float, ticks: float) -> float:
     samples = -math.log1p(-1.0 / q) * ticks
     variance = 2.0 * (1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)) / samples
     return STANDARD_DEVIATIONS * math.sqrt(variance)
-
-
-def limit_switch(case: Setting) -> Expected:
-    """At once where the axis moves towards it; homing tells that it has found no switch."""
-    return Expected(("homing_failed" if case.state == "homing" else "limit_switch",))
 
 
 def dead_output(case: Setting) -> Expected:
@@ -281,6 +253,7 @@ EXPECTED: Mapping[str, Callable[[Setting], Expected]] = {
     "learned_nan": at_once("not_a_number"),
     "law_nan": at_once("not_a_number"),
     "no_home_switch": no_home_switch,
+    **END_EXPECTED,
 }
 """Every fault of the campaign; an import rule keeps them apart from the loop."""
 
@@ -299,6 +272,7 @@ REFUSED_WHILE = {
     "overheating": "CAUSE_LASTS",
     "push_too_fast": "CAUSE_LASTS",
     "learned_nan": "CAUSE_LASTS",
+    **END_REFUSED_WHILE,
 }
 """The answer to a reset, and to a start of an axis that is off, while the cause is there. Others
 are gone once the axis is disabled, or nobody can see them then."""

@@ -22,7 +22,7 @@ ROUND_S = 20.0
 """Of motion between a start and the next stop."""
 SPELLS: dict[Size, dict[str, int]] = {
     "small": {"gantry": 1, "serial": 2, "modbus": 1, "stage": 1},
-    "full": {"gantry": 8, "serial": 96, "modbus": 12, "stage": 6},
+    "full": {"gantry": 8, "serial": 96, "modbus": 12, "stage": 6, "dual": 4},
 }
 """With C1 and with C2 in turn. Slow machines have more of them, as their hours cost less."""
 HOMING_S = 60.0
@@ -77,7 +77,7 @@ def run_spell(spell: Spell, duration_s: float = SPELL_S) -> Quiet:
 
     Every guard is on, those too that a configuration has to ask for.
     """
-    rng = np.random.default_rng([spell.seed, sorted(KINDS).index(spell.machine)])
+    rng = np.random.default_rng([spell.seed, KINDS[spell.machine].number])
     guards = {"guards": guards_of(spell.machine)}
     names = resolved(KINDS[spell.machine].config, spell.controller)["axes"]
     machine = machine_of(
@@ -113,7 +113,13 @@ def run_spell(spell: Spell, duration_s: float = SPELL_S) -> Quiet:
 
 def guards_of(machine: str) -> dict[str, Any]:
     """Return guards that have to be asked for, as tight as the machine's motion allows."""
-    noise_m = {"gantry": 5e-6, "stage": 16e-6, "serial": 80e-6, "modbus": 25e-6}[machine]
+    noise_m = {
+        "gantry": 5e-6,
+        "stage": 16e-6,
+        "serial": 80e-6,
+        "modbus": 25e-6,
+        "dual": 8e-6,
+    }[machine]
     return {
         "encoder_noise": {"rms_m": noise_m},
         "thermal": {"continuous_voltage_v": 4.0, "time_constant_s": 30.0},

@@ -14,9 +14,9 @@ from motorctl_sim import SimDriver
 
 @dataclass(frozen=True)
 class DeviceFault:
-    """What a broken device does with one of its channels, until it is repaired."""
+    """What a broken device does with its channels, until it is repaired."""
 
-    channel: int
+    channels: tuple[int, ...] = ()
     bits: int = 0
     """Of `motorctl.hal.Status`, reported with every read."""
     masks: int = 0
@@ -34,6 +34,9 @@ class DeviceFault:
     """The output stage gives this, whatever it is asked for, as long as it is enabled."""
     output_off: bool = False
     """No volts, as of a device that switched itself off."""
+    force_v: float = 0.0
+    """Pushes the carriage from the fault's first write on, for `force_ticks`."""
+    force_ticks: int = 0
 
 
 class FaultyGantry(SimDriver):
@@ -61,8 +64,9 @@ class FaultyGantry(SimDriver):
     def repair(self) -> None:
         """Let everything be in order from the next read on; a place that was lost stays lost."""
         if self._fault is not None and self._fault.offset_counts and not self._fault.once:
-            self._fault = DeviceFault(self._fault.channel, offset_counts=self._fault.offset_counts)
+            self._fault = DeviceFault(self._fault.channels, offset_counts=self._fault.offset_counts)
         else:
+            self._push(0.0)
             self._fault = None
 
     def read(self, inputs: Inputs) -> None:
@@ -72,15 +76,24 @@ class FaultyGantry(SimDriver):
         if fault is None or (fault.once and self._reads > 0):
             self._before[:] = inputs.counts
             return
-        k = fault.channel
+        if fault.force_v:
+            self._push(fault.force_v if self._reads < fault.force_ticks else 0.0)
         self._reads += 1
-        if fault.freezes:
-            inputs.counts[k] = self._before[k]
-        count = int(inputs.counts[k]) + fault.offset_counts
-        if fault.noise_counts:
-            count += round(self._random.normal(0.0, fault.noise_counts))
-        inputs.counts[k] = _wrapped(count, self.channels[k].counter_bits)
-        inputs.status[k] = (int(inputs.status[k]) | fault.bits) & ~fault.masks
+        for k in fault.channels:
+            if fault.freezes:
+                inputs.counts[k] = self._before[k]
+            count = int(inputs.counts[k]) + fault.offset_counts
+            if fault.noise_counts:
+                count += round(self._random.normal(0.0, fault.noise_counts))
+            inputs.counts[k] = _wrapped(count, self.channels[k].counter_bits)
+            inputs.status[k] = (int(inputs.status[k]) | fault.bits) & ~fault.masks
+
+    def _push(self, force_v: float) -> None:
+        """Let a force act on the broken carriages from now on, where the fault is one."""
+        fault = self._fault
+        if fault is not None and fault.force_v:
+            for k in fault.channels:
+                self._states["fault_force"][k] = force_v
 
     def write(self, outputs: Outputs) -> None:
         """Keep what is asked for, and pass on what a broken output stage would give."""
@@ -91,12 +104,12 @@ class FaultyGantry(SimDriver):
         passed.enable[:] = outputs.enable
         fault = self._fault
         if fault is not None and not fault.once:
-            k = fault.channel
-            passed.volts[k] *= fault.gain
-            if fault.output_v is not None:
-                passed.volts[k] = fault.output_v
-            if fault.output_off:
-                passed.enable[k] = 0
+            for k in fault.channels:
+                passed.volts[k] *= fault.gain
+                if fault.output_v is not None:
+                    passed.volts[k] = fault.output_v
+                if fault.output_off:
+                    passed.enable[k] = 0
         super().write(passed)
 
     @property

@@ -64,10 +64,12 @@ def parse_task(text: str) -> Task | BusKey:
 
 
 def parse_tasks(text: str) -> tuple[Task | BusKey, ...]:
-    """Read a key, or all cases of a bus, as in bus:can-udp. Raises UsageError."""
+    """Read a key, or all cases of a bus or a machine: bus:can-udp, dual. Raises UsageError."""
     bus, _, line = text.partition(":")
     if bus == BUS and line in LINES:
         return tuple(key for key in bus_keys("full", 1) if key.line == line)
+    if text in KINDS:
+        return tuple(key for key in keys("full", 1) if key.machine == text)
     return (parse_task(text),)
 
 

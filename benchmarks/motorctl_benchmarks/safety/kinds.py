@@ -2,81 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from motorctl.hal import Status
+from motorctl_benchmarks.safety.end_kinds import END_FAULTS
+from motorctl_benchmarks.safety.fault_kind import (
+    BOTH,
+    ENABLED,
+    EVERY,
+    MOVING,
+    TWO,
+    Draw,
+    FaultKind,
+    Numbers,
+    ahead,
+    jump,
+    reports,
+    shift,
+)
 from motorctl_benchmarks.safety.faulty_gantry import DeviceFault
 from motorctl_benchmarks.safety.setting import Setting
-
-Numbers = dict[str, float]
-Draw = Callable[[np.random.Generator, Setting], Numbers]
-
-EVERY = (
-    "off",
-    "hold",
-    "accelerate",
-    "cruise",
-    "dwell",
-    "ring",
-    "homing",
-    "stop",
-    "reaction",
-    "fault",
-)
-MOVING = ("accelerate", "cruise", "ring", "homing")
-ENABLED = ("hold", "accelerate", "cruise", "dwell", "ring", "homing")
-TWO = ("gantry", "serial", "modbus")
-"""Machines whose plant is known well enough for forces to be reckoned with, and have two axes."""
-BOTH = ("disable", "quick_stop")
-
-
-def _nothing_drawn(_rng: np.random.Generator, _case: Setting) -> Numbers:
-    return {}
-
-
-@dataclass(frozen=True)
-class FaultKind:
-    """One fault."""
-
-    title: str
-    states: tuple[str, ...]
-    machines: tuple[str, ...] = (*TWO, "stage")
-    guard: str = ""
-    """Whose reaction may be chosen."""
-    reactions: tuple[str, ...] = ("",)
-    """Of that guard; empty: as it is by default."""
-    clean: bool = False
-    """On a plant without cogging, lag, delay and noise, so that its acceleration is known."""
-    draw: Draw = _nothing_drawn
-    device: Callable[[Setting], DeviceFault] | None = None
-    """What the device does; None: the fault is a force, or the computer's."""
-    axis_keys: Callable[[Numbers], Mapping[str, Any]] | None = None
-    top_keys: Mapping[str, Any] = field(default_factory=dict)
-    pushes: bool = False
-    """A force acts, of `push_m_s2` times the mass for `push_s`."""
-    restarts: bool = True
-    """A reset and a start bring the axis back."""
-
-
-def _reports(bits: Status, *, freezes: bool = False, off: bool = False, once: bool = False) -> Any:
-    return lambda _case: DeviceFault(0, bits=int(bits), freezes=freezes, output_off=off, once=once)
-
-
-def _jump(rng: np.random.Generator, case: Setting) -> Numbers:
-    """Draw a jump that no motion makes: more than four times the top speed, and the motion."""
-    limits = case.limits
-    step = limits.top_speed_m_s * limits.period_s
-    least = 4.0 * step + 8.0 * limits.count_m + step
-    most = min(6.0 * least, 0.45 * 2.0**limits.counter_bits * limits.count_m)
-    return {"jump_m": float(rng.uniform(least, most) * rng.choice((-1.0, 1.0)))}
-
-
-def _shift(case: Setting) -> int:
-    return round(case.drawn["jump_m"] / case.limits.count_m)
 
 
 def _noise(rng: np.random.Generator, case: Setting) -> Numbers:
@@ -158,44 +106,39 @@ def _patient(_drawn: Numbers) -> dict[str, Any]:
     }
 
 
-def _ahead(case: Setting) -> DeviceFault:
-    bit = Status.LIMIT_POSITIVE if case.direction > 0 else Status.LIMIT_NEGATIVE
-    return DeviceFault(0, bits=int(bit))
-
-
 def _behind(case: Setting) -> DeviceFault:
     bit = Status.LIMIT_NEGATIVE if case.direction > 0 else Status.LIMIT_POSITIVE
-    return DeviceFault(0, bits=int(bit))
+    return DeviceFault(bits=int(bit))
 
 
 FAULTS: Mapping[str, FaultKind] = {
     "encoder_lost": FaultKind(
         "the encoder's signal is lost, the driver says so",
         EVERY,
-        device=_reports(Status.ENCODER_LOST, freezes=True),
+        device=reports(Status.ENCODER_LOST, freezes=True),
     ),
     "amplifier_fault": FaultKind(
         "the amplifier reports a fault and switches off",
         EVERY,
-        device=_reports(Status.AMPLIFIER_FAULT, off=True),
+        device=reports(Status.AMPLIFIER_FAULT, off=True),
     ),
     "estop": FaultKind(
-        "the emergency-stop chain opens", EVERY, device=_reports(Status.ESTOP, off=True)
+        "the emergency-stop chain opens", EVERY, device=reports(Status.ESTOP, off=True)
     ),
     "device_lost": FaultKind(
         "the device is lost, the driver says so",
         EVERY,
-        device=_reports(Status.COMMUNICATION_LOST, freezes=True, off=True),
+        device=reports(Status.COMMUNICATION_LOST, freezes=True, off=True),
     ),
     "encoder_blinks": FaultKind(
         "the encoder's signal is lost for one sample",
         ENABLED,
-        device=_reports(Status.ENCODER_LOST, once=True),
+        device=reports(Status.ENCODER_LOST, once=True),
     ),
     "silence": FaultKind(
         "no new sample comes any more",
         ENABLED,
-        device=_reports(Status.STALE, freezes=True),
+        device=reports(Status.STALE, freezes=True),
     ),
     "short_silence": FaultKind(
         "as many samples are missing as may be", ("hold", "cruise", "dwell")
@@ -203,28 +146,26 @@ FAULTS: Mapping[str, FaultKind] = {
     "encoder_jump": FaultKind(
         "the count jumps, for good",
         (*ENABLED, "stop", "reaction"),
-        draw=_jump,
-        device=lambda case: DeviceFault(0, offset_counts=_shift(case)),
+        draw=jump,
+        device=lambda case: DeviceFault(offset_counts=shift(case)),
     ),
     "encoder_glitch": FaultKind(
         "one sample is far off",
         ENABLED,
-        draw=_jump,
-        device=lambda case: DeviceFault(0, offset_counts=_shift(case), once=True),
+        draw=jump,
+        device=lambda case: DeviceFault(offset_counts=shift(case), once=True),
     ),
     "encoder_stuck": FaultKind(
         "the count stands still, nobody says so",
         ("hold", *MOVING),
-        device=lambda _case: DeviceFault(0, freezes=True),
+        device=lambda _case: DeviceFault(freezes=True),
     ),
     "encoder_noise": FaultKind(
         "the count trembles",
         ("hold", "dwell"),
         TWO,
         draw=_noise,
-        device=lambda case: DeviceFault(
-            0, noise_counts=case.drawn["noise_m"] / case.limits.count_m
-        ),
+        device=lambda case: DeviceFault(noise_counts=case.drawn["noise_m"] / case.limits.count_m),
         axis_keys=lambda drawn: {
             "guards": {
                 "encoder_noise": {"rms_m": drawn["rms_m"], "filter_time_s": drawn["filter_s"]}
@@ -236,27 +177,27 @@ FAULTS: Mapping[str, FaultKind] = {
         MOVING,
         guard="limit_switch",
         reactions=BOTH,
-        device=_ahead,
+        device=ahead,
     ),
     "limit_switch_behind": FaultKind(
         "the limit switch behind is pressed", ("cruise",), device=_behind
     ),
     "limit_switch_at_rest": FaultKind(
-        "a limit switch is pressed at rest", ("hold", "dwell"), device=_ahead
+        "a limit switch is pressed at rest", ("hold", "dwell"), device=ahead
     ),
     "dead_output": FaultKind(
         "the output stage gives nothing, nobody says so",
         ("cruise",),
         TWO,
         clean=True,
-        device=lambda _case: DeviceFault(0, gain=0.0),
+        device=lambda _case: DeviceFault(gain=0.0),
     ),
     "reversed_motor": FaultKind(
         "the motor pulls the other way",
         ("cruise",),
         TWO,
         clean=True,
-        device=lambda _case: DeviceFault(0, gain=-1.0),
+        device=lambda _case: DeviceFault(gain=-1.0),
     ),
     "full_output": FaultKind(
         "the output stage gives its full voltage: runaway",
@@ -264,7 +205,7 @@ FAULTS: Mapping[str, FaultKind] = {
         TWO,
         clean=True,
         draw=lambda rng, _case: {"output_v": float(rng.choice((-10.0, 10.0)))},
-        device=lambda case: DeviceFault(0, output_v=case.drawn["output_v"]),
+        device=lambda case: DeviceFault(output_v=case.drawn["output_v"]),
     ),
     "shove": FaultKind(
         "a push that the motor cannot hold",
@@ -372,6 +313,7 @@ FAULTS: Mapping[str, FaultKind] = {
         ("search",),
         ("stage",),
         draw=_search,
-        device=lambda _case: DeviceFault(0, masks=int(Status.HOME_SWITCH)),
+        device=lambda _case: DeviceFault(masks=int(Status.HOME_SWITCH)),
     ),
+    **END_FAULTS,
 }

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl_benchmarks.safety.expectations import ALL_AXES, FIRST_CAUSE, Expected
+from motorctl_benchmarks.safety.expectations import ALL_AXES, FIRST_CAUSE
+from motorctl_benchmarks.safety.expected import Expected
 from motorctl_benchmarks.safety.prepare import Ready
 from motorctl_benchmarks.safety.setting import Limits
 from motorctl_benchmarks.safety.watch import Watch
@@ -56,11 +57,12 @@ def measure(watch: Watch, expected: Expected, reaction: str) -> Measured:
     every = made.stand.rows()
     rows = every[watch.first :, made.stand.names.index(made.axis)]
     before = every[watch.first - 1, made.stand.names.index(made.axis)]
-    channel = made.channel
-    asked = np.array(watch.asked_v)[:, channel]
-    enabled = np.array(watch.enabled)[:, channel]
-    places = np.array(watch.places_m)[:, channel]
-    travel_mm = 1e3 * abs(float(places[-1] - places[0]))
+    channels = list(made.channels)
+    # Of two motors on one beam the one that still has more, and the end that went further.
+    asked = np.abs(np.array(watch.asked_v)[:, channels]).max(axis=1)
+    enabled = np.array(watch.enabled)[:, channels].max(axis=1)
+    places = np.array(watch.places_m)[:, channels]
+    travel_mm = 1e3 * float(np.abs(places[-1] - places[0]).max())
     tripped = rows["state"] == AxisState.FAULT
     told = tripped if made.key.state in FIRST_CAUSE else rows["fault"] != FaultCause.NONE
     failures = _others(watch, every[watch.first :], reaction if expected.guards else "")

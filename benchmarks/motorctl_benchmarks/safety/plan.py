@@ -11,9 +11,10 @@ import numpy as np
 from motorctl.config.machine import Machine
 from motorctl.motion import Trajectory, point_to_point
 from motorctl_benchmarks.buses.transports import merged
-from motorctl_benchmarks.safety.cases import ONE_AXIS, CaseKey
-from motorctl_benchmarks.safety.machines import KINDS, machine_of, resolved
-from motorctl_benchmarks.safety.setting import Limits, Plant, Setting
+from motorctl_benchmarks.safety.cases import CaseKey
+from motorctl_benchmarks.safety.machines import KINDS, machine_of, plant_options, resolved
+from motorctl_benchmarks.safety.setting import Limits, Setting
+from motorctl_benchmarks.safety.two_ends import beam_of, plant_of
 from motorctl_sim import SimOptions
 
 START_TICK = 10
@@ -24,6 +25,7 @@ MOVE_M = {
     "serial": (0.02, 0.40),
     "modbus": (0.02, 0.40),
     "stage": (-0.06, 0.06),
+    "dual": (-0.06, 0.40),
 }
 ACCELERATION_M_S2, JERK_M_S3 = 8.0, 800.0
 SPEEDS_M_S = {
@@ -31,12 +33,11 @@ SPEEDS_M_S = {
     "serial": (0.25, 0.5),
     "modbus": (0.25, 0.5),
     "stage": (0.2, 0.4),
+    "dual": (0.4, 0.6),
 }
 SEARCH_M_S = -0.05
 DWELL_S = 1.5
 NEAR_END_M = 0.2e-3
-STAGE_START_M = -0.07
-"""Near its index mark, so that homing is short where it is not what is tried."""
 OBSTACLE_M = 0.22
 
 
@@ -48,6 +49,8 @@ class Plan:
     axis: str
     machine: Machine
     setting: Setting
+    broken: tuple[int, ...]
+    """Which of the device's channels the fault meets: all of the axis', or one end's."""
     move: Trajectory | None
     """Nominal: from the exact place."""
     fault_tick: int | None
@@ -64,15 +67,19 @@ def draw(key: CaseKey) -> Plan:
     if key.fault == "law_nan":
         axis = "x"
     direction = int(rng.choice((-1, 1)))
-    if key.fault in ("obstacle", "law_nan") or key.machine == ONE_AXIS:
+    if key.fault in ("obstacle", "law_nan") or KINDS[key.machine].homes:
         direction = 1
     (driver,) = data["drivers"].values()
     limits = limits_of(keys, data["rate_hz"], driver)
-    of = KINDS[key.machine]
-    sim = SimOptions.model_validate({"preset": of.clean or of.plant})
+    sim = SimOptions.model_validate(plant_options(key.machine, clean=True))
     setting = Setting(
         key.fault, key.state, limits, plant_of(sim, keys["channel"]), direction, 0.0, lambda _: 0.0
     )
+    broken = channels_of(keys)
+    if key.kind.one_end:
+        end = int(rng.integers(len(broken)))
+        broken = broken[end : end + 1]
+        setting = replace(setting, beam=beam_of(sim, keys, end))
     speed = float(rng.uniform(*SPEEDS_M_S[key.machine]))
     share = float(rng.uniform(0.05, 0.3))
     setting = replace(setting, drawn=key.kind.draw(rng, setting))
@@ -85,12 +92,13 @@ def draw(key: CaseKey) -> Plan:
         speed = max(speed, 0.5)
     move = point_to_point(start, target, speed, ACCELERATION_M_S2, JERK_M_S3)
     tick = _fault_tick(key, limits, move, speed, share)
-    return _planned(key, axis, setting, start, move, tick, rng)
+    return _planned(key, axis, broken, setting, start, move, tick, rng)
 
 
 def _planned(
     key: CaseKey,
     axis: str,
+    broken: tuple[int, ...],
     setting: Setting,
     start: float,
     move: Trajectory,
@@ -104,8 +112,8 @@ def _planned(
     if key.reaction:
         keys = merged(keys, {"guards": {key.kind.guard: {"reaction": key.reaction}}})
     if key.fault == "law_nan":
-        broken = {"type": "motorctl_benchmarks.safety.broken_map:BrokenMap", "initial": 0.0}
-        keys = merged(keys, {"model": {"broken_map": broken}})
+        nan_map = {"type": "motorctl_benchmarks.safety.broken_map:BrokenMap", "initial": 0.0}
+        keys = merged(keys, {"model": {"broken_map": nan_map}})
     top = dict(key.kind.top_keys)
     if key.state == "reaction":
         top = merged(top, {"loop": {"overrun_policy": "stop"}})
@@ -114,12 +122,14 @@ def _planned(
     if key.kind.guard in ("host_frozen", "late_ticks", "supervisor_lost"):
         changes = dict.fromkeys(data["axes"], keys)
     channel = data["axes"][axis]["channel"]
-    plant: dict[str, Any] = {"initial_position_m": start}
-    if key.machine == ONE_AXIS:
-        plant = {} if key.state in ("homing", "search") else {"initial_position_m": STAGE_START_M}
+    near_home_m = KINDS[key.machine].near_home_m
+    starts = {channel: start} if near_home_m is None else near_home_m
+    if near_home_m is not None and key.state in ("homing", "search"):
+        starts = {}
+    plants: dict[int, Any] = {k: {"initial_position_m": place} for k, place in starts.items()}
     if key.fault == "obstacle":
-        plant["travel_m"] = [-0.07, OBSTACLE_M]
-    sim: dict[str, Any] = {"plants": {channel: plant}}
+        plants[channel]["travel_m"] = [-0.07, OBSTACLE_M]
+    sim: dict[str, Any] = {"plants": plants}
     if key.kind.pushes and tick is not None:
         sim["faults"] = [
             {
@@ -151,14 +161,14 @@ def _planned(
         end = options.plant(channel).end_stop
         drawn["rubber_rad_s"] = (end.stiffness_v_m / own.inertia) ** 0.5
     setting = replace(setting, limits=limits, plant=own, drawn=drawn)
-    return Plan(key, axis, machine, setting, move, tick, seed)
+    return Plan(key, axis, machine, setting, broken, move, tick, seed)
 
 
 def _fault_tick(
     key: CaseKey, limits: Limits, move: Trajectory, speed: float, share: float
 ) -> int | None:
     """Return the tick in which the fault begins; None where that shows as the machine runs."""
-    if key.machine == ONE_AXIS or key.state in ("ring", "reaction", "stop"):
+    if KINDS[key.machine].homes or key.state in ("ring", "reaction", "stop"):
         return None
     held = START_TICK + round(limits.ticks(HOLD_S))
     if key.state not in ("cruise", "accelerate", "dwell"):
@@ -178,6 +188,7 @@ def limits_of(keys: Mapping[str, Any], rate_hz: float, driver: Mapping[str, Any]
     limits, gains = keys["limits"], keys["gains"]
     error, stop = limits["following_error"], limits["stop"]
     late = driver.get("late") or {}
+    dual = keys.get("dual_drive")
     return Limits(
         period_s=1.0 / rate_hz,
         count_m=keys["encoder"]["resolution_m"],
@@ -194,17 +205,11 @@ def limits_of(keys: Mapping[str, Any], rate_hz: float, driver: Mapping[str, Any]
         ks_v_s_m=gains["ks_v_s_m"],
         stop_acceleration_m_s2=stop["acceleration_m_s2"],
         stop_jerk_m_s3=stop["jerk_m_s3"],
+        squaring_m_s=dual["skew"]["squaring_velocity_m_s"] if dual else 0.0,
     )
 
 
-def plant_of(options: SimOptions, channel: int) -> Plant:
-    """Take a carriage's numbers from the simulated gantry's options."""
-    plant = options.plant(channel)
-    return Plant(
-        plant.inertia_v_s2_m,
-        plant.coulomb_friction_v,
-        plant.viscous_friction_v_s_m,
-        plant.offset_v,
-        plant.em_quadratic_1_v,
-        plant.em_cubic_1_v2,
-    )
+def channels_of(keys: Mapping[str, Any]) -> tuple[int, ...]:
+    """Return the device's channels of an axis: one, or one for each motor of its beam."""
+    dual = keys.get("dual_drive")
+    return (keys["channel"], dual["channel"]) if dual else (keys["channel"],)

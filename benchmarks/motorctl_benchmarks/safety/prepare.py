@@ -41,13 +41,17 @@ class Ready:
     axis: str
     setting: Setting
     seed: int
+    broken: tuple[int, ...]
+    """Which of the device's channels the fault meets."""
     move: Trajectory | None = None
     """Begun by the fault's act, where the axis has to move for the fault to show."""
 
     @property
-    def channel(self) -> int:
-        """Which of the device's channels is the axis'."""
-        return self.stand.machine.axes[self.axis].channel
+    def channels(self) -> tuple[int, ...]:
+        """Which of the device's channels are the axis'."""
+        axis = self.stand.machine.axes[self.axis]
+        second = () if axis.dual_drive is None else (axis.dual_drive.channel,)
+        return (axis.channel, *second)
 
 
 @contextmanager
@@ -62,7 +66,7 @@ def ready(plan: Plan) -> Iterator[Ready]:
         tempfile.TemporaryDirectory(prefix="motorctl-campaign-") as folder,
         Stand(plan.machine, Path(folder) / "case.parquet", learned) as stand,
     ):
-        made = Ready(key, stand, axis, plan.setting, plan.seed)
+        made = Ready(key, stand, axis, plan.setting, plan.seed, plan.broken)
         stand.until(START_TICK - 1)
         _bring(plan, made)
         yield made
@@ -114,7 +118,7 @@ def _bring(plan: Plan, made: Ready) -> None:
         ticks = np.arange(0, round(limits.ticks(move.duration_s)))
         tick = begin + int(np.argmax(move.sample(ticks * limits.period_s)[0] > ENDS_M))
     if key.fault == "obstacle":
-        while stand.device.places_m[made.channel] < OBSTACLE_M:
+        while stand.device.places_m[made.channels[0]] < OBSTACLE_M:
             stand.step()
         tick = stand.number + 1
     stand.until(tick - 1)

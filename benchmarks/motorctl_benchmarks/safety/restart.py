@@ -9,7 +9,9 @@ import numpy as np
 
 from motorctl.log.sample import AxisState
 from motorctl.loop import Reply, Verb
-from motorctl_benchmarks.safety.expectations import REFUSED_WHILE, Expected
+from motorctl_benchmarks.safety.expectations import REFUSED_WHILE
+from motorctl_benchmarks.safety.expected import Expected
+from motorctl_benchmarks.safety.machines import KINDS
 from motorctl_benchmarks.safety.watch import STANDS_M_S, Watch
 
 AGAIN_S = 0.1
@@ -26,7 +28,14 @@ LARGEST_FORCE_V = 1.0
 COUNTS = 12
 FIRST_V = 0.1
 """The first command after a start: nothing, and what a count or two of motion ask for."""
-LOSE_PLACE = ("encoder_lost", "encoder_blinks", "encoder_jump", "encoder_glitch")
+LOSE_PLACE = (
+    "encoder_lost",
+    "encoder_blinks",
+    "encoder_jump",
+    "encoder_glitch",
+    "end_encoder_lost",
+    "end_encoder_jump",
+)
 """An axis whose encoder counts from where it was switched on does not know its place then."""
 
 
@@ -80,7 +89,8 @@ def start_again(watch: Watch, expected: Expected) -> Restart:
     if not key.kind.restarts or (not expected.guards and key.state != "off"):
         return Restart()
     failures = []
-    if key.machine == "stage" and key.fault in LOSE_PLACE and stand.status(made.axis)["homed"]:
+    homes = KINDS[key.machine].homes
+    if homes and key.fault in LOSE_PLACE and stand.status(made.axis)["homed"]:
         failures.append("the axis still counts as homed")
     stand.device.repair()
     stand.advance(round(limits.ticks(COOLS_S.get(key.fault, GONE_S))))
@@ -101,15 +111,17 @@ def start_again(watch: Watch, expected: Expected) -> Restart:
     if reply is not Reply.OK:
         failures.append(f"start refused after the reset: {reply.name}")
         return Restart(clean=False, failures=tuple(failures))
-    first_v = float(abs(stand.device.asked_v[made.channel]))
-    begin = float(stand.device.places_m[made.channel])
+    channels = list(made.channels)
+    first_v = float(np.abs(stand.device.asked_v[channels]).max())
+    begin = stand.device.places_m[channels]
     stand.advance(round(limits.ticks(AGAIN_S)))
-    moved_m = abs(float(stand.device.places_m[made.channel]) - begin)
+    moved_m = float(np.abs(stand.device.places_m[channels] - begin).max())
     per_count = limits.ks_v_s_m * limits.count_m * (1.0 / limits.period_s + limits.k1_1_s)
     if first_v > FIRST_V + 2.0 * per_count:
         failures.append(f"a jolt of {first_v:.3g} V at the start")
     stiffness = limits.ks_v_s_m * limits.k1_1_s
     most_m = 2.0 * LARGEST_FORCE_V / stiffness + COUNTS * limits.count_m
+    most_m += 0.5 * limits.squaring_m_s * AGAIN_S  # each end of a beam that is led to square
     if moved_m > most_m:
         failures.append(f"moved by {1e6 * moved_m:.3g} um after the start")
     if stand.state(made.axis) is not AxisState.IDLE:

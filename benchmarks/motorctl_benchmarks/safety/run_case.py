@@ -13,11 +13,10 @@ from motorctl_benchmarks.safety.cases import CaseKey
 from motorctl_benchmarks.safety.expectations import (
     EXPECTED,
     FIRST_CAUSE,
-    NOTHING,
     QUICK_BY_DEFAULT,
     REFUSED_WHILE,
-    Expected,
 )
+from motorctl_benchmarks.safety.expected import NOTHING, Expected
 from motorctl_benchmarks.safety.faulty_gantry import DeviceFault
 from motorctl_benchmarks.safety.measures import Measured, measure
 from motorctl_benchmarks.safety.plan import draw
@@ -105,7 +104,7 @@ def _wanted(made: Ready) -> tuple[Expected, str]:
         return first, "disable"
     if key.state == "off" and key.fault != "estop_command":
         return NOTHING, ""
-    if "homing_failed" in expected.guards:
+    if {"homing_failed", "not_square"} & set(expected.guards):
         reaction = "disable"
     return expected, reaction if expected.guards else ""
 
@@ -116,10 +115,10 @@ def _bring_about(watch: Watch, expected: Expected) -> None:
     stand, period_s = made.stand, made.setting.limits.period_s
     if key.kind.device is not None:
         stand.device.break_down(
-            replace(key.kind.device(made.setting), channel=made.channel), made.seed
+            replace(key.kind.device(made.setting), channels=made.broken), made.seed
         )
     if key.fault == "short_silence":
-        stale = DeviceFault(made.channel, bits=int(Status.STALE), freezes=True)
+        stale = DeviceFault(made.broken, bits=int(Status.STALE), freezes=True)
         stand.device.break_down(stale)
     if key.fault == "encoder_stuck" and made.move is not None:
         stand.follow({made.axis: made.move})

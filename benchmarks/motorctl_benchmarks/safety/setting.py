@@ -26,6 +26,8 @@ class Limits:
     ks_v_s_m: float
     stop_acceleration_m_s2: float
     stop_jerk_m_s3: float
+    squaring_m_s: float = 0.0
+    """How fast a beam with two motors is led to square; 0: there is one motor."""
 
     def ticks(self, time_s: float) -> float:
         """Return a time in ticks."""
@@ -54,6 +56,50 @@ class Plant:
 
 
 @dataclass(frozen=True)
+class Beam:
+    """A beam with a motor at each end: the broken end, its own, and the other one.
+
+    With the two ends' places as coordinates it has a mass matrix; forces in volts of command.
+    """
+
+    own: float
+    cross: float
+    other: float
+    """The mass matrix: [own, cross; cross, other]."""
+    own_end: Plant
+    other_end: Plant
+    own_ratio: float
+    other_ratio: float
+    """Of each motor's force constant to the one that forces are counted in."""
+    stiffness: float
+    damping: float
+    """Against skew: a force at either end, of the skew and of its rate."""
+    limit_m: float
+    """How far the ends may be apart from how they are held."""
+    full_v: float
+    """Of each motor."""
+    skew_v: float
+    """What the skew loop may take of it, in either direction."""
+    to_switch_m: float
+    """How far the other end has to go to its home switch, where a search begins."""
+    apart_m: float
+    """How far an axis goes on while one end's switch has closed and the other's has not."""
+
+    @property
+    def determinant(self) -> float:
+        """Of the mass matrix."""
+        return self.own * self.other - self.cross**2
+
+    def own_m_s2(self, own_v: float, other_v: float) -> float:
+        """Return the broken end's acceleration under a force at each end."""
+        return (self.other * own_v - self.cross * other_v) / self.determinant
+
+    def other_m_s2(self, own_v: float, other_v: float) -> float:
+        """Return the other end's acceleration under a force at each end."""
+        return (self.own * other_v - self.cross * own_v) / self.determinant
+
+
+@dataclass(frozen=True)
 class Setting:
     """One case, as far as an expectation depends on it."""
 
@@ -69,3 +115,5 @@ class Setting:
     """Where the reference is, so many ticks after the fault's begin [m]."""
     drawn: Mapping[str, float] = field(default_factory=dict)
     """Amounts of the fault, drawn by the case's seed."""
+    beam: Beam | None = None
+    """Of an axis with two motors, of which one end breaks."""
