@@ -13,6 +13,7 @@ from motorctl.log.table_hdf5 import Hdf5Table
 from motorctl.log.table_mat import MatTable
 from motorctl.log.table_npz import NumpyTable
 from motorctl.log.table_parquet import ParquetTable
+from motorctl.log.text_lines import UTF_16
 
 _HEAD_BYTES = 512
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -64,7 +65,7 @@ def open_table(path: Path, header_line: int | None = None, wanted: Collection[st
         raise DataError(f"{path}: not a Parquet file: it begins with {head[:4]!r}, not b'PAR1'")
     if head.startswith(b"MATLAB") or path.suffix.lower() == ".mat":
         return MatTable(path)
-    if b"\0" in head:
+    if b"\0" in head and not head.startswith(UTF_16):
         raise DataError(f"{path}: neither Parquet, MAT nor CSV: it begins with {head[:8]!r}")
     return CsvTable(path, header_line, wanted)
 

@@ -70,7 +70,10 @@ class CsvTable(Table):
         return pa.csv.read_csv(
             self.path,
             read_options=pa.csv.ReadOptions(
-                use_threads=threads, column_names=list(self.names), skip_rows=self._head.lines
+                use_threads=threads,
+                column_names=list(self.names),
+                skip_rows=self._head.lines,
+                encoding=self._head.encoding.removesuffix("-sig"),
             ),
             parse_options=pa.csv.ParseOptions(delimiter=self._head.delimiter),
             convert_options=pa.csv.ConvertOptions(
@@ -89,7 +92,7 @@ class CsvTable(Table):
                 skiprows=self._head.lines,
                 usecols=[self.names.index(name) for name in names],
                 ndmin=2,
-                encoding="utf-8-sig",
+                encoding=self._head.encoding,
             )
         except (ValueError, OSError) as error:
             raise DataError(f"{self.path}: {str(error).splitlines()[0]}") from error

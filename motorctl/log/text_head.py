@@ -11,9 +11,12 @@ from motorctl.log.header_below_title import Found, header_below_title, rows_belo
 from motorctl.log.text_lines import (
     BLANKS,
     COMMENTS,
+    UTF_8,
+    WINDOWS,
     all_cells,
     cells_of,
     delimiter_of,
+    encoding_of,
     first_lines,
     is_number,
     is_remark,
@@ -37,6 +40,7 @@ class Head:
     delimiter: str
     decimal_point: str
     headless: bool = False
+    encoding: str = UTF_8
     notes: tuple[str, ...] = ()
 
 
@@ -62,14 +66,24 @@ def read_head(path: Path, header_line: int | None, wanted: Collection[str]) -> H
     DataError
         Where there is no header, or two lines may be it.
     """
+    encoding = encoding_of(path)
     if header_line is not None:
-        return _head_in_line(path, header_line)
-    lines = first_lines(path, 2)
+        head = _head_in_line(path, header_line, encoding)
+    else:
+        head = _found_head(path, wanted, encoding)
+    if encoding == WINDOWS:
+        told = "its letters are not UTF-8, and were read as Windows-1252"
+        head = replace(head, notes=(*head.notes, told))
+    return replace(head, encoding=encoding)
+
+
+def _found_head(path: Path, wanted: Collection[str], encoding: str) -> Head:
+    lines = first_lines(path, 2, encoding)
     head = _plain_head(path, lines)
     row = next((line for line in lines[head.lines :] if not is_remark(line)), None)
     if row is None or _is_plain(row, head, wanted):
         return head
-    lines = first_lines(path, _SEARCHED_ROWS)
+    lines = first_lines(path, _SEARCHED_ROWS, encoding)
     found = header_below_title(path, lines, wanted)
     return head if found is None else _below(lines, found)
 
@@ -124,8 +138,8 @@ def _is_plain(row: str, head: Head, wanted: Collection[str]) -> bool:
     return len(cells) == named and numbers and set(wanted) <= set(head.names)
 
 
-def _head_in_line(path: Path, header_line: int) -> Head:
-    lines = first_lines(path, header_line + _SEARCHED_ROWS)
+def _head_in_line(path: Path, header_line: int, encoding: str) -> Head:
+    lines = first_lines(path, header_line + _SEARCHED_ROWS, encoding)
     if header_line >= len(lines):
         raise DataError(
             f"{path}: header_line is {header_line}, but the file has {len(lines)} lines; should be "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 from pathlib import Path
 
@@ -12,14 +13,51 @@ BLANKS = " "
 COMMENTS = ("#", "%")
 EMPTY = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null")
 """What a cell holds where nothing was measured."""
+UTF_8 = "utf-8-sig"
+WINDOWS = "cp1252"
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""How a file in UTF-16 begins."""
+_LOOKED_AT_BYTES = 1 << 16
+"""Of a file, to see how its letters are written. More takes time, fewer may miss the first letter
+beyond ASCII in a long title. Chosen by hand."""
+_NOT_IN_TEXT = bytes(set(range(32)) - set(b"\t\n\v\f\r\x1a\x1b"))
 _LONGEST_LINE = 1 << 20
 _MOST_HEAD_LINES = 1000
 
 
-def first_lines(path: Path, beyond_comments: int) -> list[str]:
+def encoding_of(path: Path) -> str:
+    """Return how the letters of a text file are written.
+
+    UTF-8, or UTF-16 behind its mark, or else what Windows' programs write in Western Europe: only
+    names of columns and remarks have letters, so that a wrong one changes no number.
+
+    Raises
+    ------
+    DataError
+        Where it is no text file, or cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(_LOOKED_AT_BYTES)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
+    if start.startswith(UTF_16):
+        return "utf-16"
+    if start.translate(None, _NOT_IN_TEXT) != start:
+        raise DataError(f"{path}: not a text file: it has bytes that no text has")
+    for encoding in (UTF_8, WINDOWS):
+        try:  # a letter may be cut at the end
+            codecs.getincrementaldecoder(encoding)().decode(start)
+        except UnicodeDecodeError:
+            continue
+        return encoding
+    raise DataError(f"{path}: not a text file: neither UTF-8, UTF-16 nor Windows-1252")
+
+
+def first_lines(path: Path, beyond_comments: int, encoding: str) -> list[str]:
     """Return the first lines of a file, so many that are neither blank nor remarks among them."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with path.open(encoding=encoding, newline="") as file:
             lines: list[str] = []
             found = 0
             while found < beyond_comments and len(lines) < _MOST_HEAD_LINES:
@@ -29,7 +67,7 @@ def first_lines(path: Path, beyond_comments: int) -> list[str]:
                 lines.append(line.rstrip("\r\n"))
                 found += not is_remark(line)
     except UnicodeDecodeError as error:
-        raise DataError(f"{path}: not a text file in UTF-8") from error
+        raise DataError(f"{path}: not a text file in {encoding}") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     return lines
