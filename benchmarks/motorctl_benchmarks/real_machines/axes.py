@@ -53,6 +53,15 @@ from motorctl_benchmarks.real_machines.lab_readers import (
     tendon_drive,
     twisted_strings,
 )
+from motorctl_benchmarks.real_machines.motor_readers import (
+    brake,
+    course_group,
+    learnt_actuator,
+    lifted_arm,
+    one_joint,
+    shaft,
+    two_arms,
+)
 from motorctl_benchmarks.real_machines.readers import (
     Columns,
     Read,
@@ -201,6 +210,9 @@ STUDENT_RUNS = {
     "stairs": "2026-02-06_20-12-42_Stair",
     "sine": "2026-02-06_20-06-51_Sine_pi",
 }
+COURSE_STAIRS = "part2_Stair_1_2026-01-31_16-05/Stair_Raw.mat"
+SHAFT_RANDOM = "futek_test_06_05_2021_14-21-05.csv"
+NO_BRAKE = "speed_test_13_02_2021_13-53-46.csv"
 TABLE_RUNS = {"chirp": "chirpFi1Ff9", "square": "SquareA5F08", "random": "RandomA05F01"}
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
@@ -390,6 +402,19 @@ AXES: tuple[RealAxis, ...] = (
         RealAxis(f"tachometer{where}", tachometer(looped), "V", LATE_MOTION)
         for where, looped in (("", False), (" in a loop", True))
     ),
+    RealAxis("two arms, joint 1", two_arms(1), "A", HANGING, "deg"),
+    RealAxis("two arms, joint 4 alone", one_joint(4), "A", HANGING, "deg"),
+    RealAxis("course group's stairs", course_group(COURSE_STAIRS), "V", LATE_MOTION),
+    RealAxis("learnt actuator", learnt_actuator("motorStateCur_0"), "A", FALLING),
+    RealAxis("learnt actuator, where it is sent", learnt_actuator("motorAction_0"), "N*m", HANGING),
+    RealAxis("shaft, random torque", shaft(SHAFT_RANDOM, "a1 torque cmd [Nm]"), "N*m", LATE_MOTION),
+    RealAxis(
+        "steady speed without a brake",
+        brake(NO_BRAKE, "velocity measured [Hz]", "motor torque measured [Nm]"),
+        "N*m",
+        position_unit="turn",
+    ),
+    RealAxis("arm on propellers", lifted_arm, "V", FALLING),
 )
 
 

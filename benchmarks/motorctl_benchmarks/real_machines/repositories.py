@@ -72,6 +72,11 @@ COURSE_MOTOR = "MINIFI2548/FRA233_Lab1_System_Identification"
 SMALLER_SERVO = "TeacherRock/Lorenz_Friction"
 RANDOM_VOLTS = "guanlunlu/motor_system_identification"
 TACHOMETER = "johnnv1/compensator_projects"
+TWO_ARMS = "hujinfei1994/dyn_ident_dualArmV2"
+COURSE_GROUP = "thuxrife/FRA233_Lab1_G04"
+LEARNT_ACTUATOR = "WJJJ2004/actuator_net"
+DYNAMOMETER = "karthikurs/actuator-dynamometer"
+LIFTED_ARM = "labcontrol-data/quasiLPV-vtol"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -139,6 +144,11 @@ REPOSITORIES = (
     SMALLER_SERVO,
     RANDOM_VOLTS,
     TACHOMETER,
+    TWO_ARMS,
+    COURSE_GROUP,
+    LEARNT_ACTUATOR,
+    DYNAMOMETER,
+    LIFTED_ARM,
 )
 """On GitHub."""
 COMMITS = {

@@ -288,6 +288,24 @@ def test_a_hoist_that_comes_back_without_its_load_is_no_reversed_sign(way_back_n
     assert "reversed" not in refusal(hoisted(way_back_n_m))
 
 
+def wound_up(late_s, rate_hz=200.0):
+    """Return a held shaft that a torque winds stair by stair over the middle of what holds it.
+
+    It passes each place once and rests there; its torque is written later than it acts.
+    """
+    time_s = np.arange(round(60.0 * rate_hz)) / rate_hz
+    stairs = np.floor(time_s / 1.5) + np.clip((time_s % 1.5) / 0.12, 0.0, 1.0)
+    x = 0.5 * (stairs / stairs.max()) - 0.25
+    late = np.interp(time_s - late_s, time_s, x)
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(x))
+    return driven(x, 0.8 - 25.0 * late**2 + noise, rate_hz, 4e-4)
+
+
+@pytest.mark.parametrize("late_s", [0.1, 0.15])
+def test_a_held_shaft_that_is_wound_up_is_no_reversed_sign(late_s):
+    assert "reversed" not in refusal(wound_up(late_s))
+
+
 def test_an_axis_that_carries_a_load_and_moves_briskly_shows_a_reversed_sign(run):
     load = 4.0 * float(np.std(run.command))
     assert "reversed" in refusal(replace(run, command=load - run.command))

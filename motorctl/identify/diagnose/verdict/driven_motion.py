@@ -166,22 +166,27 @@ def moved_by(signals: Signals) -> tuple[float, bool]:
     force of the place knows nothing of places that held-out rows alone pass, so inertia and
     friction are asked without one, too, and believed where they explain as much as a sign needs.
     Reversed is a command whose friction would give energy and whose inertia, where it is seen,
-    would be negative, if these two explain a good part of it that no force of the place explains.
+    would be negative, if these two explain a good part of it that no force of the place explains,
+    and a good part of what it and a constant one leave together.
     """
     every = EffectList([cls() for cls in basic_effects().values()])
     model, dropped = without_undetermined(signals, every)
     motion, command, whole = _of_command(signals, model)
     blocks = motion.regressors.blocks
-    best, share, of_place = motion.problem, -np.inf, 0.0
+    constant = np.ones((1, signals.rows))  # a force of the place acts around one, as friction does
+    best, share, of_place, around = motion.problem, -np.inf, 0.0, 0.0
     for columns, soft in _forces_of_place(signals):
         beside = with_columns(motion.problem, columns, soft=soft)
         explained = 1.0 - float(held_out_sse(beside).sum()) / whole
         alone = make_problem(blocks, beside.joined(signals.rows)[len(motion.names) : -1], command)
         of_place = max(of_place, 1.0 - float(held_out_sse(alone).sum()) / whole)
+        held = with_columns(make_problem(blocks, constant, command), columns, soft=soft)
+        around = max(around, 1.0 - float(held_out_sse(held).sum()) / whole)
         if explained > share:
             best, share = beside, explained
     one_way = bool(dropped)
-    backwards = share - of_place > REVERSED and _drives_back(signals, motion, best, one_way)
+    told = share - of_place > REVERSED and share - around > REVERSED * (1.0 - around)
+    backwards = told and _drives_back(signals, motion, best, one_way)
     of_motion = 1.0 - float(held_out_sse(motion.problem).sum()) / whole
     believed = of_motion > max(share, REVERSED)
     if believed and not _drives_back(signals, motion, motion.problem, one_way):
