@@ -98,7 +98,8 @@ def refusal(machine: RealAxis, folder: Path) -> str:
 def test_a_real_machine_gets_a_right_answer_or_none(machine: RealAxis, tmp_path: Path) -> None:
     axis = diagnosed(machine, tmp_path)
     named = {effect.name for effect in axis.effects if effect.confidence >= RELIED_UPON}
-    print(f"{machine.name}: {axis.verdict}; {axis.sentence}")
+    told = ", ".join(f"{e.name} ({e.confidence:.2f})" for e in axis.effects) or "-"
+    print(f"{machine.name}: {axis.verdict}; {told}; {axis.sentence}")
     assert named <= set(machine.may_name)
     before, after = (
         axis.error.simulated_position_before_rms,
