@@ -58,6 +58,7 @@ from motorctl_benchmarks.real_machines.motor_readers import (
     course_group,
     learnt_actuator,
     lifted_arm,
+    machine_axis,
     one_joint,
     shaft,
     two_arms,
@@ -211,7 +212,9 @@ STUDENT_RUNS = {
     "sine": "2026-02-06_20-06-51_Sine_pi",
 }
 COURSE_STAIRS = "part2_Stair_1_2026-01-31_16-05/Stair_Raw.mat"
+COURSE_SINE = "part2_Sine_1_2026-01-31_19-10/Sine_Raw.mat"
 SHAFT_RANDOM = "futek_test_06_05_2021_14-21-05.csv"
+SHAFT_HELD = "futek_test_13_05_2021_18-10-31.csv"
 NO_BRAKE = "speed_test_13_02_2021_13-53-46.csv"
 TABLE_RUNS = {"chirp": "chirpFi1Ff9", "square": "SquareA5F08", "random": "RandomA05F01"}
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
@@ -402,12 +405,16 @@ AXES: tuple[RealAxis, ...] = (
         RealAxis(f"tachometer{where}", tachometer(looped), "V", LATE_MOTION)
         for where, looped in (("", False), (" in a loop", True))
     ),
-    RealAxis("two arms, joint 1", two_arms(1), "A", HANGING, "deg"),
-    RealAxis("two arms, joint 4 alone", one_joint(4), "A", HANGING, "deg"),
+    *(RealAxis(f"two arms, joint {n}", two_arms(n), "A", HANGING, "deg") for n in (1, 2)),
+    *(RealAxis(f"two arms, joint {n} alone", one_joint(n), "A", HANGING, "deg") for n in (2, 4)),
     RealAxis("course group's stairs", course_group(COURSE_STAIRS), "V", LATE_MOTION),
+    RealAxis("course group's sine", course_group(COURSE_SINE), "V", LATE_MOTION),
+    RealAxis("machine tool's axis", machine_axis, "%", LATE_MOTION),
     RealAxis("learnt actuator", learnt_actuator("motorStateCur_0"), "A", FALLING),
     RealAxis("learnt actuator, where it is sent", learnt_actuator("motorAction_0"), "N*m", HANGING),
     RealAxis("shaft, random torque", shaft(SHAFT_RANDOM, "a1 torque cmd [Nm]"), "N*m", LATE_MOTION),
+    RealAxis("shaft, the drive's torque", shaft(SHAFT_RANDOM, "a1 torque [Nm]"), "N*m"),
+    RealAxis("shaft that is held", shaft(SHAFT_HELD, "a1 torque [Nm]"), "N*m", ("position_force",)),
     RealAxis(
         "steady speed without a brake",
         brake(NO_BRAKE, "velocity measured [Hz]", "motor torque measured [Nm]"),

@@ -13,6 +13,7 @@ from motorctl_benchmarks.real_machines.repositories import (
     DYNAMOMETER,
     LEARNT_ACTUATOR,
     LIFTED_ARM,
+    MACHINE_AXIS,
     TWO_ARMS,
     folder_of,
 )
@@ -50,6 +51,15 @@ def course_group(name: str) -> Read:
         return {signal: rows[column] for signal, column in columns.items()}
 
     return read
+
+
+def machine_axis(recordings: Path) -> Columns:
+    """Read a machine tool's axis: a speed that is held for 14 ms, and duty cycle, 1.4 kHz."""
+    path = folder_of(recordings, MACHINE_AXIS) / "dataset.mat"
+    names = {"time_s": "X", "velocity": "Y(2)", "command": "Y(3)"}
+    columns = {signal: f"cigan.{column}.Data" for signal, column in names.items()}
+    rows = MatTable(path).read(columns.values())
+    return {signal: rows[column] for signal, column in columns.items()}
 
 
 def learnt_actuator(column: str) -> Read:

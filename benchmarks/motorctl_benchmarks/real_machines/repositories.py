@@ -76,6 +76,7 @@ TWO_ARMS = "hujinfei1994/dyn_ident_dualArmV2"
 COURSE_GROUP = "thuxrife/FRA233_Lab1_G04"
 LEARNT_ACTUATOR = "WJJJ2004/actuator_net"
 DYNAMOMETER = "karthikurs/actuator-dynamometer"
+MACHINE_AXIS = "CiganOliviu/brushless-DC-electric-motor-identification"
 LIFTED_ARM = "labcontrol-data/quasiLPV-vtol"
 REPOSITORIES = (
     UR10E,
@@ -148,6 +149,7 @@ REPOSITORIES = (
     COURSE_GROUP,
     LEARNT_ACTUATOR,
     DYNAMOMETER,
+    MACHINE_AXIS,
     LIFTED_ARM,
 )
 """On GitHub."""
