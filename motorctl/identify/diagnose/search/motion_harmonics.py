@@ -34,14 +34,11 @@ takes time. Chosen by hand: at 8, and a parabola between, the thirteenth multipl
 
 def without_harmonics(signals: Signals, forms: list[Form]) -> list[Form]:
     """Return forms without waves over time that are harmonics of the motion."""
-    if not any(_is_wave(form) for form in forms) or not (frequency := swing_hz(signals)):
+    waves = [form for form in forms if "wave_over_time" in form.effect.groups]
+    if not waves or not (frequency := swing_hz(signals)):
         return forms
     finest = AS_NEAR / (float(signals.time_s[-1] - signals.time_s[0]) or 1.0)
-    return [f for f in forms if not (_is_wave(f) and _is_harmonic(f, frequency, finest))]
-
-
-def _is_wave(form: Form) -> bool:
-    return "wave_over_time" in form.effect.groups
+    return [f for f in forms if f not in waves or not _is_harmonic(f, frequency, finest)]
 
 
 def swing_hz(signals: Signals) -> float:
