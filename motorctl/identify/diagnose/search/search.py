@@ -45,7 +45,6 @@ from motorctl.identify.diagnose.search.mending import (
     mended,
     without_unneeded,
 )
-from motorctl.identify.diagnose.search.motion_harmonics import without_harmonics
 from motorctl.identify.diagnose.search.noise_twins import largest_gain
 from motorctl.identify.diagnose.search.physics import physical
 from motorctl.identify.diagnose.search.settling import settled
@@ -250,7 +249,6 @@ def search(
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
         forms = ranked(hypothesis, candidates(hypothesis, spans), spans, sign)
-        forms = without_harmonics(hypothesis.regressors.signals, forms)
         if side == "command":  # real machines have more than one thing without a name
             forms = [f for f in forms if not at_bound(f.effect, spans)] or forms
         best = gain(hypothesis, forms[0].held_out) if forms else 0.0
