@@ -15,7 +15,7 @@ import numpy as np
 from motorctl.log.hdf5_place import DEEPEST, Place, members
 from motorctl.log.mat_objects import OBJECT_REFERENCE
 from motorctl.log.table import MOST_MATRIX_COLUMNS
-from motorctl.log.table_mat import dotted
+from motorctl.log.table_mat import dotted, vectors_of
 
 if TYPE_CHECKING:
     import h5py
@@ -59,7 +59,8 @@ def _within(file: h5py.File, name: str, item: Any, depth: int = 0) -> Iterator[t
             for k, reference in enumerate(item[()].ravel(), 1):
                 yield from _within(file, f"{name}{{{k}}}", file[reference], depth + 1)
     elif _is_numeric(item):
-        yield from _of_numbers(name, str(item.name), item.shape)
+        for ending, index in vectors_of(item.shape[::-1]):
+            yield f"{name}{ending}", Place(str(item.name), index[::-1])
 
 
 def _refers(item: Any) -> bool:
@@ -76,17 +77,3 @@ def _is_numeric(item: Any) -> bool:
     ):
         return False
     return item.dtype != np.uint32 or int(item[(0,) * item.ndim]) != OBJECT_REFERENCE
-
-
-def _of_numbers(name: str, path: str, stored: tuple[int, ...]) -> Iterator[tuple[str, Place]]:
-    """Return the vectors of an array, whose sizes are those that are stored, backwards."""
-    if max(stored) == np.prod(stored):
-        yield name, Place(path)
-    elif len(stored) == 2:
-        columns, rows = stored
-        if columns < rows and columns <= MOST_MATRIX_COLUMNS:
-            yield from (
-                (f"{name}(:,{k + 1})", Place(path, (k, slice(None)))) for k in range(columns)
-            )
-        elif rows < columns and rows <= MOST_MATRIX_COLUMNS:
-            yield from ((f"{name}({k + 1},:)", Place(path, (slice(None), k))) for k in range(rows))

@@ -77,17 +77,24 @@ def _vectors(name: str, value: object) -> Iterator[tuple[str, NDArray[Any]]]:
     elif value.dtype == object and value.size <= MOST_MATRIX_COLUMNS:
         for k, cell in enumerate(value.ravel(order="F"), 1):
             yield from _vectors(f"{name}{{{k}}}", cell)
-    elif value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) == value.size:
-        yield name, value.ravel()
-    elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value):
-        yield from ((f"{name}(:,{k + 1})", value[:, k]) for k in range(value.shape[1]))
-    elif value.dtype.kind in "fiu" and value.ndim == 2 and _is_tall(value.T):
-        yield from ((f"{name}({k + 1},:)", value[k]) for k in range(value.shape[0]))
+    elif value.dtype.kind in "fiu":
+        for ending, index in vectors_of(value.shape):
+            yield f"{name}{ending}", value[index].ravel()
 
 
-def _is_tall(matrix: NDArray[Any]) -> bool:
-    rows, columns = matrix.shape
-    return bool(0 < columns < rows and columns <= MOST_MATRIX_COLUMNS)
+def vectors_of(shape: tuple[int, ...]) -> Iterator[tuple[str, tuple[int | slice, ...]]]:
+    """Return for each vector in an array what its name in MATLAB ends with, and its index."""
+    size = int(np.prod(shape))
+    if size < 2:
+        return
+    if max(shape) == size:
+        yield "", (slice(None),) * len(shape)
+    elif len(shape) == 2:
+        rows, columns = shape
+        if columns < rows and columns <= MOST_MATRIX_COLUMNS:
+            yield from ((f"(:,{k + 1})", (slice(None), k)) for k in range(columns))
+        elif rows < columns and rows <= MOST_MATRIX_COLUMNS:
+            yield from ((f"({k + 1},:)", (k, slice(None))) for k in range(rows))
 
 
 def dotted(name: str) -> str:
