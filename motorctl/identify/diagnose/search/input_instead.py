@@ -40,14 +40,15 @@ def inputs_instead(found: Found) -> dict[str, InputInstead]:
         By the friction's name, where there is such an effect.
     """
     old, added = found.final.regressors, found.final.added
+    frictions = [effect for effect in added if "friction" in effect.groups]
+    if not frictions:
+        return {}
     signals = shortened(old.signals, LONGEST_SEARCH_S)
     regressors, _ = whitened(signals, old.declared, added, "acceleration", old.catalogue)
     whole = Hypothesis(regressors, added).refreshed()
     sign, spans = sign_of(old.declared.effects), found.spans
     rivals = {}
-    for effect in added:
-        if "friction" not in effect.groups:
-            continue
+    for effect in frictions:
         rest = whole.without(effect.name)
         classes = [cls for cls in candidates(rest, spans) if cls.kind == "input"]
         forms = ranked(rest, classes, spans, sign)
