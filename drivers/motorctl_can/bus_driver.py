@@ -83,8 +83,7 @@ class BusDriver(Driver):
 
     def safe(self) -> None:
         """Disable everything, a few times; a bus that is not open is opened for that."""
-        self.safe_sent, self.safe_failed = False, ""
-        try:
+        with self.telling_safe():
             if self._link is not None:
                 self._make_safe(self._link)
                 return
@@ -100,9 +99,6 @@ class BusDriver(Driver):
             finally:
                 if claim is not None:
                     claim.release()
-        except Exception as error:
-            self.safe_sent = False
-            self.safe_failed = str(error) or type(error).__name__
 
     def _make_safe(self, link: Link) -> None:
         self.safe_sent = self._send_off(link)

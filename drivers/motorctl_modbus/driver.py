@@ -323,15 +323,11 @@ class ModbusDriver(Driver):
 
     def safe(self) -> None:
         """Zero and disable every axis: on the open connection, else on one made for it."""
-        self.safe_sent, self.safe_failed = False, ""
-        try:
+        with self.telling_safe():
             if self._line is not None and not self._lost and self._safe_on_line():
                 return
             self._safe_on_own_connection()
             self.safe_sent = True
-        except Exception as error:
-            self.safe_sent = False
-            self.safe_failed = str(error) or type(error).__name__
 
     def _safe_on_line(self) -> bool:
         line, exchange, block = self._line, self._exchange, self._outputs

@@ -243,8 +243,7 @@ class SerialDriver(Driver):
 
     def safe(self) -> None:
         """Zero and disable every channel; where the port is not open, it is opened for that."""
-        self.safe_sent, self.safe_failed = False, ""
-        try:
+        with self.telling_safe():
             if self._port is not None:
                 self._send_safe(self._port)
                 return
@@ -254,9 +253,6 @@ class SerialDriver(Driver):
                 self._send_safe(port)
             finally:
                 port.close()
-        except Exception as error:
-            self.safe_sent = False
-            self.safe_failed = str(error) or type(error).__name__
 
     def _send_safe(self, port: Port) -> None:
         frame = b"\0" + frames.frame_of(bare(FrameType.SAFE, self._next_number()))

@@ -25,8 +25,7 @@ at once and through arrays that are made before the first tick. A complete examp
             self.line.send(outputs.volts, outputs.enable)
 
         def safe(self) -> None:
-            self.safe_sent = False
-            with contextlib.suppress(Exception):
+            with self.telling_safe():
                 self.line.send_zero_and_disable()
                 self.safe_sent = True
 
@@ -39,7 +38,8 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import ClassVar
@@ -281,6 +281,19 @@ class Driver(ABC):
 
         It never raises; what came of it is told by `safe_sent`.
         """
+
+    @contextmanager
+    def telling_safe(self) -> Iterator[None]:
+        """Do within it what `safe` does: an error ends that, and is told in `safe_failed`.
+
+        `safe_sent` is False at first; set it where the order could be sent.
+        """
+        self.safe_sent, self.safe_failed = False, ""
+        try:
+            yield
+        except Exception as error:
+            self.safe_sent = False
+            self.safe_failed = str(error) or type(error).__name__
 
     def clear_fault(self, channel: int) -> None:  # noqa: B027 (most devices need no such order)
         """Let the next writes ask a device to forget its fault, for `motorctl reset`.
