@@ -39,4 +39,6 @@ def one_line(text: str) -> str:
 
 
 def _written_out(text: str, kept: str) -> str:
+    if text.isprintable():
+        return text  # as JSON documents of any length are
     return "".join(c if c.isprintable() or c in kept else ascii(c)[1:-1] for c in text)

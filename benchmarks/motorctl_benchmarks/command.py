@@ -144,11 +144,11 @@ def bench(
     from rich.markup import escape
 
     from motorctl.cli.progress import showing_progress
+    from motorctl.cli.say import say
     from motorctl.cli.terminal import Terminal
     from motorctl.errors import UsageError
     from motorctl.json_values import plain
     from motorctl.latency.host import host_line
-    from motorctl.printable import printable
     from motorctl_benchmarks.measure import measure
 
     options: Options | None = None
@@ -180,7 +180,7 @@ def bench(
     with showing_progress("measuring; the first run compiles the kernels") as progress:
         result = measure(subject, progress, options)
     if as_json:
-        typer.echo(json.dumps(plain(result.document()), indent=2, allow_nan=False))
+        say(json.dumps(plain(result.document()), indent=2, allow_nan=False))
         raise typer.Exit(1 if result.failed else 0)
     console = Terminal()
     if not console.is_terminal:
@@ -188,7 +188,7 @@ def bench(
     console.print(host_line(result.host), highlight=False)
     console.print(_table(result))
     for table in result.tables:
-        typer.echo(printable("\n" + "\n".join(table.lines()) + "\n"))
+        say("\n" + "\n".join(table.lines()) + "\n")
     for note in result.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
     _print_mistakes(console, result)

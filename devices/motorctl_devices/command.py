@@ -43,11 +43,12 @@ def gantry_device(
 
     Example: motorctl gantry-device serial_box --link /tmp/motorctl-box
     """
+    from motorctl.cli.say import say
     from motorctl_devices import run_device
 
     def ready(endpoint: str) -> None:
-        typer.echo(f"ready: {endpoint}", err=as_json)
+        say(f"ready: {endpoint}", err=as_json)
 
     told = run_device(device, link, ready, raise_workers=raise_workers)
     if as_json:
-        typer.echo(json.dumps(told))
+        say(json.dumps(told))

@@ -10,8 +10,8 @@ import typer
 
 from motorctl import __version__
 from motorctl.cli.installed import Commands
+from motorctl.cli.say import say
 from motorctl.errors import MotorctlError
-from motorctl.printable import printable
 
 GROUPS = (
     "demo",
@@ -51,7 +51,7 @@ def make_app() -> typer.Typer:
         version: bool = typer.Option(False, "--version", help="Print the version."),
     ) -> None:
         if version:
-            typer.echo(__version__)
+            say(__version__)
             raise typer.Exit
         if context.invoked_subcommand is None:
             raise typer.Exit(2)
@@ -66,7 +66,7 @@ def main() -> None:
     try:
         make_app()()
     except MotorctlError as error:
-        print(printable(f"motorctl: {error}"), file=sys.stderr)
+        say(f"motorctl: {error}", err=True)
         sys.exit(error.exit_status)
     except BrokenPipeError:
         # The reader of our output went away; nothing is wrong, and nobody is left to tell.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
 from motorctl.printable import one_line
 
@@ -179,7 +180,7 @@ def estop(socket: SocketOption = None) -> None:
 
     with Client(socket) as client:
         answer = client.ask("estop")
-    typer.echo(one_line(f"emergency stop: {', '.join(answer['axes'])}"))
+    say(one_line(f"emergency stop: {', '.join(answer['axes'])}"))
 
 
 def register(app: typer.Typer) -> None:
@@ -201,9 +202,7 @@ def _ask(client: Client, do: str, **arguments: Any) -> dict[str, Any]:
 
 def _tell_wait() -> None:
     if sys.stderr.isatty():
-        typer.echo(
-            "motorctl: waiting for the control loop to be ready and the axis to stand", err=True
-        )
+        say("motorctl: waiting for the control loop to be ready and the axis to stand", err=True)
 
 
 def _in(*states: str) -> Any:
@@ -222,7 +221,7 @@ def _tell_program(axis: str, answer: dict[str, Any]) -> None:
 
 
 def _say(axis: str, text: str) -> None:
-    typer.echo(one_line(f"axis {axis}: {text}"))
+    say(one_line(f"axis {axis}: {text}"))
 
 
 def _millimetres(position_m: float) -> str:

@@ -10,6 +10,7 @@ import typer
 
 from motorctl.cli.allowed_code_option import AllowedCodeOption
 from motorctl.cli.choices import ControllerChoice
+from motorctl.cli.say import say
 
 
 def register(app: typer.Typer) -> None:
@@ -47,14 +48,14 @@ def _check(
     from motorctl.errors import ConfigError, UsageError
 
     if schema:
-        typer.echo(json.dumps(config_schema(), indent=2, ensure_ascii=False))
+        say(json.dumps(config_schema(), indent=2, ensure_ascii=False))
         return
     if config is None:
         raise UsageError("check needs a configuration, for example: motorctl check small_stage")
     if code:
         told = _code(config, only_allowed_code)
         if as_json:
-            typer.echo(json.dumps(told, indent=2))
+            say(json.dumps(told, indent=2))
         else:
             print_code(Terminal(), told)
         return
@@ -66,11 +67,11 @@ def _check(
     except ConfigError as error:
         if as_json:
             problems = [vars(problem) for problem in error.problems]
-            typer.echo(json.dumps({"valid": False, "problems": problems}, indent=2))
+            say(json.dumps({"valid": False, "problems": problems}, indent=2))
         raise
     summary = summarise(machine) | _code(config, only_allowed_code)
     if as_json:
-        typer.echo(json.dumps(summary, indent=2))
+        say(json.dumps(summary, indent=2))
     else:
         print_summary(Terminal(), summary)
 

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from motorctl.cli.say import say
+
 
 class MotionChoice(StrEnum):
     """What is recorded for diagnosis."""
@@ -70,26 +72,26 @@ def _close_loop(
         progress("writing reports", 0.0)
         page = write_reports(loop)
     if as_json:
-        print(json.dumps(closed_loop_document(loop) | {"report": str(page)}))
+        say(json.dumps(closed_loop_document(loop) | {"report": str(page)}))
         return
     for part in loop.rounds:
-        print(f"round {part.number}")
+        say(f"round {part.number}")
         for name, axis in part.diagnosis.axes.items():
-            print(f"  axis {name}: {axis.sentence}")
+            say(f"  axis {name}: {axis.sentence}")
             accepted = part.accepted
             if accepted is not None and name in accepted.refinement.axes:
                 for words in accepted.refinement.axes[name].done[:1]:
-                    print(f"    {words}")
+                    say(f"    {words}")
             for words in part.dropped.get(name, ()):
-                print(f"    left out {words}")
+                say(f"    left out {words}")
         for name, why in part.diagnosis.refused.items():
-            print(f"  axis {name} was not diagnosed: {why}")
-    print(f"then: {loop.ended}")
+            say(f"  axis {name} was not diagnosed: {why}")
+    say(f"then: {loop.ended}")
     if loop.velocity is not None:
-        print(velocity_words(loop.velocity))
-    print()
+        say(velocity_words(loop.velocity))
+    say()
     for name, judgement in loop.overall.items():
         print_measures(name, tracking_table(judgement))
-        print(f"  {error_row(judgement)}")
-        print(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
-    print(f"{loop.refined}\n{page}")
+        say(f"  {error_row(judgement)}")
+        say(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
+    say(f"{loop.refined}\n{page}")

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from motorctl.cli.recording_argument import WholeRun
+from motorctl.cli.say import say
 from motorctl.errors import UsageError
 
 
@@ -56,8 +57,8 @@ def _compare(
     pictures = plot_comparison(comparison, out) if out else []
     if as_json:
         document = comparison_document(comparison)
-        print(json.dumps(document | {"pictures": [str(p) for p in pictures]}))
+        say(json.dumps(document | {"pictures": [str(p) for p in pictures]}))
         return
     print_comparison(comparison)
     for picture in pictures:
-        print(picture)
+        say(picture)

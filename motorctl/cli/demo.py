@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.say import say
+
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
     from motorctl.demo.story import Story
 
@@ -47,23 +49,23 @@ def _print(story: Story) -> None:
     )
     from motorctl.identify.compare.measures import EXPLAINED
 
-    print("1. The published experiment: C1 and C2")
+    say("1. The published experiment: C1 and C2")
     comparison = story.experiment.comparison
     for axis in comparison.axes:
         rows = published_beside_ours(comparison, axis)
         print_measures(axis, [rows[:3], rows[3:]])
-    print(EXPLAINED)
-    print(verdict(comparison))
-    print("\n2. Diagnosed: what the declared model lacks")
+    say(EXPLAINED)
+    say(verdict(comparison))
+    say("\n2. Diagnosed: what the declared model lacks")
     for axis in comparison.axes:
-        print(f"axis {axis}: {first_sentence(story.loop, axis)}")
+        say(f"axis {axis}: {first_sentence(story.loop, axis)}")
         for name, there, found, _ in found_beside_plant(story.loop, axis):
-            print(f"  {name}\n    found:    {found}\n    is there: {there}")
-    print("\n3. Refined, and run again")
+            say(f"  {name}\n    found:    {found}\n    is there: {there}")
+    say("\n3. Refined, and run again")
     for axis, judgement in story.loop.overall.items():
         print_measures(axis, tracking_table(judgement))
-    print(gains(story.loop))
+    say(gains(story.loop))
     if story.loop.velocity is not None:
-        print(velocity_words(story.loop.velocity))
-    print(f"\nThe whole story with its pictures: {story.page}")
-    print(f"The refined configuration: {story.loop.refined}")
+        say(velocity_words(story.loop.velocity))
+    say(f"\nThe whole story with its pictures: {story.page}")
+    say(f"The refined configuration: {story.loop.refined}")

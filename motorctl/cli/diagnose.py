@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
@@ -91,7 +92,7 @@ def _diagnose(
             files = write_report(out, found, steps=steps)
             files += [path for paths in programs.values() for path in paths if path is not None]
     if as_json:
-        print(json.dumps(diagnosis_document(found) | {"files": [str(path) for path in files]}))
+        say(json.dumps(diagnosis_document(found) | {"files": [str(path) for path in files]}))
         return
     console = Terminal()
     print_diagnosis(console, found, steps)

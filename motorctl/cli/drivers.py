@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.say import say
+
 if TYPE_CHECKING:
     from motorctl.hal import DriverEntry
 
@@ -24,7 +26,7 @@ def _drivers(
 
     entries = installed_drivers()
     if as_json:
-        typer.echo(json.dumps({"drivers": [_plain(entry) for entry in entries]}, indent=2))
+        say(json.dumps({"drivers": [_plain(entry) for entry in entries]}, indent=2))
     else:
         _print_table(entries)
 

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from motorctl.cli.say import say
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
@@ -31,7 +33,7 @@ def _effects(
         for entry in installed_effects()
     ]  # fmt: skip
     if as_json:
-        typer.echo(json.dumps({"effects": rows}, indent=2))
+        say(json.dumps({"effects": rows}, indent=2))
     else:
         _print_table(rows)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
-from motorctl.printable import printable
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.flight import FlightRecord, Listing
@@ -55,23 +55,23 @@ def _list(
     listing = _listing(log_dir, socket)
     if as_json:
         records = [record.document() for record in listing.records]
-        print(
+        say(
             json.dumps(
                 {"folder": str(listing.folder), "records": records, "broken": list(listing.broken)}
             )
         )
         return
     if not listing.records:
-        print(f"{listing.folder}: no flight records: no axis has tripped")
+        say(f"{listing.folder}: no flight records: no axis has tripped")
     shown = listing.records if every else listing.records[:MOST_LISTED]
     for record in shown:
         others = [axis for axis in record.faults if axis != record.first_axis]
         beside = f"  (and {', '.join(others)})" if others else ""
-        print(printable(f"{record.id}{beside}\n    {record.message}"))
+        say(f"{record.id}{beside}\n    {record.message}")
     if left := len(listing.records) - len(shown):
-        print(f"and {left} older ones: --all")
+        say(f"and {left} older ones: --all")
     for message in listing.broken:
-        print(printable(f"! {message}"))
+        say(f"! {message}")
 
 
 def _show(
@@ -107,13 +107,13 @@ def _show(
 
         pictures = plot_record(found, rows, out)
     if as_json:
-        print(json.dumps(_document(found, moment) | {"pictures": [str(p) for p in pictures]}))
+        say(json.dumps(_document(found, moment) | {"pictures": [str(p) for p in pictures]}))
         return
-    print(printable(_told(found, moment)))
+    say(_told(found, moment))
     for picture in pictures:
-        print(printable(str(picture)))
+        say(str(picture))
     if out is None:
-        print("  pictures: --out DIR")
+        say("  pictures: --out DIR")
 
 
 def _listing(log_dir: Path | None, socket: Path | None) -> Listing:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from motorctl.cli.recording_argument import AllowCode, RecordingParts, WholeRun
+from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
@@ -68,6 +69,6 @@ def _fit(
             lambda name: progress(f"fitting axis {name}"),
         )
     if as_json:
-        print(json.dumps(fit_document(found)))
+        say(json.dumps(fit_document(found)))
     else:
         print_fit(Terminal(), found)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from motorctl.cli.say import say
+
 
 def latency(
     duration: Annotated[
@@ -53,7 +55,7 @@ def latency(
     with showing_progress("measuring; the first run compiles the kernels") as progress:
         result = measure_latency(load(config), options, progress)
     if as_json:
-        typer.echo(json.dumps(result.document(), indent=2))
+        say(json.dumps(result.document(), indent=2))
     else:
         print_latency(Terminal(), result)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.recording_argument import WholeRun
-from motorctl.printable import printable
+from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.log.info import LogInfo
@@ -53,9 +53,9 @@ def _info(files: LogFiles, whole_run: WholeRun = False, as_json: AsJson = False)
     run = is_run(files, whole_run)
     info = describe_run(files, whole_run) if run else describe(files[0])
     if as_json:
-        print(json.dumps(dataclasses.asdict(info)))
+        say(json.dumps(dataclasses.asdict(info)))
     else:
-        print(printable(_told(info)))
+        say(_told(info))
 
 
 def _export(
@@ -71,7 +71,7 @@ def _export(
 
     with showing_progress(f"writing {to.value}") as progress:
         target = export(files, to.value, out, progress, whole_run)
-    print(json.dumps({"out": str(target)}) if as_json else target)
+    say(json.dumps({"out": str(target)}) if as_json else target)
 
 
 def _recover(
@@ -84,14 +84,14 @@ def _recover(
 
     done = recover(file, out)
     if as_json:
-        print(json.dumps(dataclasses.asdict(done) | {"path": str(done.path)}))
+        say(json.dumps(dataclasses.asdict(done) | {"path": str(done.path)}))
     elif done.was_finished:
-        print(f"{done.path}: was complete already, with {done.rows} rows")
+        say(f"{done.path}: was complete already, with {done.rows} rows")
     else:
         tail = "; the torn end of the file was dropped" if done.tail_cut else ""
-        print(f"{done.path}: {done.rows} rows kept{tail}")
+        say(f"{done.path}: {done.rows} rows kept{tail}")
         if done.partial_kept:
-            print("the damage is more than an interrupted write: the partial file stays")
+            say("the damage is more than an interrupted write: the partial file stays")
 
 
 def _told(info: LogInfo) -> str:

@@ -18,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal
 
 
@@ -71,6 +72,6 @@ def _telling_stages(began: float) -> Callable[[str, float], None]:
         nonlocal last
         if what != last:
             last = what
-            print(f"{time.monotonic() - began:5.0f} s  {what}", file=sys.stderr, flush=True)
+            say(f"{time.monotonic() - began:5.0f} s  {what}", err=True)
 
     return tell

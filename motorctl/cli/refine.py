@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motorctl.cli.recording_argument import RecordingParts, WholeRun
+from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
     from motorctl.identify.diagnose.result import RecordingDiagnosis
@@ -76,14 +77,14 @@ def _refine(
     if report is not None:
         written = write_report(report, diagnosis, config_change=refinement.diff, commands=commands)
     if as_json:
-        print(json.dumps(refinement_document(diagnosis, refinement, machine, written)))
+        say(json.dumps(refinement_document(diagnosis, refinement, machine, written)))
         return
     _print(diagnosis, refinement)
     for path in written[:1]:
-        print(path)
-    print("next")
+        say(path)
+    say("next")
     for command in commands:
-        print(f"  {command}")
+        say(f"  {command}")
 
 
 def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
@@ -92,7 +93,6 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
 
     from motorctl.cli.terminal import Terminal
     from motorctl.identify.refine.header import error_words
-    from motorctl.printable import printable
 
     console = Terminal(highlight=False)
     for name, axis in refinement.axes.items():
@@ -104,8 +104,8 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     if console.is_terminal:
         console.print(Syntax(refinement.diff, "diff", background_color="default"))
     else:
-        print(printable(refinement.diff))
-    print(refinement.out)
+        say(refinement.diff)
+    say(refinement.out)
 
 
 def _commands(config: str, refinement: Refinement) -> list[str]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.say import say
+
 if TYPE_CHECKING:
     from motorctl.service import Outcome
 
@@ -92,6 +94,6 @@ def _remove(
 
 def _show(outcome: Outcome, as_json: bool) -> None:
     if as_json:
-        print(json.dumps(outcome.document()))
+        say(json.dumps(outcome.document()))
     else:
-        print("\n".join(outcome.lines()))
+        say("\n".join(outcome.lines()))

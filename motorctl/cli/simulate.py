@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from motorctl.cli.choices import ControllerChoice
+from motorctl.cli.say import say
 
 
 def register(app: typer.Typer) -> None:
@@ -57,12 +58,12 @@ def _simulate(
             "turnaround": result.turnaround,
             "axes": {name: measured_document(run) for name, run in measured.items()},
         }
-        print(json.dumps(document))
+        say(json.dumps(document))
         return
-    print(
+    say(
         f"{log}: {result.duration_s:.1f} s in {result.wall_s:.1f} s, "
         f"{result.times_real_time:.1f} times real time"
     )
     for name, run in measured.items():
         values = zip(COLUMNS, table_cells(run.measures), strict=True)
-        print(f"  {name}: " + ", ".join(f"{label} {value}" for label, value in values))
+        say(f"  {name}: " + ", ".join(f"{label} {value}" for label, value in values))

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
 
 WATCH_PERIOD_S = 0.1
@@ -37,7 +38,7 @@ def status(
     with Client(socket) as client:
         document = client.ask("status", axis=axis)
         if as_json:
-            typer.echo(json.dumps(document, indent=2))
+            say(json.dumps(document, indent=2))
             return
         console = Terminal()
         if not watch:

@@ -27,6 +27,7 @@ from motorctl_benchmarks.control_socket.figures import findings_of
 from motorctl_benchmarks.control_socket.fuzz import fuzzed
 from motorctl_benchmarks.control_socket.session import (
     BUSY,
+    CONVERTING,
     CROWD,
     CROWD_MAIN,
     QUIET,
@@ -107,7 +108,7 @@ def session(**changes: Any) -> Session:
         lateness_s[:late] = 150e-6
         return Spell(kind, lateness_s)
 
-    spells = (spell(QUIET, 10), spell(CROWD, 10), spell(BUSY, 20))
+    spells = (spell(QUIET, 10), spell(CROWD, 10), spell(CONVERTING, 15), spell(BUSY, 20))
     told = Told(connections=200, most_at_once=200, answers=9, fuzzed_bytes=10_000_000)
     return replace(Session(spells * 2, told, 2e-4, 0, ()), **changes)
 
@@ -120,6 +121,8 @@ def test_a_crowd_that_nobody_noticed_meets_the_target() -> None:
     rows = {row[0]: row for row in found.tables[0].rows}
     assert rows[QUIET][1:5] == ("2,000", "1.000", "1.000, 1.000", "0.000")
     assert rows[BUSY][2] == "2.000"
+    logs = found.figures[1]
+    assert (logs.value, logs.peer_value, logs.met) == (1.5, 1.0, False)
 
 
 def test_a_crowd_that_makes_ticks_late_is_told() -> None:
@@ -163,5 +166,6 @@ def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the
     assert shown.rows_lost == 0
     assert shown.told.fuzzed_bytes >= 200_000
     assert len(shown.stops_s) > 2
-    assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, BUSY]
+    assert shown.logs_made > 0
+    assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, CONVERTING, BUSY]
     assert all(len(spell.lateness_s) > 5000 for spell in shown.spells)

@@ -1,10 +1,12 @@
 """What others wrote is shown, and never obeyed by the terminal."""
 
 import sys
+from pathlib import Path
 
 import pytest
 
 from motorctl.cli import main
+from motorctl.cli.say import say
 from motorctl.printable import printable
 
 
@@ -29,3 +31,13 @@ def test_an_error_that_quotes_a_file_shows_its_name_harmlessly(monkeypatch, caps
     told = capsys.readouterr().err
     assert "\x1b" not in told
     assert "red" in told
+
+
+@pytest.mark.parametrize("err", [False, True])
+def test_what_a_command_says_moves_no_terminal(
+    capsys: pytest.CaptureFixture[str], err: bool
+) -> None:
+    say(Path("a\x1b[2Jb.csv"), err=err)
+    said = capsys.readouterr()
+    assert (said.out, said.err)[err] == "a\\x1b[2Jb.csv\n"
+    assert (said.out, said.err)[not err] == ""

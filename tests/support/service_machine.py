@@ -21,7 +21,7 @@ from virtual_machine.checkout import ROOT, add_checkout
 from virtual_machine.machine import machine
 from virtual_machine.recipe import UnavailableError
 
-LIMIT_S = 3000
+LIMIT_S = 4500
 STORY = ROOT / "tests/system/service_machine"
 SOCKETCAN = ROOT / "tests/drivers/can/socketcan"
 """Its machine, slow enough for an emulated processor, and how to compile for it outside."""

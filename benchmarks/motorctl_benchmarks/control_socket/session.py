@@ -1,13 +1,15 @@
-"""A daemon with the simulated gantry in motion: left alone, under a crowd, and on a busy computer.
+"""A daemon with the simulated gantry in motion: left alone, and with what may disturb its loop.
 
-The three are taken in turn, so that whatever else this computer does meets all of them. Last comes
-one more crowd, into which emergency stops are called.
+That is a crowd on its socket, the making of logs, and busy programs. The four are taken in turn, so
+that whatever else this computer does meets all of them. Last comes one more crowd, into which
+emergency stops are called.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,7 +28,9 @@ from numpy.typing import NDArray
 from motorctl.daemon.client import Client
 from motorctl.errors import MotorctlError, RunError
 from motorctl.latency.progress import Progress
+from motorctl.log import background
 from motorctl.log.folder import stored_logs
+from motorctl.log.partial import SUFFIX
 from motorctl_benchmarks.control_socket.crowd import Crowd, Told
 
 CONFIG = "published_gantry"
@@ -36,6 +40,8 @@ SETTLE_S = 1.0
 BETWEEN_STOPS_S = 0.05
 BUSY_PROGRAMS = 2
 QUIET, CROWD, BUSY = "left alone", "under the crowd", "beside busy programs"
+CONVERTING = "while logs are made"
+KINDS = (QUIET, CROWD, CONVERTING, BUSY)
 MAIN = "from motorctl.cli import main; main()"
 CROWD_MAIN = "from motorctl_benchmarks.control_socket.crowd import main; main()"
 SPIN = "while True: pass"
@@ -79,6 +85,8 @@ class Session:
     """What should not have been, a sentence each."""
     stops_s: tuple[float, ...] = ()
     """From connecting to the answer of each emergency stop that was called into a crowd."""
+    logs_made: int = 0
+    """How often a log was made of what was recorded so far."""
 
 
 def run_session(options: SocketOptions, progress: Progress) -> Session:
@@ -90,7 +98,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         Where the daemon does not start.
     """
     marks: list[tuple[str, int, int]] = []
-    told, troubles = Told(), []
+    told, troubles, logs_made = Told(), [], 0
     with tempfile.TemporaryDirectory(prefix="motorctl-") as name:
         folder = Path(name)
         folder.chmod(0o711)  # made-up users have to reach the socket
@@ -98,19 +106,20 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
             before = client.ask("status")
             for axis in before["axes"]:
                 client.ask_when_ready("start", lambda: None, axis=axis)
-            kinds = (QUIET, CROWD, BUSY)
-            for number in range(len(kinds) * options.rounds):
-                kind = kinds[number % len(kinds)]
+            for number in range(len(KINDS) * options.rounds):
+                kind = KINDS[number % len(KINDS)]
                 _keep_moving(client)
                 time.sleep(SETTLE_S)
                 first = _ticks(client)
                 if kind == CROWD:
                     told.add(_crowd(options, folder, number), at_once=False)
+                elif kind == CONVERTING:
+                    logs_made += _make_logs(options.spell_s, folder)
                 else:
                     _wait(options.spell_s, busy=kind == BUSY)
                 marks.append((kind, first, _ticks(client)))
                 troubles += _troubles(client, before, kind)
-                progress((number + 1) / (len(kinds) * options.rounds + 1))
+                progress((number + 1) / (len(KINDS) * options.rounds + 1))
             _keep_moving(client)
             stops_s, unanswered = _stops(options, folder)
             troubles += unanswered
@@ -131,7 +140,8 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         troubles.append(f"{told.mistakes} answers told of a mistake of the daemon's own")
     lost = status["recording"]["rows_lost"]
     period_s = 1.0 / before["loop"]["rate_hz"]
-    return Session(spells, told, period_s, lost, tuple(dict.fromkeys(troubles)), stops_s)
+    wrong = tuple(dict.fromkeys(troubles))
+    return Session(spells, told, period_s, lost, wrong, stops_s, logs_made)
 
 
 @contextmanager
@@ -239,6 +249,27 @@ def _wait(seconds: float, *, busy: bool) -> None:
         for program in programs:
             program.kill()
             program.wait()
+
+
+def _make_logs(seconds: float, folder: Path) -> int:
+    """Make logs of what is recorded so far, one after the other, and return how many.
+
+    Raises
+    ------
+    RunError
+        Where a log cannot be made.
+    """
+    end, made = time.monotonic() + seconds, 0
+    recorded = max((folder / "logs").glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
+    while time.monotonic() < end:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            copy = shutil.copy(recorded, scratch)
+            run = [sys.executable, "-P", "-m", background.__name__, copy]
+            done = subprocess.run(run, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RunError(f"no log can be made: {done.stderr.strip().splitlines()[-1:]}")
+        made += 1
+    return made
 
 
 def _troubles(client: Client, before: dict[str, Any], kind: str) -> list[str]:
