@@ -110,10 +110,10 @@ def bench(
 ) -> None:
     """Measure how fast motorctl is here, how often its diagnoses are right, what guards detect.
 
-    speed: the law, the tick and virtual time, as ratios to peers in the same run. diagnosis: a
-    blind campaign on simulated machines with known causes, beside PySINDy and SysIdentPy where
-    these are installed; what was wrong is listed with the key that runs it again. buses: C2 in
-    wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
+    speed: the law, the tick, virtual time and the first start of a daemon, as ratios to peers in
+    the same run. diagnosis: a blind campaign on simulated machines with known causes, beside
+    PySINDy and SysIdentPy where these are installed; what was wrong is listed with the key that
+    runs it again. buses: C2 in wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
     simulation. machines: the diagnosis judged by machines of three generators that were written
     apart and share no code with motorctl; one of them needs MuJoCo. recordings: the position that
     each model predicts of real machines, beside PySINDy and SysIdentPy where these are installed.
@@ -121,7 +121,8 @@ def bench(
     guards promise, and hours of motion without a fault.
 
     socket: a daemon at 5 kHz, left alone, under 200 clients of which some send 10 million fuzzed
-    bytes, and beside busy programs, in turn: late ticks of each, and what the clients were told.
+    bytes, while logs are made, and beside busy programs, in turn: late ticks of each, and what the
+    clients were told.
 
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
     campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not

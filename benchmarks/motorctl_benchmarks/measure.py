@@ -12,6 +12,7 @@ from motorctl.latency.host import host_facts
 from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.findings import Findings, TextTable
 from motorctl_benchmarks.law_figures import law_figures
+from motorctl_benchmarks.start_figures import start_figures
 from motorctl_benchmarks.tick_figures import tick_figures
 from motorctl_benchmarks.virtual_figures import virtual_figures
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
-SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures)
+SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures, start_figures)
 """Measured one after the other."""
 
 

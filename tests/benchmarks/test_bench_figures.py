@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target, missed
 from motorctl.latency.host import host_facts
-from motorctl_benchmarks import law_figures, tick_figures, virtual_figures
+from motorctl_benchmarks import law_figures, start_figures, tick_figures, virtual_figures
+from motorctl_benchmarks import measure as bench_subjects
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.findings import TextTable
 from motorctl_benchmarks.gantries import gantry_with
@@ -107,6 +108,7 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     monkeypatch.setattr(tick_figures, "ROUNDS", 2)
     monkeypatch.setattr(virtual_figures, "SPANS", 2)
     monkeypatch.setattr(virtual_figures, "SPAN_S", 0.2)
+    monkeypatch.setattr(bench_subjects, "SPEED", bench_subjects.SPEED[:3])  # starts take minutes
     app = typer.Typer()
     app.command()(bench)
     answer = CliRunner().invoke(app, ["speed", "--json"])
@@ -162,3 +164,14 @@ def test_names_of_others_are_written_out_wherever_the_command_prints_them(monkey
     assert answer.exit_code == 0
     assert all(c.isprintable() or c == "\n" for c in answer.stdout)
     assert answer.stdout.count(shown) == 10
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.wall_clock
+def test_the_first_start_compiles_what_the_next_one_finds(monkeypatch):
+    monkeypatch.setattr(start_figures, "NEXT_STARTS", 1)
+    figures, _notes = start_figures.start_figures(_ignore)
+    (first,) = figures
+    assert first.value > 2.0 * first.peer_value > 0.0
+    assert first.ratio == pytest.approx(first.peer_value / first.value)

@@ -8,7 +8,6 @@ emergency stops are called.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -16,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -32,9 +30,9 @@ from motorctl.log import background
 from motorctl.log.folder import stored_logs
 from motorctl.log.partial import SUFFIX
 from motorctl_benchmarks.control_socket.crowd import Crowd, Told
+from motorctl_benchmarks.running_daemon import END_S, running_daemon
 
 CONFIG = "published_gantry"
-START_S, END_S = 300.0, 120.0
 SETTLE_S = 1.0
 """Between two spells."""
 BETWEEN_STOPS_S = 0.05
@@ -42,7 +40,6 @@ BUSY_PROGRAMS = 2
 QUIET, CROWD, BUSY = "left alone", "under the crowd", "beside busy programs"
 CONVERTING = "while logs are made"
 KINDS = (QUIET, CROWD, CONVERTING, BUSY)
-MAIN = "from motorctl.cli import main; main()"
 CROWD_MAIN = "from motorctl_benchmarks.control_socket.crowd import main; main()"
 SPIN = "while True: pass"
 
@@ -102,7 +99,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
     with tempfile.TemporaryDirectory(prefix="motorctl-") as name:
         folder = Path(name)
         folder.chmod(0o711)  # made-up users have to reach the socket
-        with _daemon(options.config, folder) as (process, client):
+        with running_daemon(options.config, folder) as (process, client):
             before = client.ask("status")
             for axis in before["axes"]:
                 client.ask_when_ready("start", lambda: None, axis=axis)
@@ -142,40 +139,6 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
     period_s = 1.0 / before["loop"]["rate_hz"]
     wrong = tuple(dict.fromkeys(troubles))
     return Session(spells, told, period_s, lost, wrong, stops_s, logs_made)
-
-
-@contextmanager
-def _daemon(config: str, folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], Client]]:
-    socket = folder / "motorctl.sock"
-    command = [sys.executable, "-P", "-c", MAIN, "run", config, "--log-dir", str(folder / "logs")]
-    with ExitStack() as end:
-        errors = end.enter_context((folder / "stderr.txt").open("wb"))
-        own = {**os.environ, "XDG_STATE_HOME": str(folder / "state")}  # nobody learns from this
-        process = subprocess.Popen([*command, "--socket", str(socket)], stderr=errors, env=own)
-        end.callback(_end, process)
-        deadline = time.monotonic() + START_S
-        while True:
-            with suppress(MotorctlError):
-                client = Client(socket)
-                if client.ask("status")["recording"]["rows"] > 0:
-                    break
-                client.close()
-            if process.poll() is not None or time.monotonic() > deadline:
-                said = (folder / "stderr.txt").read_text().strip()
-                raise RunError(f"the daemon did not start: {said.splitlines()[-1:] or 'silent'}")
-            time.sleep(0.1)
-        end.callback(client.close)
-        yield process, client
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 def _keep_moving(client: Client) -> None:
