@@ -113,12 +113,12 @@ def bench(
     speed: the law, the tick, virtual time and the first start of a daemon, as ratios to peers in
     the same run. diagnosis: a blind campaign on simulated machines with known causes, beside
     PySINDy and SysIdentPy where these are installed; what was wrong is listed with the key that
-    runs it again. buses: C2 in wall-clock time against the simulated gantry behind each bus, a minute each, beside the direct
-    simulation. machines: the diagnosis judged by machines of three generators that were written
-    apart and share no code with motorctl; one of them needs MuJoCo. recordings: the position that
-    each model predicts of real machines, beside PySINDy and SysIdentPy where these are installed.
-    campaign: faults to order in every state, on several machines and buses, each judged by what the
-    guards promise, and hours of motion without a fault.
+    runs it again. buses: C2 in wall-clock time against the simulated gantry behind each bus, a
+    minute each, beside the direct simulation. machines: the diagnosis judged by machines of three
+    generators that were written apart and share no code with motorctl; one of them needs MuJoCo.
+    recordings: the position that each model predicts of real machines, beside PySINDy and
+    SysIdentPy where these are installed. campaign: faults to order in every state, on several
+    machines and buses, each judged by what the guards promise, and hours of motion without a fault.
 
     socket: a daemon at 5 kHz, left alone, under 200 clients of which some send 10 million fuzzed
     bytes, while logs are made, and beside busy programs, in turn: late ticks of each, and what the
