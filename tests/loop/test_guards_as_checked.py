@@ -4,7 +4,7 @@ import math
 
 import pytest
 import yaml
-from config_bench import problems
+from config_bench import problems, write
 from loop_bench import (
     TS,
     Rig,
@@ -16,20 +16,26 @@ from loop_bench import (
     with_sim,
 )
 
-from motorctl.config import shipped_config
+from motorctl.config import load, shipped_config, summarise
 from motorctl.config.guard_keys import EncoderNoise, Thermal
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.motion import point_to_point
 
 RESOLUTION_M = 0.5e-6
 TOP_SPEED_M_S = 1.5
 
 
-def takes(folder, **keys):
-    """Return whether `check` takes the shipped gantry with these keys of its x axis."""
+def shipped(**keys):
+    """Return the shipped gantry as plain data, with these keys of its x axis."""
     data = yaml.safe_load(shipped_config("published_gantry").read_text())
     for part, changes in keys.items():
         data["axes"]["x"].setdefault(part, {}).update(changes)
-    told = problems(folder, data)
+    return data
+
+
+def takes(folder, **keys):
+    """Return whether `check` takes the shipped gantry with these keys of its x axis."""
+    told = problems(folder, shipped(**keys))
     assert all(problem.key.startswith("axes.x.") for problem in told)
     return not told
 
@@ -143,3 +149,24 @@ def test_noise_beyond_the_largest_limit_that_check_takes_is_told_as_noise(most_n
 def test_noise_beyond_thrice_as_much_would_be_told_as_something_else(most_noise_m, seed):
     told = told_as(3.0 * most_noise_m, 3.3 * most_noise_m, seed)
     assert told not in (FaultCause.NONE, FaultCause.ENCODER_NOISE)
+
+
+# Friction at the start
+
+
+@pytest.mark.parametrize(("limit_m", "trips"), [(3e-6, True), (4.3e-6, False)])
+def test_a_slow_start_against_friction_trips_only_a_limit_that_check_notes(
+    tmp_path, limit_m, trips
+):
+    # 0.1 V by ks k1, 95 V s/m x 250 1/s: 4.2 um.
+    error = {"minimum_m": limit_m, "per_velocity_s": 0.0, "filter_time_s": 0.0}
+    path = write(tmp_path, shipped(limits={"following_error": error}))
+    notes = [note for note in summarise(load(path))["notes"] if "friction holds" in note]
+    assert bool(notes) is trips
+    sticky = {**THETA_0, "presliding": {"kind": "dahl", "displacement_m": 1e-6}}
+    plant = with_sim(gantry(), plants={0: sticky})
+    with Rig(with_axes(plant, ["x"], limits={"following_error": error})) as rig:
+        rig.start()
+        rig.follow({"x": point_to_point(0.0, 0.2e-3, 0.3e-3, 5.0, 500.0)})
+        rig.seconds(0.4)
+        assert (rig.fault_of("x") is FaultCause.FOLLOWING_ERROR) is trips
