@@ -60,7 +60,7 @@ def hottest_v(
     period_s
         Of the axis [s].
     """
-    steps = int(min(max(cycle_s / period_s, 1.0), MOST_STEPS))
+    steps = round(min(max(cycle_s / period_s, 1.0), MOST_STEPS))
     volts = command(np.linspace(0.0, cycle_s, steps, endpoint=False)).tolist()
     kept = heat_kept(time_constant_s, cycle_s / steps)
     once = _heats(volts, 0.0, kept)[-1]

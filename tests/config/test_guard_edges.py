@@ -4,9 +4,10 @@ import copy
 
 import config_bench
 import pytest
+import yaml
 from config_bench import MACHINE, drop, machine, problems, write
 
-from motorctl.config import load
+from motorctl.config import load, shipped_config
 from motorctl.config.summary import summarise
 from motorctl_sim import SimOptions
 from motorctl_sim.options.presets import PRESETS
@@ -182,6 +183,24 @@ def test_a_device_with_a_clock_of_its_own_has_to_be_waited_for_a_tick(tmp_path, 
     changes = {"drivers__line__late": {"hold_ticks": 0}}
     refuses(tmp_path, "drivers.line.late.hold_ticks", *told, **changes)
     takes(tmp_path, drivers__line__late={"hold_ticks": 1})
+
+
+@pytest.mark.parametrize(
+    ("config", "asked", "free"),
+    [
+        ("serial_gantry", {"mode": "poll"}, {"mode": "stream"}),
+        ("can_gantry", {"sync": {"id": 0x80, "wait_s": 700e-6}}, {"sync": None}),
+    ],
+)
+def test_of_one_bus_only_the_mode_without_asking_needs_a_tick_of_patience(
+    tmp_path, config, asked, free
+):
+    data = yaml.safe_load(shipped_config(config).read_text())
+    data["drivers"]["gantry"] |= {"late": {"hold_ticks": 0}, **asked}
+    assert problems(tmp_path, data) == ()
+    data["drivers"]["gantry"] |= free
+    (told,) = problems(tmp_path, data)
+    assert told.key == "drivers.gantry.late.hold_ticks"
 
 
 @pytest.mark.parametrize(
