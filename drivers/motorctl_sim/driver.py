@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.hal import (
+    LIMIT_SWITCHES,
     Channel,
     Driver,
     DriverOptions,
@@ -19,6 +20,7 @@ from motorctl.hal import (
     RateBudget,
     kernels_cached,
     specialise,
+    unseen_limit_switches,
 )
 from motorctl_sim import compose
 from motorctl_sim.options import SimOptions
@@ -104,6 +106,18 @@ class SimDriver(Driver):
             for end, channel in enumerate(beam.channels)
             if channel not in numbers
         ]
+
+    def advice(self) -> Sequence[str]:
+        """Tell whose plants have no limit switches."""
+        plants = {channel.axis: self._sim.plant(channel.number) for channel in self.channels}
+        return tuple(
+            unseen_limit_switches(
+                {
+                    axis: LIMIT_SWITCHES if plant.limit_switches_m else ()
+                    for axis, plant in plants.items()
+                }
+            )
+        )
 
     def start_virtual_time(self) -> None:
         """Let time pass in `advance` only."""

@@ -30,6 +30,17 @@ class Exchange:
     """The bus or line that it has for itself."""
     advice: tuple[str, ...]
     """What it leaves open that a safe machine would want."""
+    own_clock: bool
+    """Whether the device samples by a clock of its own."""
+
+
+def has_own_clock(delay_periods: float) -> bool:
+    """Return whether a device samples by a clock of its own, by its driver's exchange delay.
+
+    Samples that are taken when the loop asks are as old as whole periods; others are, on average,
+    half a period older than that.
+    """
+    return delay_periods != round(delay_periods)
 
 
 def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
@@ -46,7 +57,8 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
     except (Exception, SystemExit) as error:  # a driver of a third party may fail in any way
         raise UsageError(f"{type(error).__name__}: {error}") from error
     advice = () if problems else _advice(driver)
-    return Exchange(problems, budget, delay_periods * period_s, wait_s, medium, advice)
+    delay_s, own_clock = delay_periods * period_s, has_own_clock(delay_periods)
+    return Exchange(problems, budget, delay_s, wait_s, medium, advice, own_clock)
 
 
 def _wrong(what: str, told: Any, right: str) -> UsageError:

@@ -12,9 +12,28 @@ JUMP_SPEED_RATIO = 4.0
 """A step of the count beyond this many times the top speed is no motion: it trips as a jump."""
 JUMP_COUNTS = 8
 """Counts that a step may have besides, so that slow axes with coarse encoders do not trip."""
+COUNTER_PARTS = 4
+"""A step of the count of one of so many parts of the counter's range, or more, trips as a jump: it
+could be motion either way. More ask for wider counters, with fewer a count that went backwards
+would be taken for motion forwards. Chosen by hand: half of what two's complement can tell."""
+LATE_READ_PERIODS = 2.0
+"""A read that comes late brings the motion of up to so many periods [periods] in one tick. Larger
+asks for counters that no axis needs; smaller lets a pause of the computer be told as a jump. By
+definition: where it comes later still, a period is skipped, and known to be."""
 OVERSPEED_RATIO = 1.2
 """Motion may exceed the top speed by this much, for some ticks, before it trips the axis."""
-FROZEN_S = 0.1
+OVERSPEED_TICKS = 5
+"""In so many samples in a row the axis has to be too fast. A late read sees the motion of up to two
+periods in one; but lateness cannot grow by a fifth of a period in each of five ticks without a
+whole period being skipped. Fewer trip on late reads, more let the axis go further. Arithmetic."""
+OVERSPEED_COUNTS = 2
+"""Counts a period that the speed may be above that, besides: one count more or less is no speed.
+More let slow axes with coarse encoders be too fast, fewer trip them. Arithmetic."""
+ORDINARY_PAUSE_S = 0.01
+"""An ordinary computer without real time pauses for so long now and then [s]. Longer notes guards
+that work, shorter does not note those that trip within minutes. Chosen by hand: pauses of 8 ms were
+met."""
+FROZEN_S = 10.0 * ORDINARY_PAUSE_S
 """No tick for so long is a computer that stands still: ten times what an ordinary one pauses, and
 what devices' watchdogs usually wait for."""
 FROZEN_PERIODS = 3

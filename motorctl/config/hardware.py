@@ -19,6 +19,12 @@ from motorctl.located_yaml import Document, KeyPath, holds
 WAIT_SHARE = 0.8
 """Of the loop's period: the rest is for computing and for the writes."""
 
+_NO_HOLD = (
+    "found 0, guards.no_new_sample would always trip: the device samples by a clock of its own, "
+    "which is never quite the loop's, so that now and then a tick finds no new sample; should be "
+    "at least 1"
+)
+
 
 @dataclass(frozen=True)
 class Wiring:
@@ -148,6 +154,8 @@ def check_rates(
             continue
         for path, message in exchange.problems:
             add(name, message, *path)
+        if exchange.own_clock and setup.late.hold_ticks == 0:
+            add(name, _NO_HOLD, "late", "hold_ticks")
         if exchange.medium is not None:
             first = media.setdefault(exchange.medium, name)
             if first != name:  # neither could tell what is on it

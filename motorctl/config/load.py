@@ -12,8 +12,8 @@ from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.chosen_code import MayRun, remember
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.groups import check_groups
-from motorctl.config.guard_rules import check_heat
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
+from motorctl.config.heat_rules import check_heat
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.config.machine_guard_rules import check_machine_guards
@@ -163,7 +163,8 @@ def _build(
     if hardware:  # else nothing will move: what a log holds was checked before it was recorded
         problems += check_programs(document, programs, limits, voltages)
         thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
-        problems += check_heat(document, programs, thermals, limits, voltages)
+        rates = {n: own for n in parts if (own := axis_rate(document, n, rate_hz, divisors))}
+        problems += check_heat(document, programs, thermals, limits, voltages, rates)
         for name in parts:
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)

@@ -1,4 +1,7 @@
-"""Guards of the whole machine that could never trip: late ticks, pauses, devices, partners."""
+"""Guards of the whole machine that could never trip: late ticks, pauses, devices, partners.
+
+And what is written beside them where nothing listens to it.
+"""
 
 from __future__ import annotations
 
@@ -66,9 +69,18 @@ def _late_and_frozen(document: Document, rate_hz: float | None) -> Iterator[Find
                     "can never trip: loop.overrun_policy is count; should be leaky_bucket or stop, "
                     "or the guard be removed here",
                 )
-    if loop.overrun_policy != "leaky_bucket" or rate_hz is None:
-        return
     default: int = LoopSettings.model_fields["bucket_size"].default
+    if loop.overrun_policy != "leaky_bucket":
+        if loop.bucket_size != default:  # a log says what was not written, too
+            yield (
+                ("loop", "bucket_size"),
+                f"found {loop.bucket_size}, does nothing: loop.overrun_policy is "
+                f"{loop.overrun_policy}, which has no bucket; should be leaky_bucket, or "
+                "bucket_size be removed",
+            )
+        return
+    if rate_hz is None:
+        return
     most = max(math.floor(rate_hz * STALLED_S), default)
     if loop.bucket_size > most:
         yield (
@@ -80,11 +92,19 @@ def _late_and_frozen(document: Document, rate_hz: float | None) -> Iterator[Find
 
 
 def _partners(document: Document) -> Iterator[Finding]:
-    groups = document.at(("stop_together",))
+    axes, groups = document.part(("axes",)), document.at(("stop_together",))
+    if groups is None and len(axes) == 1:
+        (only,) = axes
+        if _is_chosen(document, only, "partner"):
+            yield (
+                ("axes", only, "guards", "partner"),
+                f"can never trip: '{only}' is the machine's one axis, no other stops together with "
+                "it; remove the guard here",
+            )
     if not isinstance(groups, list):
         return
     named = [axis for group in groups if isinstance(group, list) for axis in group]
-    for name in document.part(("axes",)):
+    for name in axes:
         if name not in named and _is_chosen(document, name, "partner"):
             yield (
                 ("axes", name, "guards", "partner"),

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
+from motorctl.config.count_limits import ambiguous_counts, too_fast_m_s
+from motorctl.config.guard_keys import COUNTER_PARTS, LATE_READ_PERIODS
 from motorctl.config.validation import Finding, shown, suggest
 from motorctl.control import max_input_delay_s
 from motorctl.located_yaml import KeyPath
@@ -94,16 +96,30 @@ def stopping_distance_m(velocity: float, acceleration: float, jerk: float) -> fl
 
 
 def check_encoder(encoder: Encoder, limits: Limits, rate_hz: float) -> Iterator[Finding]:
-    """Check that a tick's count can be unwrapped, and that the limits are coarser than counts."""
-    step = limits.max_velocity_m_s / rate_hz / encoder.resolution_m
-    largest = 2.0 ** (encoder.counter_bits - 2)
-    if step > largest:
-        needed = max(8, math.ceil(math.log2(step)) + 2) if math.isfinite(step) else 65
+    """Check that a tick's count can be unwrapped, and that the limits are coarser than counts.
+
+    The step that is a jump has to be beyond what overspeed trips on, and beyond the top speed's in
+    a read that comes late.
+    """
+    fastest, count_m = limits.max_velocity_m_s, encoder.resolution_m
+    step = fastest / rate_hz / count_m
+    too_fast = too_fast_m_s(fastest, count_m, 1.0 / rate_hz) / rate_hz / count_m
+    late = LATE_READ_PERIODS * step
+    jump = ambiguous_counts(2**encoder.counter_bits)
+    most = max(too_fast + 1.0, late)  # the first whole count that is too fast
+    if most >= jump:
+        bits = math.floor(math.log2(most * COUNTER_PARTS)) + 1 if math.isfinite(most) else 65
+        why = (
+            f"guards.overspeed, beyond {too_fast:.6g}, can never trip"
+            if too_fast + 1.0 >= jump
+            else f"one that is read late, of up to {late:.6g}, would be told as one"
+        )
         yield (
             ("encoder", "counter_bits"),
-            f"found {encoder.counter_bits}, at {limits.max_velocity_m_s:g} m/s and {rate_hz:g} Hz "
-            f"the count moves by {step:.6g} a tick, a quarter of the counter's range is "
-            f"{largest:.6g}; needs {needed} bits, a lower speed or a higher rate",
+            f"found {encoder.counter_bits}, at {fastest:g} m/s and {rate_hz:g} Hz "
+            f"the count moves by {step:.6g} a tick, and a step of a quarter of the counter's "
+            f"range, {jump:.6g}, is a jump: {why}; needs {max(8, bits)} bits, a lower speed or a "
+            "higher rate",
         )
     least = COUNTS_AT_REST * encoder.resolution_m
     if limits.following_error.minimum_m <= least:

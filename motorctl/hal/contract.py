@@ -197,7 +197,8 @@ class Driver(ABC):
     exchange_delay_periods: float = 0.0
     """How many periods later than in a direct exchange a command acts on what is read: 0 where
     `read` brings what was sampled at its call and `write` takes effect at once; 1 where one
-    exchange a period carries both, so that what `read` brings was sampled at the last `write`."""
+    exchange a period carries both, so that what `read` brings was sampled at the last `write`; in
+    between, as on average, where the device samples by a clock of its own."""
     longest_wait_s: float = 0.0
     """How long one `read` and the `write` after it may wait for the device at most. The waits of
     all drivers have to fit into the loop's period, also where a driver has a slower one."""

@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
+from motorctl.config.exchange import has_own_clock
 from motorctl.config.machine import Axis, DriverSetup
+from motorctl.config.motor_heat import heat_kept
 from motorctl.control import fill_by_name
 from motorctl.log.sample import FaultCause
 
@@ -127,10 +129,6 @@ AXIS_STATE = np.dtype(
     align=True,
 )
 
-# Motion may exceed the configured top speed, by OVERSPEED_RATIO, for less than these ticks, before
-# the axis is stopped. A late read sees the motion of up to two periods in one; but lateness cannot
-# grow by a fifth of a period in each of five ticks without a whole period being skipped.
-OVERSPEED_TICKS = 5
 # A prediction starts from the last velocities, each with this weight: one sample that came late
 # reads as up to twice the speed.
 DRIFT_WEIGHT = 0.1
@@ -188,7 +186,7 @@ def fill_axis_settings(
     record["period_s"] = period_s
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
     record["exchange"] = exchange_delay >= 1.0
-    record["asked"] = exchange_delay == round(exchange_delay)
+    record["asked"] = not has_own_clock(exchange_delay)
     mass = axis.model.index_of("acceleration")
     assert mass is not None  # no configuration is valid without
     fullest_m_s2 = limits.max_voltage_v / axis.estimates[mass].initial
@@ -231,5 +229,5 @@ def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
         record["saturation_ticks"] = max(1, round(guards.saturation.time_s / period_s))
     if guards.thermal:
         record["continuous_voltage_v"] = guards.thermal.continuous_voltage_v
-        record["heat_kept"] = math.exp(-period_s / guards.thermal.time_constant_s)
+        record["heat_kept"] = heat_kept(guards.thermal.time_constant_s, period_s)
     record["frozen_ticks"] = max(1, round(guards.frozen_s(period_s) / period_s))

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
-from motorctl.loop.guards.motion import LIMIT_NEGATIVE, LIMIT_POSITIVE
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.guards.homing import check_homing
 from motorctl.loop.reference import ramp
 from motorctl.loop.states import Event, take
 
@@ -38,15 +36,7 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
     pressed = (axis.status & HOME_SWITCH) != 0
     search, latch = settings.search_velocity_m_s, settings.latch_velocity_m_s
     axis.phase_ticks += elapsed
-    blocked = (axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0) or (
-        axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0
-    )
-    if blocked:
-        trip(axis, FaultCause.HOMING_FAILED, axis.position_m, 0.0, t)
-        return False
-    if axis.phase_ticks > settings.homing_ticks:
-        passed_s = axis.phase_ticks * settings.period_s
-        trip(axis, FaultCause.HOMING_FAILED, passed_s, settings.homing_ticks * settings.period_s, t)
+    if not check_homing(settings, axis, t):
         return False
     # A narrow switch may have been run over while stopping: it has to be met again first.
     if axis.phase in (RETREAT, LATCH_EDGE) and pressed:

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.guards.homing import check_apart
 from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import State
@@ -73,7 +72,7 @@ def joined_marks(
     if phase == LATCH_INDEX:
         _find_mark(settings.first, first, raw_index, status)
         _find_mark(settings.second, second, second_raw_index, second_status)
-        _check_apart(settings, axis, dual, t)
+        check_apart(settings, axis, dual, True, t)
         both = first.done and second.done
         # What the axis takes for its mark's count lies half way between the two.
         mark_m = 0.5 * (first.latched_m + second.latched_m) - axis_settings.offset_m
@@ -84,42 +83,11 @@ def joined_marks(
     leaves = axis_settings.search_velocity_m_s * axis_settings.latch_velocity_m_s < 0.0
     _find_edge(first, phase, leaves)
     _find_edge(second, phase, leaves)
-    _check_apart(settings, axis, dual, t)
+    check_apart(settings, axis, dual, phase == LATCH_EDGE, t)
     both = first.done and second.done
     if phase == SEARCH or (phase == LATCH_EDGE and not leaves):
         return HOME_SWITCH if both else 0
     return 0 if both else HOME_SWITCH
-
-
-@inner_kernel
-def _check_apart(settings: Any, axis: Any, dual: Any, t: float) -> None:
-    """Trip where one end has gone on for too long since the other found what it looks for.
-
-    And, once both have, where they lie too far apart for a beam that could be squared.
-    """
-    first, second = dual.first, dual.second
-    allowed = settings.max_out_of_square_m
-    if first.done and second.done:
-        if dual.phase in (SEARCH, RETREAT):
-            return
-        apart = _apart_m(settings, dual)
-        if abs(apart) > allowed:
-            trip(axis, FaultCause.NOT_SQUARE, apart, allowed, t)
-    elif first.done or second.done:
-        gone = abs(axis.position_m - dual.apart_from_m)
-        allowed += abs(settings.square_offset_m)
-        if gone > allowed:
-            trip(axis, FaultCause.NOT_SQUARE, gone, allowed, t)
-    else:
-        dual.apart_from_m = axis.position_m
-
-
-@inner_kernel
-def _apart_m(settings: Any, dual: Any) -> float:
-    """Return by how much the beam was out of square as its ends found their edges or marks [m]."""
-    return (  # type: ignore[no-any-return]
-        dual.first.latched_m - dual.second.latched_m - settings.square_offset_m
-    )
 
 
 @inner_kernel

@@ -8,13 +8,10 @@ that is pulled askew is held even where the mean's command stands at its limit.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from motorctl.kernels import inner_kernel
-from motorctl.log.sample import FaultCause
-from motorctl.loop.guards.reactions import trip
-from motorctl.loop.guards.skew import check_skew
+from motorctl.loop.guards.skew import check_skew, check_skew_command
 from motorctl.loop.homing_ends import settle_ends
 from motorctl.loop.states import is_enabled
 
@@ -70,8 +67,7 @@ def hold_skew(
         p = (error - dual.error_m) / passed_s + settings.k1_1_s * error
         dual.error_m = error
         du = -settings.ks_v_s_m * p - dual.d_v
-        if not math.isfinite(du):
-            trip(axis, FaultCause.NOT_A_NUMBER, 0.0, limit, t)
+        if not check_skew_command(axis, du, limit, t):
             dual.command_v = 0.0
             return
         dual.command_v = min(max(du, -limit), limit)

@@ -23,7 +23,7 @@ MISTAKES = [
     ("axes.x.encoder", 5, None, ["5", "mapping"]),
     ("axes.x.encoder.direction", 0, None, ["0", "-1 or 1"]),
     ("axes.x.encoder.resolution", 1e-6, None, ["unknown key", "'resolution_m'"]),
-    ("axes.x.encoder.counter_bits", 8, None, ["found 8", "500 a tick", "11 bits"]),
+    ("axes.x.encoder.counter_bits", 8, None, ["found 8", "500 a tick", "12 bits"]),
     ("axes.x.encoder.counter_bits", 65, None, ["65", "64"]),
     ("axes.x.limits.travel_m", [0.3, -0.1], None, ["[0.3, -0.1]", "lower"]),
     ("axes.x.limits.travel_m", [0.3], "axes.x.limits.travel_m[1]", ["missing"]),

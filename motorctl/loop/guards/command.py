@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from motorctl.config.motor_heat import warmed
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.reactions import react, trip
 from motorctl.loop.states import State
+
+_warmed = inner_kernel(warmed)
 
 
 @inner_kernel
@@ -30,8 +33,7 @@ def warm(settings: Any, axis: Any, elapsed: int) -> None:
     """Let the motor's model warm or cool by what the last command did, enabled or not."""
     if settings.continuous_voltage_v > 0.0:
         kept = settings.heat_kept if elapsed == 1 else settings.heat_kept**elapsed
-        square = axis.command_v * axis.command_v
-        axis.heat_v2 = square + kept * (axis.heat_v2 - square)
+        axis.heat_v2 = _warmed(axis.heat_v2, axis.command_v, kept)
 
 
 @inner_kernel

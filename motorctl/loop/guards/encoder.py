@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from motorctl.config.guard_keys import JUMP_COUNTS, JUMP_SPEED_RATIO, OVERSPEED_RATIO
+from motorctl.config import count_limits
+from motorctl.config.guard_keys import OVERSPEED_RATIO
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.guards.reactions import trip
 from motorctl.loop.states import is_off
+
+_ambiguous_counts = inner_kernel(count_limits.ambiguous_counts)
+_longest_step_m = inner_kernel(count_limits.longest_step_m)
 
 
 @inner_kernel
@@ -21,7 +25,7 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
     unit = abs(settings.metres_per_count)
     span = settings.counter_span
     if span:
-        if abs(step) >= span // 4:
+        if abs(step) >= _ambiguous_counts(span):
             return True
         fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
         if not axis.blind_ticks:
@@ -35,8 +39,8 @@ def count_is_ambiguous(settings: Any, axis: Any, step: int, elapsed: int) -> boo
 @inner_kernel
 def longest_step_m(settings: Any, elapsed: int) -> float:
     """Return the longest step of the count that may be motion [m], in so many periods."""
-    reach = JUMP_SPEED_RATIO * settings.max_velocity_m_s * settings.period_s * elapsed
-    return reach + JUMP_COUNTS * abs(settings.metres_per_count)  # type: ignore[no-any-return]
+    unit, seconds = abs(settings.metres_per_count), settings.period_s * elapsed
+    return _longest_step_m(settings.max_velocity_m_s, unit, seconds)
 
 
 @inner_kernel
@@ -48,7 +52,7 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
     """
     if not is_off(axis):
         fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
-        quarter_m = 0.25 * settings.counter_span * abs(settings.metres_per_count)
+        quarter_m = _ambiguous_counts(settings.counter_span) * abs(settings.metres_per_count)
         longest = quarter_m / (fastest * settings.period_s)
         if settings.counter_span and elapsed > 1 and elapsed >= longest:
             trip(axis, FaultCause.OVERRUN, elapsed - 1.0, float(int(longest)), t)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from motorctl.config.guard_keys import OVERSPEED_RATIO
+from motorctl.config.count_limits import too_fast_m_s
+from motorctl.config.guard_keys import OVERSPEED_RATIO, OVERSPEED_TICKS
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.axis_records import OVERSPEED_TICKS, STANDSTILL_RATIO
+from motorctl.loop.axis_records import STANDSTILL_RATIO
 from motorctl.loop.guards.reactions import react, trip
 
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
+
+_too_fast_m_s = inner_kernel(too_fast_m_s)
 
 
 @inner_kernel
@@ -57,10 +60,11 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip on speed, soft limits, limit switches and following error."""
     x, v = axis.position_m, axis.velocity_m_s
     fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
-    # One count more or less is no speed.
-    noise = 2.0 * abs(settings.metres_per_count) / settings.period_s
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
-        axis.fast_count = axis.fast_count + 1 if abs(v) > fastest + noise else 0
+        beyond = _too_fast_m_s(
+            settings.max_velocity_m_s, abs(settings.metres_per_count), settings.period_s
+        )
+        axis.fast_count = axis.fast_count + 1 if abs(v) > beyond else 0
     if axis.fast_count >= OVERSPEED_TICKS:
         react(settings, axis, FaultCause.OVERSPEED, v, fastest, t)
     if axis.homed:

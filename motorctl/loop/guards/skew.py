@@ -1,7 +1,8 @@
-"""Guard of the skew: the two motors of one beam must not pull its ends apart."""
+"""Guards of the skew: the two motors of one beam must not pull its ends apart."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from motorctl.kernels import inner_kernel
@@ -27,3 +28,12 @@ def check_skew(settings: Any, dual_settings: Any, axis: Any, dual: Any, t: float
         trip(axis, FaultCause.SKEW, skew, limit, t)
     elif abs(skew) > limit:
         react(settings, axis, FaultCause.SKEW, skew, limit, t)
+
+
+@inner_kernel
+def check_skew_command(axis: Any, du_v: float, limit_v: float, t: float) -> bool:
+    """Return whether the skew loop's command is a number; trip where it is none."""
+    if math.isfinite(du_v):
+        return True
+    trip(axis, FaultCause.NOT_A_NUMBER, 0.0, limit_v, t)
+    return False
