@@ -26,6 +26,8 @@ class Exchange:
     """How much later than in a direct exchange a command acts on what was read."""
     wait_s: float
     """How long the loop may have to wait for it in a tick."""
+    watchdog_s: float | None
+    """How long the device goes on without a command; None where nobody knows."""
     medium: str | None
     """The bus or line that it has for itself."""
     advice: tuple[str, ...]
@@ -40,13 +42,15 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         budget = None if problems else _budget(driver.rate_budget())
         delay_periods = _amount("exchange_delay_periods", driver.exchange_delay_periods)
         wait_s = _amount("longest_wait_s", driver.longest_wait_s)
+        watchdog_s = _watchdog(driver.watchdog_s)
         medium = _medium(driver.medium)
     except MotorctlError:
         raise
     except (Exception, SystemExit) as error:  # a driver of a third party may fail in any way
         raise UsageError(f"{type(error).__name__}: {error}") from error
     advice = () if problems else _advice(driver)
-    return Exchange(problems, budget, delay_periods * period_s, wait_s, medium, advice)
+    delay_s = delay_periods * period_s
+    return Exchange(problems, budget, delay_s, wait_s, watchdog_s, medium, advice)
 
 
 def _wrong(what: str, told: Any, right: str) -> UsageError:
@@ -80,6 +84,12 @@ def _amount(what: str, told: Any) -> float:
     if not (_is_number(told) and 0 <= told < math.inf):
         raise _wrong(what, told, "a finite number, 0 or more")
     return float(told)
+
+
+def _watchdog(told: Any) -> float | None:
+    if told is None or (_is_number(told) and told > 0):
+        return None if told is None else float(told)
+    raise _wrong("watchdog_s", told, "a number above 0, or None")
 
 
 def _is_number(told: Any) -> bool:
