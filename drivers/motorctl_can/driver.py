@@ -56,6 +56,7 @@ class CanDriver(BusDriver):
         self._layout = options.layout
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
+        self.watchdog_s = options.watchdog_s
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
         self._took: Callable[..., int] = kernels.take

@@ -20,7 +20,7 @@ from motorctl_can.bus import link_settings
 from motorctl_can.bus_driver import CLOSED, SAFE_REPEATS, BusDriver
 from motorctl_can.link import Link
 from motorctl_canopen import fits, objects
-from motorctl_canopen.exchange import Exchange
+from motorctl_canopen.exchange import Exchange, heartbeat_periods
 from motorctl_canopen.node import Node
 from motorctl_canopen.opening import Opening
 from motorctl_canopen.options import CanopenOptions
@@ -45,6 +45,9 @@ class CanopenDriver(BusDriver):
         # A command that waits for the next SYNC acts a period after what it answers was sampled.
         self.exchange_delay_periods = 1.0 if options.command_at == "sync" else 0.0
         self.longest_wait_s = options.sync.wait_s
+        # A pause may begin when the next heartbeat was almost due.
+        between_s = heartbeat_periods(options.watchdog_s, period_s) * period_s
+        self.watchdog_s = options.watchdog_s - between_s
         self._nodes: list[Node] = []
 
     def rate_budget(self) -> RateBudget:

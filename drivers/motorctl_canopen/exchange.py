@@ -34,8 +34,7 @@ class Exchange:
         self._nmt = _message(objects.NMT_ID, 2)
         self._heartbeat = _message(objects.HEARTBEAT_ID + options.host_node, 1)
         self._heartbeat.data[0] = objects.OPERATIONAL
-        share_s = options.watchdog_s / HEARTBEATS_A_WATCHDOG
-        self._heartbeat_periods = max(1, int(share_s / period_s))
+        self._heartbeat_periods = heartbeat_periods(options.watchdog_s, period_s)
         self._until_heartbeat = 0
         self._places: dict[int, tuple[int, Node]] = {}
         for node in nodes:
@@ -234,6 +233,19 @@ class Exchange:
             self.listen(self._all_here, OPENING_PERIOD_S)
             time.sleep(OPENING_PERIOD_S / 10)
         return True
+
+
+def heartbeat_periods(watchdog_s: float, period_s: float) -> int:
+    """Return how many periods lie between two of motorctl's heartbeats.
+
+    Parameters
+    ----------
+    watchdog_s
+        The time after which a drive that hears none switches off [s].
+    period_s
+        Of the bus [s].
+    """
+    return max(1, int(watchdog_s / HEARTBEATS_A_WATCHDOG / period_s))
 
 
 def _message(identifier: int, length: int) -> can.Message:

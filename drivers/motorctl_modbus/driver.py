@@ -77,6 +77,7 @@ class ModbusDriver(Driver):
         super().__init__(options, channels, period_s)
         assert isinstance(options, ModbusOptions)
         self._modbus = options
+        self.watchdog_s = options.watchdog_s
         tcp, rtu = options.tcp, options.rtu
         if tcp is not None:
             # Behind one gateway there may be several units.

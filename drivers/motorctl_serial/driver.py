@@ -75,6 +75,7 @@ class SerialDriver(Driver):
         self.device: Capabilities | None = None
         """What the device said of itself at the last `open`."""
         self.exchange_delay_periods = DELAY_PERIODS[options.mode]
+        self.watchdog_s = options.watchdog_s
         self._polls = options.mode == "poll"
         self._exchanges = options.mode == "exchange"
         self._streams = options.mode == "stream"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -62,6 +63,7 @@ class SimDriver(Driver):
     Options: ClassVar[type[DriverOptions]] = SimOptions
     supports_virtual_time: ClassVar[bool] = True
     simulated: ClassVar[bool] = True
+    watchdog_s: float | None = math.inf
 
     def __init__(
         self, options: DriverOptions, channels: Sequence[Channel], period_s: float

@@ -26,6 +26,8 @@ class Exchange:
     """How much later than in a direct exchange a command acts on what was read."""
     wait_s: float
     """How long the loop may have to wait for it in a tick."""
+    watchdog_s: float | None
+    """How long the device goes on without a command; None where nobody knows."""
     medium: str | None
     """The bus or line that it has for itself."""
     advice: tuple[str, ...]
@@ -51,6 +53,7 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         budget = None if problems else _budget(driver.rate_budget())
         delay_periods = _amount("exchange_delay_periods", driver.exchange_delay_periods)
         wait_s = _amount("longest_wait_s", driver.longest_wait_s)
+        watchdog_s = _watchdog(driver.watchdog_s)
         medium = _medium(driver.medium)
     except MotorctlError:
         raise
@@ -58,7 +61,7 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         raise UsageError(f"{type(error).__name__}: {error}") from error
     advice = () if problems else _advice(driver)
     delay_s, own_clock = delay_periods * period_s, has_own_clock(delay_periods)
-    return Exchange(problems, budget, delay_s, wait_s, medium, advice, own_clock)
+    return Exchange(problems, budget, delay_s, wait_s, watchdog_s, medium, advice, own_clock)
 
 
 def _wrong(what: str, told: Any, right: str) -> UsageError:
@@ -92,6 +95,12 @@ def _amount(what: str, told: Any) -> float:
     if not (_is_number(told) and 0 <= told < math.inf):
         raise _wrong(what, told, "a finite number, 0 or more")
     return float(told)
+
+
+def _watchdog(told: Any) -> float | None:
+    if told is None or (_is_number(told) and told > 0):
+        return None if told is None else float(told)
+    raise _wrong("watchdog_s", told, "a number above 0, or None")
 
 
 def _is_number(told: Any) -> bool:

@@ -114,7 +114,9 @@ class HostFrozen(Disables):
     """Trip where the computer stood still: no tick came for time_s."""
 
     time_s: Annotated[float, Field(gt=0, le=10)] | None = Field(
-        default=None, description="null: 0.1 s, or three periods of the axis if that is more"
+        default=None,
+        description="null: 0.1 s, or three periods of the axis if that is more; at most the "
+        "watchdog of the device, which has switched off by then",
     )
 
 
@@ -214,12 +216,16 @@ class Guards(Keys):
             return 0.0
         return self.encoder_stuck.distance_m or following_error_minimum_m
 
-    def frozen_s(self, period_s: float) -> float:
+    def frozen_s(self, period_s: float, watchdog_s: float | None = None) -> float:
         """Return for how long the computer may stand still [s].
 
         Parameters
         ----------
         period_s
             The axis' period [s].
+        watchdog_s
+            How long its device goes on without a command [s]; None where nobody knows. Beyond that
+            its amplifier is off, also where the device has no way to tell.
         """
-        return self.host_frozen.time_s or max(FROZEN_S, FROZEN_PERIODS * period_s)
+        time_s = self.host_frozen.time_s or max(FROZEN_S, FROZEN_PERIODS * period_s)
+        return time_s if watchdog_s is None else min(time_s, watchdog_s)

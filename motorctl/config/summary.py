@@ -66,8 +66,11 @@ def summarise(machine: Machine) -> dict[str, Any]:
     dict
         The document of ``check --json``, with units in the keys; what is infinite becomes None.
     """
-    axes = {n: _axis(axis, machine.period_of(n), machine.loop) for n, axis in machine.axes.items()}
     drivers = dict(_drivers(machine))
+    axes = {
+        n: _axis(axis, machine.period_of(n), machine.loop, drivers[axis.driver]["watchdog_s"])
+        for n, axis in machine.axes.items()
+    }
     summary = {
         "name": machine.name,
         "source": str(machine.source),
@@ -124,10 +127,11 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
             assert budget is not None  # the configuration has been checked
         except MotorctlError as error:
             told |= {"max_rate_hz": None, "used": None, "arithmetic": str(error), "delay_s": 0.0}
-            told["advice"] = []
+            told |= {"advice": [], "watchdog_s": None}
         else:
             told |= {
                 "delay_s": exchange.delay_s,
+                "watchdog_s": exchange.watchdog_s,
                 "max_rate_hz": budget.max_rate_hz,
                 "used": 1.0 / period_s / budget.max_rate_hz,
                 "arithmetic": budget.arithmetic,
@@ -136,7 +140,9 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
         yield name, told
 
 
-def _axis(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
+def _axis(
+    axis: Axis, period_s: float, loop: LoopSettings, watchdog_s: float | None
+) -> dict[str, Any]:
     return {
         "driver": axis.driver,
         "channel": axis.channel,
@@ -146,7 +152,7 @@ def _axis(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
         "encoder": axis.encoder.model_dump(),
         "limits": _limits(axis.limits),
-        "guards": _guards(axis, period_s, loop),
+        "guards": _guards(axis, period_s, loop, watchdog_s),
         "gains": axis.gains.model_dump(),
         "parameters": dict(_parameters(axis)),
         "adaptation": axis.adaptation.model_dump(),
@@ -174,7 +180,9 @@ def _limits(limits: Limits) -> dict[str, Any]:
     return told | {f"stop_{key}": value for key, value in told.pop("stop").items()}
 
 
-def _guards(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
+def _guards(
+    axis: Axis, period_s: float, loop: LoopSettings, watchdog_s: float | None
+) -> dict[str, Any]:
     """The keys as they are, with the numbers that null stands for, and what the loop adds."""
     guards = axis.guards
     told = guards.model_dump()
@@ -183,7 +191,8 @@ def _guards(axis: Axis, period_s: float, loop: LoopSettings) -> dict[str, Any]:
             axis.limits.following_error.minimum_m
         )
     # No time of a machine that waits for its computer is missing.
-    told["host_frozen"]["time_s"] = math.inf if loop.waits else guards.frozen_s(period_s)
+    frozen_s = math.inf if loop.waits else guards.frozen_s(period_s, watchdog_s)
+    told["host_frozen"]["time_s"] = frozen_s
     told["supervisor_lost"]["time_s"] = loop.patience_s
     return told
 

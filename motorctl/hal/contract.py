@@ -202,6 +202,10 @@ class Driver(ABC):
     longest_wait_s: float = 0.0
     """How long one `read` and the `write` after it may wait for the device at most. The waits of
     all drivers have to fit into the loop's period, also where a driver has a slower one."""
+    watchdog_s: float | None = None
+    """How long the device goes on without a command at least, before it disables by itself [s];
+    infinite where it never does, None where nobody knows. A loop that was stalled for longer is the
+    cause of what the device then reports."""
     medium: str | None = None
     """The bus or line that it has for itself, in words, as in "serial port /dev/ttyUSB0"; two
     drivers of one machine may not have the same."""

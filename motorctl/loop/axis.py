@@ -14,6 +14,7 @@ from motorctl.loop.axis_records import DRIFT_WEIGHT, TRUSTED_TICKS
 from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
+    DEVICE_FAULTS,
     ENCODER_LOST,
     FORGET_PLACE,
     check_device,
@@ -30,11 +31,12 @@ from motorctl.loop.guards.encoder import (
 )
 from motorctl.loop.guards.motion import check_motion, set_soft_limits
 from motorctl.loop.guards.readiness import check_readiness, waits_for_power
-from motorctl.loop.guards.supervision import check_pause
+from motorctl.loop.guards.supervision import check_pause, forget_stall, note_pause
 from motorctl.loop.homing import home
 from motorctl.loop.missed_samples import (
     counter_step,
     hold_position,
+    is_old,
     is_unexpected,
     just_left_out,
     leave_out,
@@ -144,14 +146,10 @@ def axis_inputs(
     if status & FORGET_PLACE:
         forget_place(settings, axis)
     axis.status = status & ~FORGET_PLACE
-    if settings.exchange:
-        # After skipped periods one exchange a period brings what was sampled before them.
-        old = elapsed > 1
-    else:
-        # A pause between waking and reading: nobody knows when in it the sample was taken.
-        old = behind >= settings.divisor
+    old = is_old(settings, elapsed, behind)
+    note_pause(settings, axis, elapsed, behind)
     if not is_off(axis):
-        check_device(axis, t)
+        check_device(settings, axis, t)
     if status & UNTRUSTED:
         forget_pause(axis)
         lose_sight(settings, axis, elapsed)
@@ -161,6 +159,8 @@ def axis_inputs(
         if not is_off(axis):
             check_freshness(settings, axis, elapsed, t)
     else:
+        if status & DEVICE_FAULTS == 0:
+            forget_stall(axis, elapsed, behind)
         again = just_left_out(axis)
         before = axis.doubted_raw_counts if again else axis.raw_counts
         follows = axis.have_counts != 0 and elapsed == 1 and (again or axis.blind_ticks == 0)

@@ -58,6 +58,7 @@ AXIS_SETTINGS = np.dtype(
         ("continuous_voltage_v", "f8"),
         ("heat_kept", "f8"),  # of the motor's heat, after a tick
         ("frozen_ticks", "i8"),  # ticks that may be skipped at once
+        ("patience_ticks", "i8"),  # and after which the device is sure not to have given up
         ("skew_limit_m", "f8"),  # of a dual drive
         ("group", "i8"),  # axes of one number stop together; 0: of none
         ("stops_with_program", "i8"),  # so do those that run one program
@@ -88,6 +89,7 @@ AXIS_STATE = np.dtype(
         ("missed_ticks", "i8"),  # all without a new sample, since the loop began
         ("longest_missed_ticks", "i8"),
         ("held_status", "i8"),  # what the driver said meanwhile
+        ("stalled_ticks", "i8"),  # skipped in a pause that the device may not have stood; 0: none
         ("gap_ticks", "i8"),  # periods that the law has not seen
         ("drift_m_s", "f8"),  # velocity beyond the desired one, smoothed: predictions start there
         ("counts", "i8"),  # unwrapped
@@ -152,6 +154,10 @@ MOST_DOUBT = 20
 MOST_OF_ONE_BEND = 0.25
 # But at least for so many squares of the limit: a mean over a few ticks could else never trip.
 LEAST_OF_ONE_BEND = 4.0
+# From one command to the next a pause lasts up to so many periods more than it skips: the one that
+# would have passed anyhow, and one by which the last command was early or the next is late. Fewer
+# tell a watchdog that fired in a pause as a fault of the device, more blame harmless pauses.
+COMMAND_PERIODS = 2
 # Below this share of the top speed an axis counts as standing.
 STANDSTILL_RATIO = 0.01
 # A motor that tripped on its heat has cooled down at this share of its continuous voltage: a fifth
@@ -163,7 +169,12 @@ HOST_FROZEN_BIT = 62
 
 
 def fill_axis_settings(
-    record: np.void, axis: Axis, setup: DriverSetup, tick_s: float, exchange_delay: float
+    record: np.void,
+    axis: Axis,
+    setup: DriverSetup,
+    tick_s: float,
+    exchange_delay: float,
+    watchdog_s: float | None,
 ) -> None:
     """Write an axis' settings into a record.
 
@@ -177,6 +188,8 @@ def fill_axis_settings(
         The loop's period [s].
     exchange_delay
         How much older than the tick the driver's sample is [periods of the axis].
+    watchdog_s
+        How long the device goes on without a command [s]; None where nobody knows.
     """
     limits, homing, encoder = axis.limits, axis.homing, axis.encoder
     asked = {key: 0.0 if value is None else value for key, value in homing}  # None: not searched
@@ -198,7 +211,7 @@ def fill_axis_settings(
     record["absolute"] = homing.method == "absolute"
     record["home_on_switch"] = homing.method in ("switch", "switch_index")
     record["home_on_index"] = homing.method in ("index", "switch_index")
-    fill_guards(record, axis, period_s)
+    fill_guards(record, axis, period_s, watchdog_s)
     record["homing_ticks"] = round(asked["timeout_s"] / period_s)
 
 
@@ -209,8 +222,12 @@ def _bit_of(guard: str) -> int:
     return int(FaultCause.OVERRUN if guard == "late_ticks" else FaultCause[guard.upper()])
 
 
-def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
-    """Write the limits of an axis' guards into a record of AXIS_SETTINGS; period_s is the axis'."""
+def fill_guards(record: np.void, axis: Axis, period_s: float, watchdog_s: float | None) -> None:
+    """Write the limits of an axis' guards into a record of AXIS_SETTINGS.
+
+    period_s is the axis'. Of a device whose watchdog nobody knows, it is that no sample may be
+    missing for longer than `hold_ticks`, which the record has already.
+    """
     guards, limits = axis.guards, axis.limits
     record["skew_limit_m"] = guards.skew.limit_m if guards.skew else 0.0
     record["quick_stops"] = sum(
@@ -230,4 +247,12 @@ def fill_guards(record: np.void, axis: Axis, period_s: float) -> None:
     if guards.thermal:
         record["continuous_voltage_v"] = guards.thermal.continuous_voltage_v
         record["heat_kept"] = heat_kept(guards.thermal.time_constant_s, period_s)
-    record["frozen_ticks"] = max(1, round(guards.frozen_s(period_s) / period_s))
+    frozen_ticks = max(1, round(guards.frozen_s(period_s, watchdog_s) / period_s))
+    if watchdog_s is None:
+        patience_ticks = int(record["hold_ticks"])
+    elif math.isfinite(watchdog_s):
+        patience_ticks = max(0, math.floor(watchdog_s / period_s) - COMMAND_PERIODS)
+    else:
+        patience_ticks = frozen_ticks
+    record["frozen_ticks"] = frozen_ticks
+    record["patience_ticks"] = min(patience_ticks, frozen_ticks)

@@ -53,7 +53,7 @@ INPUTS = """    axis_inputs(
 
 JOIN = """    join_ends(
         settings[{i}], dual_settings[{d}], axes[{i}], duals[{d}], counts[{c}], counts[{c2}],
-        index_counts[{c}], index_counts[{c2}], words[{c}], words[{c2}], {passed}, t,
+        index_counts[{c}], index_counts[{c2}], words[{c}], words[{c2}], {passed}, behind, t,
     )
 """
 

@@ -25,6 +25,7 @@ from motorctl.loop.guards.device import (
     SECOND_END,
 )
 from motorctl.loop.guards.encoder import count_is_ambiguous, jump
+from motorctl.loop.guards.supervision import stalled_periods
 from motorctl.loop.homing_ends import joined_marks
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import is_enabled
@@ -44,11 +45,13 @@ def _read_end(
     own: int,
     raw: int,
     elapsed: int,
+    age: int,
     t: float,
 ) -> None:
     """Unwrap one end's counter into its position; a step too large trips the axis.
 
-    own is the bit that tells which end it is.
+    own is the bit that tells which end it is, elapsed counts the periods that the step may have
+    taken, age those since it was sampled, which the next step has besides.
     """
     ticks = elapsed + end.blind_ticks
     if not end.have_counts:
@@ -68,7 +71,7 @@ def _read_end(
                 axis.fault_status |= own
         end.counts += step
         end.velocity_m_s = settings.metres_per_count * step / (settings.period_s * ticks)
-    end.raw_counts, end.blind_ticks = raw, 0
+    end.raw_counts, end.blind_ticks = raw, age
     end.position_m = settings.metres_per_count * end.counts + settings.offset_m
 
 
@@ -91,6 +94,7 @@ def join_ends(
     status: int,
     second_status: int,
     elapsed: int,
+    behind: int,
     t: float,
 ) -> None:
     """Make one count and one status word of those of both ends.
@@ -119,8 +123,12 @@ def join_ends(
         dual.status = (joined & ~MARKS) | (dual.status & HOME_SWITCH)
         return
     begins = not (first.have_counts and second.have_counts)
-    _read_end(axis_settings, settings.first, axis, first, FIRST_END, raw, elapsed, t)
-    _read_end(axis_settings, settings.second, axis, second, SECOND_END, second_raw, elapsed, t)
+    # In a pause of the loop the ends may go far, and a sample of one exchange a period is as old.
+    passed = stalled_periods(axis_settings, elapsed, behind) + 1
+    age = elapsed - 1 if axis_settings.exchange else 0
+    one, two = settings.first, settings.second
+    _read_end(axis_settings, one, axis, first, FIRST_END, raw, passed, age, t)
+    _read_end(axis_settings, two, axis, second, SECOND_END, second_raw, passed, age, t)
     if begins:
         # Without a zero the beam counts as square where it is found.
         apart_m = first.position_m - second.position_m

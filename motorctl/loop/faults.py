@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.hal import Status, error_code, error_words
+from motorctl.hal import FAULT_BITS, Status, error_code, error_words
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import COOLED_RATIO
 from motorctl.loop.guards.device import ENDS, FIRST_END, SECOND_END
@@ -223,8 +223,8 @@ def fault_message(
     elif cause is FaultCause.OVERRUN and value > 0.0:
         text = (
             f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}, by "
-            "guards.host_frozen, late.hold_ticks or what the counter may turn meanwhile. "
-            "`motorctl latency` measures this computer"
+            "guards.host_frozen, late.hold_ticks, the device's watchdog or what the counter may "
+            "turn meanwhile. `motorctl latency` measures this computer"
         )
     elif cause in _SENTENCES:
         text = _SENTENCES[cause](value, limit, status)
@@ -235,7 +235,12 @@ def fault_message(
         text = _WITHOUT_LIMIT[cause]
     if end := _ENDS.get(status & ENDS):
         text += f", {end} of the beam"
-    told = _code_words(status) if cause is FaultCause.AMPLIFIER else []
+    told = []
+    if cause is FaultCause.OVERRUN and value > 0.0:
+        reported = [said for bit, said in _TROUBLES.items() if status & bit & FAULT_BITS]
+        told = [f"since then {said}" for said in reported]
+    if cause is FaultCause.AMPLIFIER or told:
+        told += _code_words(status)
     if told := told + [words for bit, words in _DEVICE.items() if status & bit]:
         text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"

@@ -41,6 +41,20 @@ def predict_motion(
 
 
 @inner_kernel
+def is_old(settings: Any, elapsed: int, behind: int) -> bool:
+    """Return whether a sample that came may be older than the law takes it for.
+
+    elapsed counts the axis' periods since its last tick, behind the loop's by which the read ended
+    too late.
+    """
+    if settings.exchange:
+        # After skipped periods one exchange a period brings what was sampled before them.
+        return elapsed > 1
+    # A pause between waking and reading: nobody knows when in it the sample was taken.
+    return behind >= settings.divisor  # type: ignore[no-any-return]
+
+
+@inner_kernel
 def counter_step(settings: Any, before: int, raw: int) -> int:
     """Return how far the counter went, its wrap undone."""
     step = raw - before

@@ -106,8 +106,9 @@ class Tick:
         self.laws = np.zeros(len(axes), law_state(parameters, remembered, self.beside.shape[1]))
         for i, axis in enumerate(axes):
             setup = machine.drivers[axis.driver]
-            delay = self.drivers[axis.driver].exchange_delay_periods
-            fill_axis_settings(self.settings[i], axis, setup, machine.period_s, delay)
+            driver = self.drivers[axis.driver]
+            device = driver.exchange_delay_periods, driver.watchdog_s
+            fill_axis_settings(self.settings[i], axis, setup, machine.period_s, *device)
             self.settings[i]["group"] = machine.group_of(axis.name)
             self.settings[i]["stops_with_program"] = machine.stop_together is None
             self.axes[i]["slot"] = -1

@@ -65,6 +65,8 @@ def odd(monkeypatch):
         ("longest_wait_s", None),
         ("longest_wait_s", float("nan")),
         ("exchange_delay_periods", float("inf")),
+        ("watchdog_s", 0.0),
+        ("watchdog_s", "20 ms"),
         ("medium", 3),
     ],
 )
@@ -91,6 +93,19 @@ def test_advice_is_never_a_reason_to_refuse(tmp_path, odd, says, told):
         assert "failed" in advice[0]
     else:
         assert advice == told
+
+
+@pytest.mark.parametrize(
+    ("watchdog_s", "frozen_s"), [(None, 0.1), (float("inf"), 0.1), (0.5, 0.1), (0.02, 0.02)]
+)
+def test_a_computer_may_stand_still_for_as_long_as_the_device_goes_on_at_most(
+    tmp_path, odd, watchdog_s, frozen_s
+):
+    path = config_bench.write(tmp_path, odd("watchdog_s", watchdog_s))
+    told = summarise(load(path))
+    assert told["axes"]["x"]["guards"]["host_frozen"]["time_s"] == frozen_s
+    finite_s = None if watchdog_s == float("inf") else watchdog_s
+    assert told["drivers"]["line"]["watchdog_s"] == finite_s
 
 
 def test_a_driver_that_wants_to_end_the_program_does_not(tmp_path, odd):

@@ -118,6 +118,44 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
         assert not list(daemon.logs.glob("*.tmp"))
 
 
+@pytest.mark.slow
+def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_them_itself(
+    tmp_path: Path,
+) -> None:
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        moving(daemon)
+        time.sleep(1.0)
+        ticks = [daemon.ask("status")["loop"]["ticks"]]
+        loop = loop_pid(daemon)
+        os.kill(daemon.process.pid, signal.SIGKILL)
+        daemon.process.wait()
+        wait_until(lambda: not alive(loop))
+        (closed,) = daemon.partial_logs()
+        start_anew(daemon)
+        converter = stopped_converter(closed)
+        moving(daemon)
+        time.sleep(1.0)
+        status = daemon.ask("status")
+        ticks.append(status["loop"]["ticks"])
+        os.kill(status["loop"]["pid"], signal.SIGKILL)
+        os.kill(converter, signal.SIGKILL)
+        assert daemon.process.wait(60) == 1
+        assert not alive(converter)
+        assert "the loop process ended (killed by SIGKILL)" in daemon.said
+        assert not daemon.partial_logs()
+        said = start_anew(daemon)
+        assert "ended with: " in said
+        assert "Traceback" not in daemon.said
+        assert daemon.end() == 0, daemon.said
+        *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+        assert len(killed) == 2
+        for log, at_kill in zip(killed, ticks, strict=True):
+            table = pq.read_table(log, columns=["tick"])
+            assert table["tick"][-1].as_py() > at_kill - RATE_HZ
+            no_row_is_missing(log)
+        assert not list(daemon.logs.glob("*.tmp"))
+
+
 def stopped_converter(closed: Path) -> int:
     """Wait for the process that makes a log of a closed recording; have it stand in its work."""
     found: list[int] = []

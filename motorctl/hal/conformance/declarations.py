@@ -25,6 +25,7 @@ class DeclarationChecks:
         assert driver.channels == tuple(rig.channels)
         assert driver.period_s == rig.period_s
         assert driver.exchange_delay_periods >= 0.0
+        assert driver.watchdog_s is None or driver.watchdog_s > 0.0
         if rig.type_name is not None:
             assert driver_class(rig.type_name) is cls
 

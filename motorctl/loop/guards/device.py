@@ -34,28 +34,46 @@ def forget_place(settings: Any, axis: Any) -> None:
 
 
 @inner_kernel
-def check_device(axis: Any, t: float) -> None:
-    """Trip on what the driver reports."""
+def check_device(settings: Any, axis: Any, t: float) -> None:
+    """Trip on what the driver reports; no pause of the loop presses an emergency stop."""
     status = axis.status
     if status & ENCODER_LOST:
-        trip(axis, FaultCause.ENCODER_LOST, float(status), 0.0, t)
+        _trip_on_report(settings, axis, FaultCause.ENCODER_LOST, t)
     elif status & COMMUNICATION_LOST:
-        trip(axis, FaultCause.COMMUNICATION, float(status), 0.0, t)
+        _trip_on_report(settings, axis, FaultCause.COMMUNICATION, t)
     elif status & HARDWARE_ESTOP:
         trip(axis, FaultCause.ESTOP, float(status), 0.0, t)
     elif status & AMPLIFIER_FAULT:
-        trip(axis, FaultCause.AMPLIFIER, float(status), 0.0, t)
+        _trip_on_report(settings, axis, FaultCause.AMPLIFIER, t)
+
+
+@inner_kernel
+def _trip_on_report(settings: Any, axis: Any, cause: int, t: float) -> None:
+    """Trip at once: for what the device reports, or for the pause of the loop that it comes of."""
+    if axis.stalled_ticks:
+        _trip_on_pause(settings, axis, t)
+    else:
+        trip(axis, cause, float(axis.status), 0.0, t)
+
+
+@inner_kernel
+def _trip_on_pause(settings: Any, axis: Any, t: float) -> None:
+    stalled, patience = float(axis.stalled_ticks), float(settings.patience_ticks)
+    trip(axis, FaultCause.OVERRUN, stalled, patience, t)
 
 
 @inner_kernel
 def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip where no new sample has come for longer than the configuration allows.
 
-    Where the loop itself was stopped for so long, that is the cause, and not the device.
+    Where the loop itself was stopped for so long, or for longer than the device may have stood,
+    that is the cause, and not the device.
     """
     stopped = elapsed - 1
     if is_overdue(settings, axis) and stopped > 0 and elapsed > settings.hold_ticks:
         trip(axis, FaultCause.OVERRUN, float(stopped), float(settings.hold_ticks), t)
+    elif is_overdue(settings, axis) and axis.stalled_ticks:
+        _trip_on_pause(settings, axis, t)
     elif is_overdue(settings, axis):
         without = float(ticks_without(axis))
         trip(axis, FaultCause.NO_NEW_SAMPLE, without, float(settings.hold_ticks), t)

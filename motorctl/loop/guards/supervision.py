@@ -70,6 +70,34 @@ def supervise(
 
 
 @inner_kernel
+def stalled_periods(settings: Any, elapsed: int, behind: int) -> int:
+    """Return how many of the axis' periods the loop was stalled for, up to the end of the read.
+
+    elapsed counts the axis' periods since its last tick, behind the loop's by which the read ended
+    too late.
+    """
+    return elapsed - 1 + behind // settings.divisor  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def note_pause(settings: Any, axis: Any, elapsed: int, behind: int) -> None:
+    """Keep a pause that the device may not have stood, until the device is heard to be well.
+
+    What it reports until then, or that it is silent, comes of the pause.
+    """
+    stalled = stalled_periods(settings, elapsed, behind)
+    if stalled > settings.patience_ticks:
+        axis.stalled_ticks = max(axis.stalled_ticks, stalled)
+
+
+@inner_kernel
+def forget_stall(axis: Any, elapsed: int, behind: int) -> None:
+    """Note that the device is well, in a tick that the sample cannot be older than the pause."""
+    if elapsed == 1 and behind == 0:
+        axis.stalled_ticks = 0
+
+
+@inner_kernel
 def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip where the axis has had no tick for too long: whatever else is wrong comes of that."""
     skipped = elapsed - 1

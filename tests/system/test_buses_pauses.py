@@ -1,0 +1,99 @@
+"""A loop that stands still for longer than the device at the other end of its bus waits for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from buses_bench import (
+    AXES,
+    BUSES,
+    WATCHDOG_S,
+    DeviceProcess,
+    device_file,
+    free_port,
+    host_file,
+    start,
+)
+from daemon_rig import Daemon, wait_until
+
+from motorctl.daemon.client import DaemonRefusedError
+from motorctl.log import read_recording
+from motorctl.log.sample import AxisState, FaultCause
+
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+
+PAUSE_S = 0.3
+assert PAUSE_S > WATCHDOG_S
+OFF = "since then the amplifier reports a fault"
+TOLD = {
+    "serial poll": "since then communication with the device is lost",
+    "can udp_multicast": OFF,
+    "slcan": OFF,
+    "canopen": OFF,
+}
+"""What the device says in the tick after the pause; on the other buses it is heard later."""
+FEW = ("serial poll", "can udp_multicast", "canopen", "modbus tcp")
+
+
+def _begin_again(daemon: Daemon, axis: str) -> None:
+    def reset() -> bool:
+        with suppress(DaemonRefusedError):
+            daemon.ask("reset", axis=axis)
+            return True
+        return False
+
+    wait_until(reset, 5.0)
+    start(daemon, axis)
+    assert daemon.state(axis) == "running"
+
+
+@pytest.mark.parametrize(
+    "bus_name",
+    [name if name in FEW else pytest.param(name, marks=pytest.mark.long) for name in BUSES],
+)
+def test_a_pause_that_outlasts_the_devices_watchdog_is_told_as_a_pause_and_not_as_its_fault(
+    tmp_path: Path, bus_name: str
+) -> None:
+    bus, port = BUSES[bus_name], free_port()
+    with DeviceProcess(tmp_path, device_file(bus, port)) as device:
+        config = host_file(bus, bus.driver(device.endpoint, port))
+        with Daemon(tmp_path / "daemon", config) as daemon:
+            for axis in AXES:
+                start(daemon, axis)
+            time.sleep(0.5)
+            loop = daemon.ask("status")["loop"]["pid"]
+            os.kill(loop, signal.SIGSTOP)
+            time.sleep(PAUSE_S)
+            os.kill(loop, signal.SIGCONT)
+            wait_until(lambda: all(daemon.state(axis) == "fault" for axis in AXES), 5.0)
+            status = daemon.ask("status")
+            for axis in AXES:
+                fault = status["axes"][axis]["fault"]
+                assert fault["cause"] == "overrun", fault
+                assert "the loop was stalled for" in fault["message"]
+                assert TOLD.get(bus_name, "") in fault["message"]
+            for axis in AXES:
+                _begin_again(daemon, axis)
+            assert daemon.ask("status")["loop"]["pid"] == loop
+            assert daemon.end() == 0, daemon.said
+            log = read_recording(daemon.log(), gaps="keep")
+        device.end()
+    assert device.report["watchdog_trips"] >= 1
+    # The pause trips, in its first tick, and nothing goes out any more.
+    pause = int(np.argmax(np.diff(log.time_s)))
+    assert log.time_s[pause + 1] - log.time_s[pause] > WATCHDOG_S
+    for axis in AXES:
+        recorded = log.axes[axis]
+        assert recorded.state is not None
+        assert recorded.fault is not None
+        assert recorded.state[pause] == AxisState.RUNNING
+        # Where the pause came while the answer was waited for, that tick has it already.
+        assert recorded.state[pause + 1] == AxisState.FAULT
+        assert recorded.fault[pause + 1] == FaultCause.OVERRUN
+        assert recorded.command[pause + 1] == 0.0
