@@ -182,6 +182,9 @@ def bench(
     if as_json:
         typer.echo(json.dumps(plain(result.document()), indent=2, allow_nan=False))
         raise typer.Exit(1 if result.failed else 0)
+    if result.head:
+        _print_page(result)
+        raise typer.Exit(1 if result.failed else 0)
     console = Terminal()
     if not console.is_terminal:
         console = Terminal(width=WIDTH_OF_A_FILE)
@@ -301,6 +304,20 @@ def _socket(seed: int | None) -> SocketOptions:
     from motorctl_benchmarks.control_socket.session import SocketOptions
 
     return SocketOptions(seed=1 if seed is None else seed)
+
+
+def _print_page(result: Result) -> None:
+    """Print Markdown and nothing else, to stand in a page as it is: what was wrong comes first."""
+    from motorctl.latency.host import host_line
+    from motorctl.printable import printable
+
+    lines = [result.head, "", f"{host_line(result.host)}.", ""]
+    for row in result.mistakes:
+        lines += [f"- wrong  {row['case']}  {row['truth']}  ->  {row['answer']}"]
+    for table in result.tables:
+        lines += ["", *table.lines()]
+    lines += ["", *(f"- {note}" for note in result.notes)]
+    typer.echo(printable("\n".join(lines)))
 
 
 def _print_mistakes(console: Terminal, result: Result) -> None:
