@@ -194,7 +194,7 @@ def test_the_loops_death_is_judged_by_the_devices_own_report(fault, changes, why
     report = {"watchdog_trips": 1, "longest_pause_s": 0.0, "watchdog_after_s": 0.2501}
     report |= {"off_s": [(0.0, 97.0), (100.249, None)]} | changes
     key = parse_bus(f"bus:serial-poll:C2:shuttle:{fault}:default:1")
-    outcome = kill_judged(key, report, 0.25, 100.0)
+    outcome = kill_judged(key, report, 0.25, (100.0, 100.001))
     assert [told for told in outcome.failures if why and why in told] == list(outcome.failures)
     assert bool(outcome.failures) == bool(why)
     assert findings_of([], [outcome], []).failed == bool(why)

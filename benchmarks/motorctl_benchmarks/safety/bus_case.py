@@ -43,7 +43,8 @@ class BusOutcome:
     off_ms: float | None = None
     """From the fault to the device's amplifiers off."""
     command_ms: float | None = None
-    """From the detection's tick to the device's amplifiers off, where the loop's command did it."""
+    """From the detection's tick to the device's amplifiers off, at most; None where it was not the
+    loop's command that did it."""
     ramp_ms: float | None = None
     """How long the reference braked."""
     travel_mm: float | None = None

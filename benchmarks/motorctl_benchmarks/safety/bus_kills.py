@@ -81,8 +81,9 @@ def run_kill(key: BusKey) -> KillOutcome:
                     loop = int(client.ask("status")["loop"]["pid"])
                 if key.fault == BOTH_KILLED:  # the supervisor first: it may do nothing any more
                     os.kill(daemon.pid, signal.SIGKILL)
+                before_s = time.monotonic()
                 os.kill(loop, signal.SIGKILL)
-                killed_s = time.monotonic()
+                killed_s = before_s, time.monotonic()
                 daemon.wait()
                 time.sleep(WATCHDOG_S + AFTER_S)
             report = json.loads(ends.device.end())
@@ -90,7 +91,7 @@ def run_kill(key: BusKey) -> KillOutcome:
 
 
 def kill_judged(
-    key: BusKey, report: dict[str, Any], watchdog_s: float, killed_s: float
+    key: BusKey, report: dict[str, Any], watchdog_s: float, killed_s: tuple[float, float]
 ) -> KillOutcome:
     """Judge the device's report: its watchdog is on time, or the supervisor was before it.
 
@@ -103,18 +104,19 @@ def kill_judged(
     watchdog_s
         The device's own, as it was configured.
     killed_s
-        When the kill was over, by CLOCK_MONOTONIC.
+        Right before the kill and right after it, by CLOCK_MONOTONIC: between them it was.
     """
     trips, pause_s = int(report["watchdog_trips"]), float(report["longest_pause_s"])
     period_s = 1.0 / LINES[key.line].rate_hz
     offs = [off for off, on in report["off_s"] if on is None]
-    kill_s = offs[0] - killed_s if offs else None
+    before_s, after_s = killed_s
+    kill_s = offs[0] - before_s if offs else None
     own_s = report["watchdog_after_s"]
     failures = []
     if kill_s is None:
         failures.append("an amplifier was still on")
     if key.fault == BOTH_KILLED:
-        late_s = command_s(key.line, period_s) + pause_s
+        late_s = command_s(key.line, period_s) + pause_s + after_s - before_s
         if trips != 1:
             failures.append(f"the device's watchdog tripped {trips} times, should be once")
         if own_s is not None and not 0.0 <= own_s - watchdog_s <= late_s:

@@ -31,6 +31,9 @@ from motorctl_benchmarks.safety.bus_process import (
 FIRST_S = 0.8
 """From the start of the axes to the first fault."""
 LASTS_S = 0.9
+PAUSED_S = 1.4
+"""From a pause to the reset: the ramp is over, and the device has been off for as long as its
+report takes for a rest."""
 BETWEEN_S = 1.5
 """From a fault's end to the next: reset, started, and under way again."""
 AS_TOLD_S = 1.0
@@ -95,9 +98,9 @@ class Kept:
     log: Recording
     rows_lost: int
     origin_s: float
-    """When the loop's clock was 0, by CLOCK_MONOTONIC."""
+    """When the loop's clock was 0 at the earliest, by CLOCK_MONOTONIC."""
     unsure_s: float
-    """How much earlier that may have been."""
+    """How much later that may have been."""
     off_s: tuple[tuple[float, float | None], ...]
     """When all of the device's amplifiers were off, by CLOCK_MONOTONIC."""
 
@@ -148,7 +151,7 @@ def _times_of(keys: Sequence[BusKey]) -> tuple[list[float], list[Options | None]
 
 
 def _lasts_s(order: Options | None) -> float:
-    return max(LASTS_S, float(order["duration_s"])) if order else LASTS_S
+    return max(LASTS_S, float(order["duration_s"])) if order else PAUSED_S
 
 
 class _Through:
@@ -274,8 +277,8 @@ def _refused(do: Callable[[], object]) -> str:
 
 
 def clock_origin_s(client: Client, rate_hz: float) -> tuple[float, float]:
-    """Return when the loop's clock was 0 by CLOCK_MONOTONIC, at the latest; how much earlier it may
-    have been.
+    """Return when the loop's clock was 0 by CLOCK_MONOTONIC at the earliest, and how much later it
+    may have been.
 
     The newest tick that an answer tells of is no later than the answer, and less than a period
     older than the question.
@@ -287,4 +290,4 @@ def clock_origin_s(client: Client, rate_hz: float) -> tuple[float, float]:
         latest = min(latest, time.monotonic() - told)
         earliest = max(earliest, asked - told - 1.0 / rate_hz)
         time.sleep(0.61 / rate_hz)
-    return latest, max(0.0, latest - earliest)
+    return min(earliest, latest), max(0.0, latest - earliest)

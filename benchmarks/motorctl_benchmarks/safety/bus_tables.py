@@ -24,7 +24,7 @@ def bus_table(outcomes: Sequence[BusOutcome]) -> TextTable:
         "detected by",
         "ticks beyond those held",
         "amplifiers off, ms",
-        "from detection to 0 V there, ms",
+        "from detection to 0 V there at most, ms",
         "ramp, ms",
         "travel, mm",
         "rows lost",
