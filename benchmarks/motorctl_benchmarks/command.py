@@ -308,15 +308,20 @@ def _socket(seed: int | None) -> SocketOptions:
 
 def _print_page(result: Result) -> None:
     """Print Markdown and nothing else, to stand in a page as it is: what was wrong comes first."""
-    from motorctl.latency.host import host_line
     from motorctl.printable import printable
 
-    lines = [result.head, "", f"{host_line(result.host)}.", ""]
-    for row in result.mistakes:
-        lines += [f"- wrong  {row['case']}  {row['truth']}  ->  {row['answer']}"]
+    host = result.host
+    lines = [
+        f"{result.head} {host['cpu']}, {host['cpus']} CPUs, Python {host['python']}, "
+        f"numpy {host['numpy']}, numba {host['numba']}."
+    ]
+    if result.mistakes:
+        lines += ["", *(f"- wrong  {r['case']}  {r['truth']}  ->  {r['answer']}"
+                        for r in result.mistakes)]  # fmt: skip
     for table in result.tables:
         lines += ["", *table.lines()]
-    lines += ["", *(f"- {note}" for note in result.notes)]
+    if result.notes:
+        lines += ["", *(f"- {note}" for note in result.notes)]
     typer.echo(printable("\n".join(lines)))
 
 

@@ -119,7 +119,7 @@ def tables_of_the_page():
     text = page.partition("<!-- tables")[2].partition("-->")[2].partition("<!-- end of tables")[0]
     tables, title = [], ""
     for line in text.splitlines():
-        if line.startswith("**"):
+        if line.startswith("**") and line.endswith("**"):
             title = line.strip("*")
             tables.append((title, []))
         elif line.startswith("|") and not line.startswith("| --"):
@@ -128,7 +128,11 @@ def tables_of_the_page():
 
 
 HEAD, TABLES = tables_of_the_page()
-SIZE, SEED = re.search(r"size (\w+), seed (\d+)", HEAD).groups()
+RUN = re.search(r"^Commit .*, size (\w+), seed (\d+): ", HEAD)
+SIZE, SEED = RUN.groups() if RUN else ("full", "1")
+of_one_run = pytest.mark.skipif(
+    RUN is None, reason="the page's tables are older than the line with commit, size and seed"
+)
 
 
 @pytest.mark.parametrize(("title", "rows"), TABLES, ids=[title for title, _ in TABLES])
@@ -145,6 +149,7 @@ def test_every_line_of_every_table_on_the_page_is_as_promised(title, rows):
                 assert right == count, (title, line)
 
 
+@of_one_run
 def test_the_page_has_every_table_once_with_a_line_or_column_for_all_that_was_run():
     assert [title for title, _ in TABLES] == [
         FAULT_TITLE,
@@ -170,6 +175,7 @@ def test_the_page_has_every_table_once_with_a_line_or_column_for_all_that_was_ru
     assert set(first[QUIET_TITLE]) == {*spell_machines, "all"}
 
 
+@of_one_run
 def test_the_pages_numbers_of_cases_are_those_of_its_tables():
     found = dict(TABLES)
     virtual, buses = keys(SIZE, int(SEED)), bus_keys(SIZE, int(SEED))
