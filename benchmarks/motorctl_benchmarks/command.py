@@ -50,7 +50,7 @@ def bench(
         SizeChoice | None,
         typer.Option(
             help="diagnosis: small (a quarter of an hour on two CPUs; default), or full. "
-            "campaign: small (some minutes; default), or full (half an hour)."
+            "campaign: small (some minutes; default), or full (three quarters of an hour)."
         ),
     ] = None,
     seed: Annotated[

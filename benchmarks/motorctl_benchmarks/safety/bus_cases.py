@@ -19,7 +19,7 @@ LAWS = ("C2", "C1")
 SHUTTLE, CRUISE = "shuttle", "cruise"
 RESTING = ("hold", "off")
 """States that cost no session of their own: they come after the faults in motion."""
-DRAWN_RESTING = 2
+DRAWN_RESTING = 1
 """Faults drawn for each line and controller, for each of these states."""
 DRAWN_APART = 2
 """Faults drawn for each line in each state that needs a session of its own, with one controller."""
