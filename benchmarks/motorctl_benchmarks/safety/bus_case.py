@@ -89,6 +89,8 @@ class _Seen:
     held: int | None = None
     trips: list[int] = field(default_factory=list)
     """The row of each axis' detection."""
+    passed_s: float = 0.0
+    """From the fault to the last sample that came in spite of it."""
     ramp_s: float | None = None
     failures: list[str] = field(default_factory=list)
 
@@ -202,6 +204,8 @@ def _look_at_trip(
     elif wanted.held:
         assert axis.flags is not None
         fresh = np.flatnonzero((axis.flags[: row + 1] & SampleFlag.HELD) == 0)[-1]
+        if wanted.passes:
+            seen.passed_s = max(seen.passed_s, float(log.time_s[fresh]) - began_s - spell.at_s)
         seen.held = round((log.time_s[row] - log.time_s[fresh]) * line.rate_hz)
         pauses = int(np.ceil(pause_s * line.rate_hz)) + 1
         if abs(seen.held - line.hold_ticks - 1) > pauses:
@@ -265,7 +269,7 @@ def _look_at_device(
     the detection. Returns both [ms]."""
     log, why = kept.log, seen.failures
     off_s = spell.told.get("off_after_s")
-    late_s = SLACK_S + 3 * log.period_s + 2 * pause_s
+    late_s = SLACK_S + 3 * log.period_s + 2 * pause_s + seen.passed_s
     if spell.told:
         if off_s is None:
             why.append("an amplifier was still on")

@@ -72,6 +72,8 @@ class Promise:
     """A reset (of an axis that is off: a start) is asked for while it lasts, and has to be refused.
     """
     off_by: OffBy = "command"
+    passes: bool = False
+    """An answer that is hit is now and then as good as a new one: times count from the last."""
     told_reset: bool = False
     """Of an axis that is off: a start is refused until a reset has opened the driver anew, or has
     had the device forget its fault."""
@@ -120,7 +122,7 @@ def _powered(line: str, fault: str) -> Promise:
         return Promise("no_new_sample", 0.0, off_by="device")
     late_s = LATE_S if fault == "late_answers" else 0.0
     asked = not _passes(line, fault) and line != CANOPEN
-    return Promise("no_new_sample", HOLD_S + late_s, asked=asked)
+    return Promise("no_new_sample", HOLD_S + late_s, asked=asked, passes=_passes(line, fault))
 
 
 def _off(line: str, fault: str) -> Promise:
@@ -145,6 +147,12 @@ def _has_port(line: str) -> bool:
 
 
 def _passes(line: str, fault: str) -> bool:
+    """Return whether an answer that is hit is now and then as good as a new one.
+
+    On serial lines a byte more is the byte that ends a message, once in 512.
+    """
+    if line.startswith("serial") and fault == "wrong_length":
+        return True
     return line.startswith("can") and fault in ("late_answers", "stuck_sequence")
 
 
