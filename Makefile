@@ -47,7 +47,7 @@ arm: $(STAMP)
 # Faults x states x machines x controllers; `make campaign SIZE=full` is the one in docs/campaign.md.
 SIZE ?= small
 campaign: $(STAMP)
-	$(BIN)/motorctl bench campaign --size $(SIZE)
+	@$(BIN)/motorctl bench campaign --size $(SIZE)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -50,7 +50,7 @@ def bench(
         SizeChoice | None,
         typer.Option(
             help="diagnosis: small (a quarter of an hour on two CPUs; default), or full. "
-            "campaign: small (some minutes; default), or full (half an hour)."
+            "campaign: small (some minutes; default), or full (three quarters of an hour)."
         ),
     ] = None,
     seed: Annotated[
@@ -183,6 +183,9 @@ def bench(
     if as_json:
         say(json.dumps(plain(result.document()), indent=2, allow_nan=False))
         raise typer.Exit(1 if result.failed else 0)
+    if result.head:
+        _print_page(result)
+        raise typer.Exit(1 if result.failed else 0)
     console = Terminal()
     if not console.is_terminal:
         console = Terminal(width=WIDTH_OF_A_FILE)
@@ -302,6 +305,25 @@ def _socket(seed: int | None) -> SocketOptions:
     from motorctl_benchmarks.control_socket.session import SocketOptions
 
     return SocketOptions(seed=1 if seed is None else seed)
+
+
+def _print_page(result: Result) -> None:
+    """Print Markdown and nothing else, to stand in a page as it is: what was wrong comes first."""
+    from motorctl.printable import printable
+
+    host = result.host
+    lines = [
+        f"{result.head} {host['cpu']}, {host['cpus']} CPUs, Python {host['python']}, "
+        f"numpy {host['numpy']}, numba {host['numba']}."
+    ]
+    if result.mistakes:
+        lines += ["", *(f"- wrong  {r['case']}  {r['truth']}  ->  {r['answer']}"
+                        for r in result.mistakes)]  # fmt: skip
+    for table in result.tables:
+        lines += ["", *table.lines()]
+    if result.notes:
+        lines += ["", *(f"- {note}" for note in result.notes)]
+    typer.echo(printable("\n".join(lines)))
 
 
 def _print_mistakes(console: Terminal, result: Result) -> None:

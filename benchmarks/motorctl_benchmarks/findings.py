@@ -42,5 +42,8 @@ class Findings:
     data: Mapping[str, Any] = field(default_factory=dict)
     """What else is told, as plain data by name."""
     tables: tuple[TextTable, ...] = ()
+    head: str = ""
+    """A line of Markdown that stands above the tables in a page; empty: the tables are for the
+    terminal alone."""
     failed: bool = False
     """The exit status shall tell that something is not as it has to be."""

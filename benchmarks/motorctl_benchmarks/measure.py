@@ -125,6 +125,9 @@ class Result:
     data: Mapping[str, Any] = field(default_factory=dict)
     """What else the subject tells, as plain data by name."""
     tables: tuple[TextTable, ...] = ()
+    head: str = ""
+    """A line of Markdown that stands above the tables in a page; empty: they are for the terminal
+    alone."""
     failed: bool = False
     """The exit status shall tell that something is not as it has to be."""
 
@@ -142,6 +145,7 @@ class Result:
             "missed": self.missed,
             "notes": list(self.notes),
             "mistakes": [dict(row) for row in self.mistakes],
+            **({"head": self.head} if self.head else {}),
             **self.data,
         }
 
@@ -179,5 +183,6 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         found.mistakes,
         found.data,
         found.tables,
+        found.head,
         found.failed,
     )

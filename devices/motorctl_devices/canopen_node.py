@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from motorctl.hal import Status
@@ -97,10 +98,13 @@ class CanopenDrives(CanEndpoint):
                 node.heartbeat_due_ns = self.now_ns + period_ns
                 self._tell(HEARTBEAT + node.drive.number, bytes([node.nmt]))
             if node.host_due_ns <= self.now_ns:
+                heard_ns = node.host_due_ns - self._host_ms(node) * MS
                 node.host_due_ns = NEVER
                 node.drive.fail(HEARTBEAT_LOST)
                 self._act(channel)
                 lost = True
+                if enabled:
+                    self.machine.watchdog_after_ns = time.monotonic_ns() - heard_ns
         self.machine.watchdog_trips += enabled and lost
         self._set_due()
 

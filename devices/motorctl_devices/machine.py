@@ -72,6 +72,8 @@ class Machine:
         """AMPLIFIER_FAULT of the channels whose amplifiers are broken."""
         self.boot_id = (os.getpid() ^ time.time_ns()) & 0xFFFF
         self.samples = self.commands = self.watchdog_trips = self.restarts = 0
+        self.watchdog_after_ns: int | None = None
+        """From the last command that it heard to the volts that it took; None: it never tripped."""
         self.due_ns = NEVER
         """When the first watchdog fires."""
         self.off_ns: int | None = 0
@@ -191,8 +193,9 @@ class Machine:
 
     def check_watchdog(self, now_ns: int) -> None:
         """Take the amplifiers away from whom no command came; call from `due_ns` on."""
-        if self.due_ns <= now_ns:
-            self.watchdog_trips += 1
+        heard_ns = self.due_ns - self._watchdog_ns
+        tripped = self.due_ns <= now_ns
+        self.watchdog_trips += tripped
         while (due_ns := self.due_ns) <= now_ns:
             # It acts when it is due, however late this process gets to it.
             self.catch_up(due_ns)
@@ -200,6 +203,8 @@ class Machine:
                 if self.enabled[i] and due_ns - self._heard_ns[i] >= self._watchdog_ns:
                     self.volts[i], self.enabled[i], self.tripped[i] = 0.0, False, True
             self._write()
+        if tripped:
+            self.watchdog_after_ns = time.monotonic_ns() - heard_ns
 
     def break_amplifier(self, channel: int, broken: bool) -> None:
         """Let an amplifier report a fault and give nothing, or be in order again."""

@@ -93,10 +93,12 @@ def report(device: Device) -> dict[str, Any]:
     Returns
     -------
     dict
-        Counts of exchanges, samples and commands, what became of every ordered fault, the longest
-        pause [s], and how far each axis went to either side [counts].
+        Counts of exchanges, samples and commands, what became of every ordered fault, when its
+        amplifiers were off, how fast its watchdog was, the longest pause [s], and how far each axis
+        went to either side [counts].
     """
     machine, endpoint = device.machine, device.endpoint
+    after_ns = machine.watchdog_after_ns
     return {
         "endpoint": endpoint.address,
         "exchanges": endpoint.exchanges,
@@ -116,9 +118,20 @@ def report(device: Device) -> dict[str, Any]:
             }
             for f in device.schedule.faults
         ],
+        "off_s": _rests_s(machine),
+        "watchdog_after_s": None if after_ns is None else round(after_ns / NS, 6),
         "longest_pause_s": round(device.longest_pause_ns / NS, 6),
         "travelled_counts": machine.travelled_counts(),
     }
+
+
+def _rests_s(machine: Machine) -> list[tuple[float, float | None]]:
+    """Return from when to when every amplifier was off, for a while, by CLOCK_MONOTONIC [s]."""
+    rests = [(round(off / NS, 6), round(on / NS, 6)) for off, on in machine.rests_ns]
+    last: list[tuple[float, float | None]] = []
+    if machine.off_ns is not None:
+        last = [(round(machine.off_ns / NS, 6), None)]
+    return [*rests, *last]
 
 
 def _off_after_s(fault: Fault, machine: Machine) -> float | None:

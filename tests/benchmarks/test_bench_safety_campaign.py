@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import get_args
 
-import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from motorctl.config import load
 from motorctl.errors import UsageError
-from motorctl.log import AxisRecording, Recording
-from motorctl.log.sample import AxisState, FaultCause, SampleFlag
-from motorctl_benchmarks.buses.transports import transports
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.safety import expectations, expected, fault_free, findings, kinds
-from motorctl_benchmarks.safety.bus_case import bus_keys, judged, parse_bus
-from motorctl_benchmarks.safety.bus_lines import LINES, NOT_ORDERED, NOT_TRIED, WIRE, promise
-from motorctl_benchmarks.safety.bus_session import Kept, Session, Spell
+from motorctl_benchmarks.safety.bus_cases import bus_keys
+from motorctl_benchmarks.safety.bus_faults import COMPUTER, TITLES, WIRE
+from motorctl_benchmarks.safety.bus_tables import KILL_TITLE, WIRE_TITLE
+from motorctl_benchmarks.safety.bus_tables import STATE_TITLE as BUS_STATES
 from motorctl_benchmarks.safety.cases import CaseKey, keys, parse_case
 from motorctl_benchmarks.safety.end_kinds import END_FAULTS
 from motorctl_benchmarks.safety.expectations import EXPECTED
@@ -32,7 +27,7 @@ from motorctl_benchmarks.safety.findings import findings_of, parse_task, parse_t
 from motorctl_benchmarks.safety.kinds import FAULTS
 from motorctl_benchmarks.safety.plan import draw
 from motorctl_benchmarks.safety.run_case import run_case
-from motorctl_devices.orders import FaultKind
+from motorctl_benchmarks.safety.table import FAULT_TITLE, QUIET_TITLE, STATE_TITLE
 
 HANDFUL = (
     "gantry:C1:ring:encoder_lost:default:3",
@@ -118,14 +113,79 @@ def test_every_fault_has_an_expectation_and_every_expectation_a_fault():
     assert set(FAULTS) == set(EXPECTED)
 
 
-def test_the_page_has_a_line_for_every_fault_and_every_line_is_as_promised():
+def tables_of_the_page():
+    """Return the page's header, and each table by its title: its rows as cells, columns first."""
     page = (Path(__file__).parents[2] / "docs/campaign.md").read_text()
-    table = page.partition("<!-- tables:")[2].partition("<!-- end of tables -->")[0]
-    lines = {line.split("|")[1].strip(): line for line in table.splitlines() if "|" in line}
-    titles = [kind.title for kind in FAULTS.values()] + [title for title, _ in WIRE.values()]
-    for title in titles:
-        right, _, count = lines[title].split("|")[-2].strip().partition(" of ")
-        assert right == count
+    text = page.partition("<!-- tables")[2].partition("-->")[2].partition("<!-- end of tables")[0]
+    tables, title = [], ""
+    for line in text.splitlines():
+        if line.startswith("**") and line.endswith("**"):
+            title = line.strip("*")
+            tables.append((title, []))
+        elif line.startswith("|") and not line.startswith("| --"):
+            tables[-1][1].append([cell.strip() for cell in line.strip("|").split("|")])
+    return text.strip().partition("\n")[0], tables
+
+
+HEAD, TABLES = tables_of_the_page()
+RUN = re.search(r"^Commit .*, size (\w+), seed (\d+): ", HEAD)
+SIZE, SEED = RUN.groups() if RUN else ("full", "1")
+of_one_run = pytest.mark.skipif(
+    RUN is None, reason="the page's tables are older than the line with commit, size and seed"
+)
+
+
+@pytest.mark.parametrize(("title", "rows"), TABLES, ids=[title for title, _ in TABLES])
+def test_every_line_of_every_table_on_the_page_is_as_promised(title, rows):
+    columns, *lines = rows
+    for line in lines:
+        told = dict(zip(columns, line, strict=True))
+        shares = [told["as promised"]] if "as promised" in told else line[1:]
+        for share in shares:
+            if title == QUIET_TITLE:
+                assert told["false trips"] == "0"
+            elif share != "-":
+                right, _, count = share.partition(" of ")
+                assert right == count, (title, line)
+
+
+@of_one_run
+def test_the_page_has_every_table_once_with_a_line_or_column_for_all_that_was_run():
+    assert [title for title, _ in TABLES] == [
+        FAULT_TITLE,
+        STATE_TITLE,
+        WIRE_TITLE,
+        BUS_STATES,
+        KILL_TITLE,
+        QUIET_TITLE,
+    ]
+    found = dict(TABLES)
+    virtual, buses = keys(SIZE, int(SEED)), bus_keys(SIZE, int(SEED))
+    first = {title: [row[0] for row in rows[1:]] for title, rows in found.items()}
+    in_motion = [key for key in buses if key.fault in (*WIRE, *COMPUTER)]
+    assert first[FAULT_TITLE] == list(dict.fromkeys(key.kind.title for key in virtual))
+    assert first[WIRE_TITLE] == list(dict.fromkeys(TITLES[key.fault] for key in in_motion))
+    assert set(found[STATE_TITLE][0][1:]) == {f"{k.machine} {k.controller}" for k in virtual}
+    assert set(first[STATE_TITLE]) == {*(key.state for key in virtual), "all"}
+    assert found[BUS_STATES][0][1:] == list(dict.fromkeys(key.line for key in in_motion))
+    assert set(first[BUS_STATES]) == {*(key.state for key in buses), "all"}
+    killed = [key.line for key in buses if key not in in_motion]
+    assert first[KILL_TITLE] == list(dict.fromkeys(killed))
+    spell_machines = {spell.machine for spell in spells(SIZE, int(SEED))}
+    assert set(first[QUIET_TITLE]) == {*spell_machines, "all"}
+
+
+@of_one_run
+def test_the_pages_numbers_of_cases_are_those_of_its_tables():
+    found = dict(TABLES)
+    virtual, buses = keys(SIZE, int(SEED)), bus_keys(SIZE, int(SEED))
+    column = found[FAULT_TITLE][0].index("cases")
+    assert sum(int(row[column]) for row in found[FAULT_TITLE][1:]) == len(virtual)
+    wires = sum(int(row[column]) for row in found[WIRE_TITLE][1:])
+    kills = sum(int(row[-1].split(" of ")[1]) for row in found[KILL_TITLE][1:])
+    assert wires + kills == len(buses)
+    assert f"{len(virtual) + len(buses)} fault cases, {len(buses)} of them over buses" in HEAD
+    assert "all as promised" in HEAD
 
 
 def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():
@@ -168,7 +228,8 @@ def test_a_bus_names_all_of_its_cases():
     found = parse_tasks("bus:canopen-udp")
     assert found == tuple(key for key in bus_keys("full", 1) if key.line == "canopen-udp")
     assert {key.controller for key in found} == {"C1", "C2"}
-    assert parse_tasks(KEY) == (parse_task(KEY),)
+    one = "bus:serial-poll:C2:shuttle:silence:default:1"
+    assert parse_tasks(one) == (parse_task(one),)
 
 
 @pytest.mark.parametrize(
@@ -177,8 +238,10 @@ def test_a_bus_names_all_of_its_cases():
         "gantry:C2:cruise:encoder_stuck:1",
         "gantry:C3:cruise:encoder_stuck:default:1",
         "gantry:C2:homing:encoder_stuck:default:1",
-        "bus:can-udp:C2:bit_errors:1",
-        "bus:can-udp:C2:silence:x",
+        "bus:can-udp:C2:shuttle:bit_errors:default:1",
+        "bus:can-udp:C2:cruise:silence:default:1",
+        "bus:can-udp:C2:shuttle:silence:quick_stop:1",
+        "bus:can-udp:C2:shuttle:silence:default:x",
         "free:nowhere:C2:1",
     ],
 )
@@ -239,7 +302,9 @@ def test_the_command_ends_with_1_where_a_case_is_not_as_promised(monkeypatch):
     monkeypatch.setitem(expectations.EXPECTED, "silence", expected.nothing)
     wrong = _command("--only", key)
     assert wrong.exit_code == 1
-    assert f"wrong  {key}" in wrong.stdout
+    assert f"- wrong  {key}" in wrong.stdout
+    assert wrong.stdout.startswith("Commit ")
+    assert "1 fault cases, 0 of them over buses, 1 of them NOT as promised." in wrong.stdout
     assert "| no new sample comes any more | 1 " in wrong.stdout
 
 
@@ -247,112 +312,3 @@ def test_the_command_refuses_options_of_other_subjects():
     refused = _command("--cases", "3")
     assert isinstance(refused.exception, UsageError)
     assert "campaign takes no --cases" in str(refused.exception)
-
-
-# Buses
-
-
-KEY = "bus:serial-poll:C2:silence:1"
-RATE_HZ, BEGAN, AT_S = 500.0, 100, 0.8
-
-
-def kept_log(*, held=75, cause=FaultCause.NO_NEW_SAMPLE, volts_after=0.0, lost=0):
-    """Return a log in which both axes are held over, trip, and stay in fault."""
-    silent = BEGAN + round(AT_S * RATE_HZ)
-    trip, rows = silent + held, silent + 500
-    state = np.full(rows, int(AxisState.RUNNING))
-    state[:BEGAN], state[trip:] = AxisState.OFF, AxisState.FAULT
-    fault = np.where(np.arange(rows) >= trip, int(cause), 0)
-    flags = np.zeros(rows, np.int64)
-    flags[silent : rows - 50] = SampleFlag.HELD
-    command = np.where(state == AxisState.RUNNING, 0.5, 0.0)
-    command[trip + 1] = volts_after
-    axis = AxisRecording(
-        "x",
-        position=np.linspace(0.0, 0.01, rows),
-        position_unit="m",
-        command=command,
-        command_unit="V",
-        state=state,
-        fault=fault,
-        flags=flags,
-    )
-    time_s = np.arange(rows) / RATE_HZ
-    log = Recording("made", RATE_HZ, time_s, {"x": axis, "y": axis}, lateness_s=np.zeros(rows))
-    told = {"fired": 9, "off_after_s": 0.251, "watchdog_trips": 1, "longest_pause_s": 0.0}
-    spell = Spell(
-        "silence", AT_S, "still_faulty", "", {"x": "running", "y": "running"}, time_s[-1], told
-    )
-    return Kept(Session("serial-poll", "C2", ("silence",), 1), (spell,), log, lost)
-
-
-def outcome_of(kept):
-    (outcome,) = judged(kept, [parse_bus(KEY)])
-    return outcome
-
-
-def test_a_fault_on_a_bus_is_judged_by_the_log_and_the_devices_report():
-    outcome = outcome_of(kept_log())
-    assert outcome.failures == ()
-    assert (outcome.guard, outcome.held_ticks) == ("no_new_sample", 76)
-    assert outcome.travel_mm == pytest.approx(5.0, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"held": 90}, "91 ticks without a sample"),
-        ({"held": 50}, "51 ticks without a sample"),
-        ({"cause": FaultCause.FOLLOWING_ERROR}, "should be no_new_sample"),
-        ({"volts_after": 0.1}, "volts after the trip"),
-        ({"lost": 3}, "3 rows lost"),
-    ],
-)
-def test_what_is_not_as_promised_on_a_bus_is_told(changes, why):
-    assert any(why in failure for failure in outcome_of(kept_log(**changes)).failures)
-
-
-def test_a_device_whose_amplifiers_stay_on_is_told():
-    kept = kept_log()
-    kept.spells[0].told["off_after_s"] = None
-    assert "an amplifier was still on" in outcome_of(kept).failures
-
-
-def test_every_line_is_promised_something_for_silence():
-    assert {promise(line, "silence").guard for line in LINES} == {"no_new_sample"}
-
-
-def test_every_fault_of_the_wire_is_tried_on_every_bus_or_it_is_written_why_not():
-    tried = {(key.line, key.fault) for key in bus_keys("full", 1)}
-    pairs = {(line, fault) for line in LINES for fault in WIRE}
-    assert pairs - tried == set(NOT_TRIED)
-    assert all(len(why.split()) > 3 for why in NOT_TRIED.values())
-    both = [key for key in pairs if key in tried]
-    assert len(bus_keys("full", 1)) == 2 * len(both)  # C1 and C2
-
-
-def test_every_bus_that_there_is_belongs_to_the_campaign():
-    emulated = {bus.name.replace("udp_multicast", "udp").replace(" ", "-") for bus in transports()}
-    assert set(LINES) == emulated
-    drivers = entry_points(group="motorctl.drivers")
-    shipped = {entry.name for entry in drivers if entry.value.startswith("motorctl_")}
-    configs = {line.config for line in LINES.values()}
-    driven = {load(config).resolved["drivers"]["gantry"]["type"] for config in configs}
-    assert driven == shipped - {"sim"}
-
-
-def test_every_order_of_a_device_is_a_fault_of_the_wire_or_it_is_written_why_not():
-    ordered = {order["kind"] for _, order in WIRE.values()}
-    assert not ordered & set(NOT_ORDERED)
-    assert ordered | set(NOT_ORDERED) == set(get_args(FaultKind))
-
-
-@pytest.mark.slow
-@pytest.mark.wall_clock
-def test_a_bus_that_falls_silent_is_as_promised_in_real_time(monkeypatch):
-    import real_time
-
-    real_time.begins()
-    result = _command("--only", KEY)
-    assert result.exit_code == 0, result.stdout
-    assert "| nothing passes | 1     | no_new_sample |" in result.stdout

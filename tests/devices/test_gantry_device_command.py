@@ -237,6 +237,10 @@ def test_the_command_serves_until_a_signal_and_reports(tmp_path, number) -> None
     (fault,) = told["faults"]
     assert (fault["kind"], fault["at_s"], fault["fired"]) == ("loss", 0.0, 2)
     assert 0.02 <= fault["off_after_s"] < 0.15  # the watchdog took the amplifier away
+    assert 0.03 <= told["watchdog_after_s"] < 0.13
+    *_, (off_s, until_s) = told["off_s"]
+    assert off_s < time.monotonic()
+    assert until_s is None
     assert told["longest_pause_s"] >= 0.0
     assert told["travelled_counts"][0][1] > 10
     assert not link.is_symlink()

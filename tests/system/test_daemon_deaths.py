@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from buses_bench import BUSES, WATCHDOG_S, DeviceProcess, device_file, host_file
+from buses_bench import (
+    BUSES,
+    SLACK_S,
+    WATCHDOG_S,
+    DeviceProcess,
+    device_file,
+    free_port,
+    host_file,
+)
 from daemon_rig import Daemon, alive, bench_config, wait_until
 from recorded_ring import metadata_of
 
@@ -22,6 +30,8 @@ from motorctl.log.sample import AxisState, SampleFlag
 pytestmark = pytest.mark.wall_clock
 
 RATE_HZ = 400
+FEW = ("serial exchange", "canopen")
+FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
 
 
 def loop_pid(daemon: Daemon) -> int:
@@ -215,12 +225,24 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        name
+        if name in ("serial exchange", "canopen")
+        else pytest.param(name, marks=pytest.mark.long)
+        for name in BUSES
+    ],
+)
 def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog(
-    tmp_path: Path,
+    tmp_path: Path, name: str
 ) -> None:
-    bus = BUSES["serial exchange"]
-    with DeviceProcess(tmp_path, device_file(bus, 0)) as device:
-        config = host_file(bus, bus.driver(device.endpoint, 0))
+    """By the device's own clock, from the last command that it heard: not sooner, nor later than a
+    wake-up and what this computer paused."""
+    bus = BUSES[name]
+    port = free_port()
+    with DeviceProcess(tmp_path, device_file(bus, port)) as device:
+        config = host_file(bus, bus.driver(device.endpoint, port))
         with Daemon(tmp_path / "daemon", config) as daemon:
             moving(daemon)
             pid = loop_pid(daemon)
@@ -229,7 +251,11 @@ def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog
             daemon.process.wait()
             time.sleep(4 * WATCHDOG_S)
         device.end()
-        assert device.report["watchdog_trips"] == 1
+        report = device.report
+        assert report["watchdog_trips"] == 1
+        late_s = report["watchdog_after_s"] - WATCHDOG_S
+        assert 0.0 <= late_s < SLACK_S + report["longest_pause_s"]
+        assert report["off_s"][-1][1] is None
 
 
 @pytest.mark.slow

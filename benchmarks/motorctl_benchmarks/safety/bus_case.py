@@ -3,36 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from motorctl.errors import MotorctlError, UsageError
-from motorctl.latency.progress import Progress
-from motorctl.log import AxisRecording
+from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
-from motorctl_benchmarks.safety.bus_lines import LINES, SMALL, WATCHDOG_S, WIRE, Promise, promise
-from motorctl_benchmarks.safety.bus_session import AXES, Kept, Session, Spell, run_session
-from motorctl_benchmarks.safety.cases import Size
+from motorctl_benchmarks.buses.transports import AXES
+from motorctl_benchmarks.safety.bus_cases import BusKey
+from motorctl_benchmarks.safety.bus_expectations import Promise, command_s, promise, ramp_s
+from motorctl_benchmarks.safety.bus_lines import LINES, STOP
+from motorctl_benchmarks.safety.bus_session import Kept, Spell
 
-BUS = "bus"
-PARTS = 5
 SLACK_S = 0.02
 """From an event to its effect at the other end, beside the pauses that both sides measured."""
-
-
-@dataclass(frozen=True)
-class BusKey:
-    """What runs a case again: in a session of its own."""
-
-    line: str
-    controller: str
-    fault: str
-    seed: int
-
-    def __str__(self) -> str:
-        return f"{BUS}:{self.line}:{self.controller}:{self.fault}:{self.seed}"
+MEETS = {
+    "shuttle": AxisState.RUNNING,
+    "cruise": AxisState.RUNNING,
+    "hold": AxisState.IDLE,
+    "off": AxisState.OFF,
+    "stop": AxisState.STOPPING,
+    "homing": AxisState.HOMING,
+}
+"""What an axis tells in the states of the campaign."""
+LOST_PLACE = ("short_reset", "long_reset", "shifted_count")
 
 
 @dataclass(frozen=True)
@@ -47,6 +42,11 @@ class BusOutcome:
     allowed_ticks: int | None = None
     off_ms: float | None = None
     """From the fault to the device's amplifiers off."""
+    command_ms: float | None = None
+    """From the detection's tick to the device's amplifiers off, at most; None where it was not the
+    loop's command that did it."""
+    ramp_ms: float | None = None
+    """How long the reference braked."""
     travel_mm: float | None = None
     """From the fault to the reset; None where the place was lost with the count."""
     rows_lost: int = 0
@@ -70,6 +70,8 @@ class BusOutcome:
             "held_ticks": self.held_ticks,
             "allowed_ticks": self.allowed_ticks,
             "off_ms": self.off_ms,
+            "command_ms": self.command_ms,
+            "ramp_ms": self.ramp_ms,
             "travel_mm": self.travel_mm,
             "rows_lost": self.rows_lost,
             "pause_ms": self.pause_ms,
@@ -79,56 +81,21 @@ class BusOutcome:
         }
 
 
-def bus_keys(size: Size, seed: int) -> list[BusKey]:
-    """Return every case on a bus; those of one bus and controller make a session."""
-    lines = SMALL if size == "small" else tuple(LINES)
-    laws = ("C2",) if size == "small" else ("C2", "C1")
-    return [
-        BusKey(line, law, fault, seed)
-        for law in laws
-        for line in lines
-        for fault in WIRE
-        if promise(line, fault) is not None
-    ]
+@dataclass
+class _Seen:
+    """What is gathered of a case while it is judged."""
+
+    guards: list[str] = field(default_factory=list)
+    held: int | None = None
+    trips: list[int] = field(default_factory=list)
+    """The row of each axis' detection."""
+    passed_s: float = 0.0
+    """From the fault to the last sample that came in spite of it."""
+    ramp_s: float | None = None
+    failures: list[str] = field(default_factory=list)
 
 
-def parse_bus(text: str) -> BusKey:
-    """Read a key. Raises UsageError where it is none."""
-    parts = text.split(":")
-    if len(parts) == PARTS and parts[4].isdecimal():
-        key = BusKey(parts[1], parts[2], parts[3], int(parts[4]))
-        if key in bus_keys("full", key.seed):
-            return key
-    raise UsageError(f"{text}: no case on a bus; bus:LINE:CONTROLLER:FAULT:SEED, as in "
-                     "bus:can-udp:C2:silence:1")  # fmt: skip
-
-
-def run_bus_cases(keys: list[BusKey], progress: Progress) -> list[BusOutcome]:
-    """Run sessions one after the other, in real time."""
-    outcomes: list[BusOutcome] = []
-    groups = dict.fromkeys((key.line, key.controller, key.seed) for key in keys)
-    for k, (line, law, seed) in enumerate(groups):
-        own = [key for key in keys if (key.line, key.controller, key.seed) == (line, law, seed)]
-        session = Session(line, law, tuple(key.fault for key in own), seed)
-
-        def part(share: float, k: int = k) -> None:
-            progress((k + share) / len(groups))
-
-        try:
-            outcomes += judged(run_session(session, part), own)
-        except MotorctlError as error:
-            outcomes += [_not_run(key, str(error)) for key in own]
-        part(1.0)
-    return outcomes
-
-
-def _not_run(key: BusKey, why: str) -> BusOutcome:
-    wanted = promise(key.line, key.fault)
-    assert wanted is not None
-    return BusOutcome(key, wanted, failures=(f"could not be run: {why}",))
-
-
-def judged(kept: Kept, keys: list[BusKey]) -> Iterator[BusOutcome]:
+def judged(kept: Kept) -> Iterator[BusOutcome]:
     """Yield what became of each fault of a session."""
     log = kept.log
     enabled = np.zeros(len(log.time_s), bool)
@@ -136,100 +103,205 @@ def judged(kept: Kept, keys: list[BusKey]) -> Iterator[BusOutcome]:
         assert axis.state is not None
         enabled |= axis.state != AxisState.OFF
     began_s = float(log.time_s[np.flatnonzero(enabled)[0]])
-    for key, spell in zip(keys, kept.spells, strict=True):
-        first = int(np.searchsorted(log.time_s, began_s + spell.at_s - 0.1))
+    for spell in kept.spells:
+        first = int(np.searchsorted(log.time_s, began_s + spell.at_s - 0.05))
         last = int(np.searchsorted(log.time_s, spell.status_time_s))
-        yield _judge(kept, key, spell, slice(first, last), began_s)
+        yield _judge(kept, spell, slice(first, last), began_s)
 
 
-def _judge(kept: Kept, key: BusKey, spell: Spell, rows: slice, began_s: float) -> BusOutcome:
-    wanted = promise(key.line, key.fault)
+def _judge(kept: Kept, spell: Spell, rows: slice, began_s: float) -> BusOutcome:
+    key = spell.key
+    wanted = promise(key.line, key.state, key.fault)
     assert wanted is not None
     log, line = kept.log, LINES[key.line]
     assert log.lateness_s is not None
     steps_s = np.diff(log.time_s[rows])
     skipped_s = float(steps_s.max(initial=0.0)) - log.period_s
     loop_s = float(log.lateness_s[rows].max(initial=0.0)) + max(0.0, skipped_s)
-    pause_s = max(loop_s, float(spell.told["longest_pause_s"]))
-    failures = [] if spell.told["fired"] else ["the device did not do it"]
-    axis = log.axes["x"]
-    assert axis.flags is not None
-    skips = (axis.flags[rows][1:] & SampleFlag.SKIPPED) > 0
-    lost = kept.rows_lost + int(((steps_s > 1.5 * log.period_s) & ~skips).sum())
+    pause_s = max(loop_s, float(spell.told.get("longest_pause_s", 0.0)))
+    seen = _Seen()
+    if spell.told and not spell.told["fired"]:
+        seen.failures.append("the device did not do it")
+    lost = kept.rows_lost + _gaps(log.axes["x"], rows, steps_s, log.period_s)
     if lost:
-        failures.append(f"{lost} rows lost")
-    guards, held = [], None
+        seen.failures.append(f"{lost} rows lost")
     for name in AXES:
-        guard, ticks = _tripped(log.axes[name], rows, name, failures)
-        guards.append(guard)
-        if ticks is None:
-            continue
-        if guard != wanted.guard:
-            failures.append(f"axis {name}: {guard}, should be {wanted.guard}")
-        elif wanted.held:
-            flags = log.axes[name].flags
-            assert flags is not None
-            fresh = np.flatnonzero((flags[: ticks + 1] & SampleFlag.HELD) == 0)[-1]
-            held = round((log.time_s[ticks] - log.time_s[fresh]) * line.rate_hz)
-            pauses = int(np.ceil(pause_s * line.rate_hz)) + 1
-            if abs(held - line.hold_ticks - 1) > pauses:
-                failures.append(f"axis {name}: {held} ticks without a sample, may be "
-                                f"{line.hold_ticks}")  # fmt: skip
-        moment_s = float(log.time_s[ticks]) - began_s
-        if moment_s < spell.at_s - SLACK_S - pause_s:
-            failures.append(f"axis {name}: tripped before the fault")
-    off_s = spell.told["off_after_s"]
-    late_s = SLACK_S + 3 * log.period_s + 2 * pause_s
-    if off_s is None:
-        failures.append("an amplifier was still on")
-    elif off_s > wanted.off_s + late_s:
-        failures.append(f"amplifiers off after {1e3 * off_s:.0f} ms, should be "
-                        f"{1e3 * (wanted.off_s + late_s):.0f}")  # fmt: skip
-    trips = int(spell.told["watchdog_trips"])
-    if wanted.off_s == WATCHDOG_S and trips != 1:
-        failures.append(f"the device's watchdog tripped {trips} times, should be once")
+        if wanted.guard:
+            _look_at_trip(kept, spell, wanted, name, rows, pause_s, began_s, seen)
+        else:
+            _look_at_rest(log.axes[name], name, rows, seen)
+    off_ms, command_ms = _look_at_device(kept, spell, wanted, pause_s, seen)
     if wanted.asked and spell.refused != "still_faulty":
-        failures.append(f"reset while the fault lasts: {spell.refused or 'obeyed'}")
-    clean = not spell.reset and all(state == "running" for state in spell.started.values())
+        asked = "start" if key.state == "off" else "reset"
+        seen.failures.append(f"{asked} while the fault lasts: {spell.refused or 'obeyed'}")
+    clean = not spell.reset and all(state == spell.wanted for state in spell.started.values())
     if not clean:
-        failures.append(f"no restart: {spell.reset or spell.started}")
+        seen.failures.append(f"no restart: {spell.reset or spell.started}")
+    if key.state == "off" and spell.told_reset != wanted.told_reset:
+        when = "only after" if spell.told_reset else "without"
+        should = "only after" if wanted.told_reset else "without"
+        seen.failures.append(f"started {when} a reset, should be {should} one")
     return BusOutcome(
         key,
         wanted,
-        ", ".join(dict.fromkeys(guards)),
-        held,
+        ", ".join(dict.fromkeys(seen.guards)),
+        seen.held,
         line.hold_ticks + 1 if wanted.held else None,
-        None if off_s is None else 1e3 * off_s,
-        _travel_mm(kept, key, spell, rows, began_s),
+        off_ms,
+        command_ms,
+        None if seen.ramp_s is None else 1e3 * seen.ramp_s,
+        _travel_mm(kept, spell, rows, began_s),
         lost,
         1e3 * pause_s,
         spell.refused,
         clean,
-        tuple(failures),
+        tuple(seen.failures),
     )
 
 
-def _tripped(
-    axis: AxisRecording, rows: slice, name: str, failures: list[str]
-) -> tuple[str, int | None]:
-    """Return the cause and the row of an axis' trip, and note what is wrong after it."""
+def _gaps(axis: AxisRecording, rows: slice, steps_s: Any, period_s: float) -> int:
+    """Count rows that are missing though the loop skipped no period."""
+    assert axis.flags is not None
+    skips = (axis.flags[rows][1:] & SampleFlag.SKIPPED) > 0
+    return int(((steps_s > 1.5 * period_s) & ~skips).sum())
+
+
+def _look_at_trip(
+    kept: Kept,
+    spell: Spell,
+    wanted: Promise,
+    name: str,
+    rows: slice,
+    pause_s: float,
+    began_s: float,
+    seen: _Seen,
+) -> None:
+    """Note an axis' cause, whether it came in the state and in its time, and what came after."""
+    log, line = kept.log, LINES[spell.key.line]
+    axis, why = log.axes[name], seen.failures
+    row = _tripped(axis, rows)
+    if row is None:
+        seen.guards.append("nothing")
+        why.append(f"axis {name}: missed")
+        return
     assert axis.state is not None
     assert axis.fault is not None
-    found = np.flatnonzero(axis.state[rows] == AxisState.FAULT)
-    if not len(found):
-        failures.append(f"axis {name}: missed")
-        return "nothing", None
-    row = rows.start + int(found[0])
-    if not (axis.state[row : rows.stop] == AxisState.FAULT).all():
-        failures.append(f"axis {name}: did not stay in fault")
-    if not (axis.command[row : rows.stop] == 0.0).all():
-        failures.append(f"axis {name}: volts after the trip")
-    return FaultCause(int(axis.fault[row])).name.lower(), row
+    seen.trips.append(row)
+    guard = FaultCause(int(axis.fault[row])).name.lower()
+    seen.guards.append(guard)
+    met = AxisState(int(axis.state[row - 1]))
+    if met is not MEETS[spell.key.state]:
+        why.append(f"axis {name}: was {met.name.lower()}, should be in {spell.key.state}")
+    end = row
+    if wanted.off_by == "ramp":
+        end = _look_at_ramp(log, name, row, rows.stop, seen)
+    if not (axis.state[end : rows.stop] == AxisState.FAULT).all():
+        why.append(f"axis {name}: did not stay in fault")
+    if not (axis.command[end : rows.stop] == 0.0).all():
+        why.append(f"axis {name}: volts after the trip")
+    if guard != wanted.guard:
+        why.append(f"axis {name}: {guard}, should be {wanted.guard}")
+    elif wanted.held:
+        assert axis.flags is not None
+        fresh = np.flatnonzero((axis.flags[: row + 1] & SampleFlag.HELD) == 0)[-1]
+        if wanted.passes:
+            seen.passed_s = max(seen.passed_s, float(log.time_s[fresh]) - began_s - spell.at_s)
+        seen.held = round((log.time_s[row] - log.time_s[fresh]) * line.rate_hz)
+        pauses = int(np.ceil(pause_s * line.rate_hz)) + 1
+        if abs(seen.held - line.hold_ticks - 1) > pauses:
+            why.append(f"axis {name}: {seen.held} ticks without a sample, may be "
+                       f"{line.hold_ticks}")  # fmt: skip
+    moment_s = float(log.time_s[row]) - began_s
+    if moment_s < spell.at_s - SLACK_S - pause_s:
+        why.append(f"axis {name}: tripped before the fault")
 
 
-def _travel_mm(kept: Kept, key: BusKey, spell: Spell, rows: slice, began_s: float) -> float | None:
+def _tripped(axis: AxisRecording, rows: slice) -> int | None:
+    """Return the row in which a guard tripped an axis: from there on it has a cause."""
+    assert axis.fault is not None
+    found = np.flatnonzero(axis.fault[rows] != FaultCause.NONE)
+    return rows.start + int(found[0]) if len(found) else None
+
+
+def _look_at_ramp(log: Recording, name: str, row: int, stop: int, seen: _Seen) -> int:
+    """Judge the ramp that begins with a trip; return the row in which the axis is let go."""
+    axis = log.axes[name]
+    assert axis.state is not None
+    assert axis.reference_velocity is not None
+    found = np.flatnonzero(axis.state[row:stop] == AxisState.FAULT)
+    if not len(found) or axis.state[row] != AxisState.STOPPING:
+        seen.failures.append(f"axis {name}: no ramp, or one without an end")
+        return row
+    end = row + int(found[0])
+    speed = axis.reference_velocity[row : end + 1]
+    took_s = float(log.time_s[end] - log.time_s[row])
+    least_s, most_s = ramp_s(float(speed[0]), *STOP.values())
+    seen.ramp_s = max(took_s, seen.ramp_s or 0.0)
+    unsure_s = SLACK_S + 3 * log.period_s
+    if not least_s - unsure_s <= took_s <= most_s + unsure_s:
+        seen.failures.append(
+            f"axis {name}: braked for {1e3 * took_s:.0f} ms, should be {1e3 * least_s:.0f} to "
+            f"{1e3 * most_s:.0f}"
+        )
+    if (np.diff(np.abs(speed)) > 1e-9).any():
+        seen.failures.append(f"axis {name}: became faster on the ramp")
+    return end
+
+
+def _look_at_rest(axis: AxisRecording, name: str, rows: slice, seen: _Seen) -> None:
+    """Note what an axis did that was off, and has to be off all the while."""
+    assert axis.state is not None
+    assert axis.fault is not None
+    causes = axis.fault[rows][axis.fault[rows] != FaultCause.NONE]
+    if len(causes):
+        seen.guards.append(FaultCause(int(causes[0])).name.lower())
+        seen.failures.append(f"axis {name}: false trip: {seen.guards[-1]}")
+    if not (axis.state[rows] == AxisState.OFF).all():
+        seen.failures.append(f"axis {name}: was not off all the while")
+    if not (axis.command[rows] == 0.0).all():
+        seen.failures.append(f"axis {name}: volts without power")
+
+
+def _look_at_device(
+    kept: Kept, spell: Spell, wanted: Promise, pause_s: float, seen: _Seen
+) -> tuple[float | None, float | None]:
+    """Judge when the amplifiers were off, by the device's own report: from the fault, and from
+    the detection. Returns both [ms]."""
+    log, why = kept.log, seen.failures
+    off_s = spell.told.get("off_after_s")
+    late_s = SLACK_S + 3 * log.period_s + 2 * pause_s + seen.passed_s
+    if spell.told:
+        if off_s is None:
+            why.append("an amplifier was still on")
+        elif off_s > wanted.off_s + late_s:
+            why.append(f"amplifiers off after {1e3 * off_s:.0f} ms, should be "
+                       f"{1e3 * (wanted.off_s + late_s):.0f}")  # fmt: skip
+        trips, should = int(spell.told["watchdog_trips"]), int(wanted.off_by == "watchdog")
+        if trips != should and wanted.off_by in ("command", "watchdog"):
+            why.append(f"the device's watchdog tripped {trips} times, should be {should}")
+    command_ms = None
+    if wanted.off_by in ("command", "ramp") and len(seen.trips) == len(AXES):
+        row = max(seen.trips)
+        if wanted.off_by == "ramp":
+            states = log.axes["x"].state, log.axes["y"].state
+            ends = [np.flatnonzero(s[row:] == AxisState.FAULT) for s in states if s is not None]
+            row += max(int(end[0]) if len(end) else 0 for end in ends)
+        since_s = kept.origin_s + float(log.time_s[row])
+        offs = [off for off, on in kept.off_s if on is None or on > since_s]
+        if not offs:
+            why.append("an amplifier was still on")
+        else:
+            command_ms = 1e3 * (offs[0] - since_s)
+            most_ms = 1e3 * (command_s(spell.key.line, log.period_s) + pause_s + kept.unsure_s)
+            if command_ms > most_ms:
+                why.append(f"volts at the device until {command_ms:.1f} ms after the detection, "
+                           f"should be {most_ms:.1f} at most")  # fmt: skip
+    return None if off_s is None else 1e3 * off_s, command_ms
+
+
+def _travel_mm(kept: Kept, spell: Spell, rows: slice, began_s: float) -> float | None:
     """Return the longer way of the two axes; where the count began anew nobody knows it."""
-    if key.fault.endswith("reset") or key.fault == "shifted_count":
+    if spell.key.fault in LOST_PLACE:
         return None
     log = kept.log
     first = int(np.searchsorted(log.time_s, began_s + spell.at_s))

@@ -1,4 +1,4 @@
-"""The buses of the campaign: the shipped gantry behind each, and what its faults must lead to."""
+"""The buses of the campaign: the shipped gantry behind each, and how the two are joined."""
 
 from __future__ import annotations
 
@@ -7,25 +7,19 @@ import socket
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
 from motorctl.config import load
 from motorctl_benchmarks.buses.transports import merged
+from motorctl_benchmarks.safety.bus_expectations import CANOPEN, RTU, TCP
+from motorctl_benchmarks.safety.bus_faults import HOLD_S, WATCHDOG_S, Options
 from motorctl_devices.load import SHIPPED
 
-Options = dict[str, Any]
-
-HOLD_S = 0.15
-"""How long an axis may go without a sample: well above the pauses of a busy computer."""
-WATCHDOG_S = 0.25
-"""The device's own, well above HOLD_S: so it is clear who took the volts away."""
-LATE_S = 0.06
-RESET_S = 0.05
-JUMP_COUNTS = 60_000
-"""30 mm: further than four times the top speed in a period of 2 ms, where it is no motion."""
-CANOPEN = "canopen-udp"
+Setup = Literal["plain", "ramps", "homes"]
+"""What a session is configured for: axes that are on their way, hold or are off; ramps that last
+long enough to be met by a fault; homing by a switch that nobody presses, and nobody tells of."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +39,6 @@ class Line:
     def hold_ticks(self) -> int:
         """How many ticks may pass without a sample."""
         return round(HOLD_S * self.rate_hz)
-
-
-@dataclass(frozen=True)
-class Promise:
-    """What a fault on the wire must lead to."""
-
-    guard: str
-    off_s: float
-    """From its begin until the device's amplifiers are off."""
-    held: bool = True
-    """The axis goes on for the allowed ticks first."""
-    asked: bool = False
-    """A reset is asked for while it lasts, and has to be refused."""
 
 
 def _serial(mode: str) -> Line:
@@ -102,7 +83,7 @@ def _tcp() -> Line:
         return {"tcp": {"host": host, "port": int(port)}}
 
     serve: Options = {"modbus": {"tcp": {"host": "127.0.0.1", "port": 0}}}
-    return Line("modbus-tcp", "modbus_gantry", "modbus_coupler", 500.0, driver, lambda _: serve)
+    return Line(TCP, "modbus_gantry", "modbus_coupler", 500.0, driver, lambda _: serve)
 
 
 def _rtu() -> Line:
@@ -111,7 +92,7 @@ def _rtu() -> Line:
         return {"tcp": None, "device_turnaround_s": None, "rtu": line}
 
     serve: Options = {"modbus": {"tcp": None, "rtu": {}}}
-    return Line("modbus-rtu", "modbus_gantry", "modbus_coupler", 125.0, driver, lambda _: serve)
+    return Line(RTU, "modbus_gantry", "modbus_coupler", 125.0, driver, lambda _: serve)
 
 
 LINES: Mapping[str, Line] = {
@@ -126,110 +107,58 @@ LINES: Mapping[str, Line] = {
         _rtu(),
     )
 }
-WITHOUT_PORT = ("modbus-tcp", "can-udp", CANOPEN)
+WITHOUT_PORT = (TCP, "can-udp", CANOPEN)
 """Their devices make no serial port that a link could point to."""
-SMALL = ("serial-poll", "can-udp", CANOPEN, "modbus-tcp")
+SMALL = ("serial-poll", "can-udp", CANOPEN, TCP)
 
-_TCP = "modbus-tcp"
-WIRE: Mapping[str, tuple[str, Options]] = {
-    "silence": ("nothing passes", {"kind": "silence"}),
-    "loss": ("every answer vanishes", {"kind": "loss"}),
-    "late_answers": ("every answer is 60 ms late", {"kind": "delay", "amount_s": LATE_S}),
-    "wrong_length": ("every answer has a wrong length", {"kind": "wrong_length"}),
-    "bit_errors": ("every answer has a wrong bit", {"kind": "bit_errors"}),
-    "stuck_sequence": (
-        "every answer has the same number",
-        {"kind": "wrong_sequence", "sequence": "stuck"},
-    ),
-    "short_reset": (
-        "the device starts anew within 50 ms",
-        {"kind": "reset", "duration_s": RESET_S},
-    ),
-    "long_reset": ("the device starts anew within 0.5 s", {"kind": "reset", "duration_s": 0.5}),
-    "unplug": ("the line is unplugged", {"kind": "unplug", "duration_s": 1.0}),
-    "broken_amplifier": ("an amplifier breaks, and its drive says so", {"kind": "amplifier_fault"}),
-    "shifted_count": (
-        "the device's count jumps",
-        {"kind": "counter_jump", "counts": JUMP_COUNTS},
-    ),
-}
-"""Faults to order of the device at the other end: title and order."""
-
-_CHECKSUM = (
-    "the line's own checksum lets no wrong bit pass, so the order would be a device that sends "
-    "wrong content, of which nobody can promise anything"
-)
-NOT_TRIED: Mapping[tuple[str, str], str] = {
-    ("can-udp", "bit_errors"): _CHECKSUM,
-    ("can-slcan", "bit_errors"): _CHECKSUM,
-    (CANOPEN, "bit_errors"): _CHECKSUM,
-    (_TCP, "bit_errors"): _CHECKSUM,
-    (_TCP, "wrong_length"): "it may cost the stream its step, or not: there are two promises",
-    (CANOPEN, "stuck_sequence"): "a PDO has no number that could stand still",
-    ("modbus-rtu", "shifted_count"): (
-        "in a period of 8 ms a jump of 30 mm may be motion, for all that a guard knows"
-    ),
-}
-"""Why a fault of WIRE is not tried on a line. Every other pair is."""
-NOT_ORDERED: Mapping[str, str] = {
-    "jitter": "a delay that changes; late_answers has it at its longest, all the time",
-    "duplicates": "the axis goes on: nothing has to trip",
-    "reordering": "the axis goes on: nothing has to trip",
-    "babbling": "the axis goes on while samples come: nothing has to trip",
-    "counter_wrap": "the count is unwrapped: nothing has to trip",
-}
-"""Why an order that a device takes is none of WIRE; what becomes of each stands in its page."""
+RAMPS_TOP_M_S = 0.3
+STOP = {"acceleration_m_s2": 0.15, "jerk_m_s3": 20.0}
+"""From 0.1 m/s to rest in 0.7 s: a fault and the time without a sample fit into it."""
+BUCKET_S = 0.06
+FROZEN_S = 0.14
+"""The pause that is made lies between the two."""
+SHIPPED_MOST_S = 0.255
+"""The longest watchdog's time for which the shipped frame has room."""
+SEARCH_M_S = 0.02
+"""Slow, as each search goes on from where the last one ended, and none finds the switch."""
 
 
-def promise(line: str, fault: str) -> Promise | None:
-    """Return what a fault must lead to on a line; None where it is not tried (NOT_TRIED).
-
-    On CAN an answer that is late, or whose number stands still, passes for a new one about once in
-    a hundred ticks; a reset may be obeyed then, and is not asked for. Nor is it where it would open
-    the driver anew: on CANopen after three heartbeats that are missing.
-    """
-    if (line, fault) in NOT_TRIED:
-        return None
-    if fault == "broken_amplifier":
-        # The drives of CANopen are reset, and fail again: a fault that ends meanwhile is gone.
-        return Promise("amplifier", 0.0, held=False, asked=line != CANOPEN)
-    if fault == "shifted_count":
-        return Promise("encoder_jump", 0.0, held=False)
-    if fault in ("silence", "unplug"):
-        # The device hears nothing either: its watchdog takes the volts.
-        gone = fault == "unplug" and line not in ("can-udp", CANOPEN)
-        guard = "communication" if gone else "no_new_sample"
-        asked = fault == "silence" and line != CANOPEN
-        return Promise(guard, WATCHDOG_S, not gone, asked=asked)
-    if fault.endswith("reset"):
-        if line == _TCP:  # the connection is reset with it
-            return Promise("communication", RESET_S if fault == "short_reset" else 0.0, held=False)
-        if fault == "short_reset":
-            return Promise("encoder_lost", RESET_S, held=False)
-        return Promise("no_new_sample", 0.0)
-    passes = line.startswith("can") and fault in ("late_answers", "stuck_sequence")
-    late_s = LATE_S if fault == "late_answers" else 0.0
-    return Promise("no_new_sample", HOLD_S + late_s, asked=not passes and line != CANOPEN)
-
-
-def device_file(line: Line, port: int, faults: list[Options]) -> str:
+def device_file(
+    line: Line,
+    port: int,
+    faults: list[Options],
+    watchdog_s: float = WATCHDOG_S,
+) -> str:
     """Return the device's file, with faults to order."""
     data = yaml.safe_load((SHIPPED / f"{line.device}.yaml").read_text())
-    data |= {"rate_hz": 4 * line.rate_hz, "watchdog_s": WATCHDOG_S, "faults": faults}
+    data |= {"rate_hz": 4 * line.rate_hz, "watchdog_s": watchdog_s, "faults": faults}
     (bus,) = data["serve"]
     data["serve"] = {bus: _changed(data["serve"][bus], line.serve(port).get(bus, {}))}
+    if bus == "can" and watchdog_s > SHIPPED_MOST_S:
+        data["serve"][bus] = _with_long_watchdog(data["serve"][bus])
     return yaml.safe_dump(data)
 
 
-def host_file(line: Line, controller: str, endpoint: str, port: int) -> str:
+def host_file(
+    line: Line,
+    controller: str,
+    endpoint: str,
+    port: int,
+    setup: Setup = "plain",
+    watchdog_s: float = WATCHDOG_S,
+) -> str:
     """Return the configuration at this end: slower than shipped, and on its way without a rest."""
     data: Options = copy.deepcopy(dict(load(line.config).resolved))
     share = line.rate_hz / data["rate_hz"]
     data["rate_hz"] = line.rate_hz
     (name,) = data["drivers"]
     late = {"hold_ticks": line.hold_ticks, "predict": True}
-    data["drivers"][name] = _changed(data["drivers"][name], line.driver(endpoint, port))
-    data["drivers"][name]["late"] = late
+    driver = _changed(data["drivers"][name], line.driver(endpoint, port))
+    if driver.get("watchdog_s") is not None:
+        driver["watchdog_s"] = watchdog_s
+    if driver["type"] == "can" and watchdog_s > SHIPPED_MOST_S:
+        driver = _with_long_watchdog(driver)
+    data["drivers"][name] = driver | {"late": late}
     data["programs"] = {}
     for axis, keys in data["axes"].items():
         gains = keys["gains"]
@@ -254,7 +183,34 @@ def host_file(line: Line, controller: str, endpoint: str, port: int) -> str:
             "cycles": 500,
         }
     data["loop"] |= {"overrun_policy": "count", "without_realtime": "degrade"}
-    return yaml.safe_dump(_plain(data))
+    return yaml.safe_dump(_plain(_set_up(data, line, setup)))
+
+
+def _set_up(data: Options, line: Line, setup: Setup) -> Options:
+    if setup == "ramps":
+        bucket = round(BUCKET_S * line.rate_hz)
+        data["loop"] |= {"overrun_policy": "leaky_bucket", "bucket_size": bucket}
+        for keys in data["axes"].values():
+            keys["limits"] |= {"max_velocity_m_s": RAMPS_TOP_M_S, "stop": dict(STOP)}
+            late_ticks = {"late_ticks": {"reaction": "quick_stop"}}
+            frozen = {"host_frozen": {"time_s": FROZEN_S}}
+            keys["guards"] = merged(keys.get("guards") or {}, late_ticks | frozen)
+    if setup == "homes":
+        for keys in data["axes"].values():
+            keys["homing"] = {
+                "method": "switch",
+                "search_velocity_m_s": SEARCH_M_S,
+                "latch_velocity_m_s": SEARCH_M_S,
+                "home_position_m": 0.0,
+                "timeout_s": 60.0,
+            }
+    return data
+
+
+def _with_long_watchdog(frames: Mapping[str, Any]) -> Options:
+    """Return frames in whose eight bits for the watchdog's time seconds have room."""
+    scale: Options = {"watchdog": {"scale": 0.02}}
+    return merged(frames, {"frames": {"command": {"signals": scale}}})
 
 
 def free_port() -> int:

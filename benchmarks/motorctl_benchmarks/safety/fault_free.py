@@ -22,7 +22,7 @@ ROUND_S = 20.0
 """Of motion between a start and the next stop."""
 SPELLS: dict[Size, dict[str, int]] = {
     "small": {"gantry": 1, "serial": 2, "modbus": 1, "stage": 1},
-    "full": {"gantry": 8, "serial": 96, "modbus": 12, "stage": 6, "dual": 4},
+    "full": {"gantry": 8, "serial": 96, "modbus": 12, "can": 12, "stage": 6, "dual": 4},
 }
 """With C1 and with C2 in turn. Slow machines have more of them, as their hours cost less."""
 HOMING_S = 60.0
@@ -118,6 +118,7 @@ def guards_of(machine: str) -> dict[str, Any]:
         "stage": 16e-6,
         "serial": 80e-6,
         "modbus": 25e-6,
+        "can": 80e-6,
         "dual": 8e-6,
     }[machine]
     return {

@@ -29,7 +29,7 @@ EVERY = (
 )
 MOVING = ("accelerate", "cruise", "ring", "homing")
 ENABLED = ("hold", "accelerate", "cruise", "dwell", "ring", "homing")
-TWO = ("gantry", "serial", "modbus")
+TWO = ("gantry", "serial", "modbus", "can")
 """Machines whose plant is known well enough for forces to be reckoned with, and have two axes."""
 HOMED = ("stage", "dual")
 """Machines with one axis, which has to be homed."""

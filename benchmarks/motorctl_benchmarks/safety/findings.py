@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.findings import Findings, TextTable
-from motorctl_benchmarks.safety.bus_case import (
-    BUS,
-    BusKey,
-    BusOutcome,
-    bus_keys,
-    parse_bus,
-    run_bus_cases,
-)
-from motorctl_benchmarks.safety.bus_lines import LINES, WIRE
+from motorctl_benchmarks.safety.bus_case import BusOutcome
+from motorctl_benchmarks.safety.bus_cases import BUS, BusKey, bus_keys, parse_bus
+from motorctl_benchmarks.safety.bus_faults import TITLES
+from motorctl_benchmarks.safety.bus_kills import KillOutcome
+from motorctl_benchmarks.safety.bus_lines import LINES
+from motorctl_benchmarks.safety.bus_run import Outcome as RealOutcome
+from motorctl_benchmarks.safety.bus_run import run_bus_cases
+from motorctl_benchmarks.safety.bus_tables import bus_state_table, bus_table, kill_table
 from motorctl_benchmarks.safety.cases import CaseKey, Size, keys, parse_case
 from motorctl_benchmarks.safety.fault_free import Quiet, Spell, run_spell, spells
 from motorctl_benchmarks.safety.machines import KINDS
 from motorctl_benchmarks.safety.run_case import Outcome, run_case
-from motorctl_benchmarks.safety.table import bus_table, fault_table, quiet_table, state_table
+from motorctl_benchmarks.safety.source import commit_words
+from motorctl_benchmarks.safety.table import fault_table, quiet_table, state_table
 from motorctl_benchmarks.worker_pool import run_tasks
 
 Task = CaseKey | Spell
@@ -94,6 +94,7 @@ def safety_findings(progress: Progress, options: SafetyOptions) -> Findings:
     """
     buses, tasks = tasks_of(options)
     shared = BUS_SHARE if tasks else 1.0
+    commit = commit_words()  # before it runs: what is changed meanwhile is not what was measured
     on_buses = run_bus_cases(buses, part_of(progress, 0.0, shared)) if buses else []
     results: list[Outcome | Quiet] = []
     if tasks:
@@ -101,23 +102,45 @@ def safety_findings(progress: Progress, options: SafetyOptions) -> Findings:
         results = run_tasks(run_task, tasks, rest, options.workers, options.out)
     outcomes = [result for result in results if isinstance(result, Outcome)]
     quiet = [result for result in results if isinstance(result, Quiet)]
-    return findings_of(outcomes, on_buses, quiet)
+    found = findings_of(outcomes, on_buses, quiet)
+    return replace(found, head=head_line(found, options, commit))
+
+
+def head_line(found: Findings, options: SafetyOptions, commit: str) -> str:
+    """Return the line above the tables: what was run of which source, and what came of it."""
+    what = "chosen cases" if options.only else f"size {options.size}, seed {options.seed}"
+    numbers = {figure.name: figure.value for figure in found.figures}
+    told = [f"Commit {commit}, {what}"]
+    if "fault_cases" in numbers:
+        cases, wrong = int(numbers["fault_cases"]), int(numbers["not_as_promised"])
+        right = "all as promised" if not wrong else f"{wrong} of them NOT as promised"
+        told.append(f"{cases} fault cases, {int(numbers['fault_cases_on_buses'])} of them over "
+                    f"buses, {right}")  # fmt: skip
+    if "hours_without_fault" in numbers:
+        trips = int(numbers["false_trips"])
+        told.append(f"{numbers['hours_without_fault']:.1f} h of virtual time without a fault, "
+                    f"{trips or 'no'} false trip{'s' * (trips > 1)}")  # fmt: skip
+    return ": ".join((told[0], "; ".join(told[1:]))) + "." if told[1:] else f"{told[0]}."
 
 
 def findings_of(
-    outcomes: Sequence[Outcome], on_buses: Sequence[BusOutcome], quiet: Sequence[Quiet]
+    outcomes: Sequence[Outcome], on_buses: Sequence[RealOutcome], quiet: Sequence[Quiet]
 ) -> Findings:
     """Return figures, tables and failures of what was run."""
     tables: list[TextTable] = []
+    wires = [o for o in on_buses if isinstance(o, BusOutcome)]
+    kills = [o for o in on_buses if isinstance(o, KillOutcome)]
     if outcomes:
         tables += [fault_table(outcomes), state_table(outcomes)]
-    if on_buses:
-        tables.append(bus_table(on_buses))
+    if wires:
+        tables += [bus_table(wires), bus_state_table(wires)]
+    if kills:
+        tables.append(kill_table(kills))
     if quiet:
         tables.append(quiet_table(quiet))
     failures = [
         *(_failure(str(o.key), o.key.kind.title, o.failures) for o in outcomes if not o.right),
-        *(_failure(str(o.key), WIRE[o.key.fault][0], o.failures) for o in on_buses if not o.right),
+        *(_failure(str(o.key), TITLES[o.key.fault], o.failures) for o in on_buses if not o.right),
         *(_failure(str(q.spell), "no fault", (q.trip,)) for q in quiet if q.trip),
     ]
     return Findings(
@@ -139,10 +162,10 @@ def _failure(case: str, fault: str, failures: Sequence[str]) -> dict[str, str]:
 
 
 def _figures(
-    outcomes: Sequence[Outcome], on_buses: Sequence[BusOutcome], quiet: Sequence[Quiet]
+    outcomes: Sequence[Outcome], on_buses: Sequence[RealOutcome], quiet: Sequence[Quiet]
 ) -> list[Figure]:
     figures: list[Figure] = []
-    both: list[Outcome | BusOutcome] = [*outcomes, *on_buses]
+    both: list[Outcome | RealOutcome] = [*outcomes, *on_buses]
     if both:
         wrong = sum(not outcome.right for outcome in both)
         missed = sum(any("missed" in why for why in o.failures) for o in both)

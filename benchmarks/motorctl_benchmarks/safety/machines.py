@@ -53,12 +53,13 @@ KINDS: Mapping[str, Kind] = {
     "gantry": Kind("published_gantry", 0, "published_gantry", "published_gantry_clean"),
     "serial": Kind("serial_gantry", 2, "published_gantry", "published_gantry_clean"),
     "modbus": Kind("modbus_gantry", 1, "published_gantry", "published_gantry_clean"),
+    "can": Kind("can_gantry", 5, "published_gantry", "published_gantry_clean"),
     "stage": Kind("small_stage", 3, "small_stage", None, {0: -0.07}),
     "dual": Kind("dual_gantry", 4, None, None, {0: -0.075, 1: -0.0753}),
 }
-"""`serial` and `modbus` are the configurations for these buses with their slower rates, and with
-the model standing in for samples that do not come; here the simulated gantry is at the other end.
-"""
+"""`serial`, `modbus` and `can` are the configurations for these buses with their slower rates, and
+with the model standing in for samples that do not come; here the simulated gantry is at the other
+end. The counters of `can` have 24 bits."""
 
 IDEAL: Data = {
     "cogging": None,

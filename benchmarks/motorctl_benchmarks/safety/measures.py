@@ -113,7 +113,8 @@ def _ramp_begins(limits: Limits, rows: NDArray[np.void], ticks: int) -> int:
     """Return how many ticks after the detection the reference brakes, or stands.
 
     It brakes with the jerk of a stop at least; half of that tells it from any program's. What that
-    jerk takes away within a tick or two is rest.
+    jerk takes away within a tick or two is rest. An axis whose program brakes it already goes on to
+    do so once it is being stopped: there is no more jerk to see.
     """
     jerk_m_s3, period_s = limits.stop_jerk_m_s3, limits.period_s
     speed, acceleration = rows["reference_velocity_m_s"], rows["reference_acceleration_m_s2"]
@@ -122,6 +123,9 @@ def _ramp_begins(limits: Limits, rows: NDArray[np.void], ticks: int) -> int:
             abs(speed[ticks + k]) <= jerk_m_s3 * period_s**2
             or rows["state"][ticks + k] == AxisState.FAULT
         ):
+            return k
+        brakes = speed[ticks + k] * acceleration[ticks + k] < 0.0
+        if brakes and rows["state"][ticks + k] == AxisState.STOPPING:
             return k
         change = acceleration[ticks + k + 1] - acceleration[ticks + k]
         if change * np.sign(speed[ticks + k]) <= -0.5 * jerk_m_s3 * period_s:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from motorctl_benchmarks.findings import TextTable
-from motorctl_benchmarks.safety.bus_case import BusOutcome
-from motorctl_benchmarks.safety.bus_lines import WIRE
 from motorctl_benchmarks.safety.expectations import FIRST_CAUSE
 from motorctl_benchmarks.safety.fault_free import Quiet
 from motorctl_benchmarks.safety.kinds import FAULTS
 from motorctl_benchmarks.safety.run_case import Outcome
 
 NONE = "-"
+FAULT_TITLE = "Faults in virtual time, over every state that they can meet"
+STATE_TITLE = "As promised, by the state that the fault found"
+QUIET_TITLE = "Virtual time without a fault"
 
 
 def fault_table(outcomes: Sequence[Outcome]) -> TextTable:
@@ -34,9 +35,7 @@ def fault_table(outcomes: Sequence[Outcome]) -> TextTable:
         "restart clean",
         "as promised",
     )
-    return TextTable(
-        "Faults in virtual time, over every state that they can meet", columns, tuple(rows)
-    )
+    return TextTable(FAULT_TITLE, columns, tuple(rows))
 
 
 def _line(title: str, cases: Sequence[Outcome]) -> tuple[str, ...]:
@@ -92,7 +91,7 @@ def state_table(outcomes: Sequence[Outcome]) -> TextTable:
         *(_share(o for o in outcomes if (o.key.machine, o.key.controller) == m) for m in machines),
     )
     columns = ("state", *(f"{machine} {law}" for machine, law in machines))
-    return TextTable("As promised, by the state that the fault found", columns, (*rows, total))
+    return TextTable(STATE_TITLE, columns, (*rows, total))
 
 
 def _is(outcome: Outcome, state: str, machine: str, law: str) -> bool:
@@ -105,48 +104,6 @@ def _share(outcomes: Iterable[Outcome]) -> str:
     return f"{sum(o.right for o in chosen)} of {len(chosen)}" if chosen else NONE
 
 
-def bus_table(outcomes: Sequence[BusOutcome]) -> TextTable:
-    """Return a line for each fault of the wire, over all buses."""
-    rows = []
-    for fault in dict.fromkeys(outcome.key.fault for outcome in outcomes):
-        cases = [o for o in outcomes if o.key.fault == fault]
-        beyond = [o.held_ticks - o.allowed_ticks for o in cases
-                  if o.held_ticks is not None and o.allowed_ticks is not None]  # fmt: skip
-        off = [round(o.off_ms) for o in cases if o.off_ms is not None]
-        travel = sorted(o.travel_mm for o in cases if o.travel_mm is not None)
-        asked = [o.refused for o in cases if o.refused]
-        rows.append(
-            (
-                WIRE[fault][0],
-                str(len(cases)),
-                ", ".join(dict.fromkeys(o.guard or "nothing" for o in cases)),
-                _span(beyond),
-                _span(off),
-                f"{travel[len(travel) // 2]:.1f} (max {travel[-1]:.0f})" if travel else NONE,
-                str(sum(o.rows_lost for o in cases)),
-                f"{sum(r == 'still_faulty' for r in asked)} of {len(asked)}" if asked else NONE,
-                f"{sum(o.restart_clean for o in cases)} of {len(cases)}",
-                f"{max(o.pause_ms for o in cases):.1f}",
-                f"{sum(o.right for o in cases)} of {len(cases)}",
-            )
-        )
-    columns = (
-        "fault",
-        "cases",
-        "detected by",
-        "ticks beyond those held",
-        "amplifiers off, ms",
-        "travel, mm",
-        "rows lost",
-        "reset refused",
-        "restart clean",
-        "longest pause here, ms",
-        "as promised",
-    )
-    lines = dict.fromkeys(outcome.key.line for outcome in outcomes)
-    return TextTable(f"Faults of the wire, in real time: {', '.join(lines)}", columns, tuple(rows))
-
-
 def quiet_table(spells: Sequence[Quiet]) -> TextTable:
     """Return the hours of each machine without a fault."""
     rows = []
@@ -154,7 +111,7 @@ def quiet_table(spells: Sequence[Quiet]) -> TextTable:
         of = [quiet for quiet in spells if quiet.spell.machine == machine]
         rows.append(_hours(machine, of))
     columns = ("machine", "hours", "moves", "starts", "false trips")
-    return TextTable("Virtual time without a fault", columns, (*rows, _hours("all", spells)))
+    return TextTable(QUIET_TITLE, columns, (*rows, _hours("all", spells)))
 
 
 def _hours(name: str, spells: Sequence[Quiet]) -> tuple[str, ...]:
