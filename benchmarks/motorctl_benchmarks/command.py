@@ -309,7 +309,7 @@ def _socket(seed: int | None) -> SocketOptions:
 
 def _print_page(result: Result) -> None:
     """Print Markdown and nothing else, to stand in a page as it is: what was wrong comes first."""
-    from motorctl.printable import printable
+    from motorctl.cli.say import say
 
     host = result.host
     lines = [
@@ -323,7 +323,7 @@ def _print_page(result: Result) -> None:
         lines += ["", *table.lines()]
     if result.notes:
         lines += ["", *(f"- {note}" for note in result.notes)]
-    typer.echo(printable("\n".join(lines)))
+    say("\n".join(lines))
 
 
 def _print_mistakes(console: Terminal, result: Result) -> None:
