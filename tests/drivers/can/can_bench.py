@@ -10,7 +10,9 @@ from typing import Any
 
 import can
 import numpy as np
+import pytest
 import real_time
+from pydantic import ValidationError
 
 from motorctl.hal import Channel, Inputs, Outputs
 from motorctl_can import CanDriver, CanOptions
@@ -250,3 +252,10 @@ def on_sync(
 
 def random_bytes(seed: int, rows: int, length: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, (rows, length), np.uint8)
+
+
+def told(given: dict[str, Any], context: Any = None) -> list[tuple[str, str]]:
+    """Return key and message of each mistake in options that are refused."""
+    with pytest.raises(ValidationError) as caught:
+        CanOptions.model_validate(given, context=context)
+    return [(".".join(map(str, e["loc"])), e["msg"]) for e in caught.value.errors()]
