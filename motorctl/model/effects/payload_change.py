@@ -32,7 +32,7 @@ class PayloadChange(Effect):
     kind = "state"
     title = "Change of payload"
     formula = "m * a,  t >= t_0"
-    compensated = "feedforward of the desired acceleration, from the time of the change on"
+    compensated = "the inertia after the change, which a refined configuration starts with"
     identified = "linear in acceleration from t_0 on; the time t_0 by a scan"
     visible_in = "accelerations well above the noise both before and after the change"
     revealed_by = ("longer_run",)
