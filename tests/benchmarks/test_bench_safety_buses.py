@@ -200,6 +200,16 @@ def test_the_loops_death_is_judged_by_the_devices_own_report(fault, changes, why
     assert findings_of([], [outcome], []).failed == bool(why)
 
 
+@pytest.mark.parametrize(("line", "clean"), [("canopen-udp", True), ("serial-poll", False)])
+def test_a_drive_that_waits_for_heartbeats_may_be_off_a_heartbeat_sooner(line, clean):
+    report = {"watchdog_trips": 1, "longest_pause_s": 0.0, "watchdog_after_s": 0.2501}
+    report |= {"off_s": [(100.2, None)]}
+    key = parse_bus(f"bus:{line}:C2:shuttle:both_killed:default:1")
+    assert kill_judged(key, report, 0.25, (100.0, 100.001)).right is clean
+    report |= {"off_s": [(100.15, None)]}
+    assert not kill_judged(key, report, 0.25, (100.0, 100.001)).right
+
+
 def test_whatever_an_axis_does_under_power_the_guards_of_the_wire_see_the_same():
     assert {promise(line, "shuttle", "silence").guard for line in LINES} == {"no_new_sample"}
     for state in ("hold", "stop", "homing"):

@@ -56,6 +56,9 @@ COMMAND_TICKS: Mapping[str, int] = {
     RTU: 3,  # a request without a reply is waited for, and the next begins with a new period
 }
 """Periods from a command's tick until it acts at the latest; elsewhere 1."""
+HEARTBEATS_A_WATCHDOG = 4
+"""Sent within the watchdog's time of a drive on CANopen, which waits for heartbeats and no command.
+By definition, as docs/drivers/canopen.md promises."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,14 @@ def _passes(line: str, fault: str) -> bool:
 def command_s(line: str, period_s: float) -> float:
     """Return how long after its tick a command acts at the device, at the latest."""
     return COMMAND_TICKS.get(line, 1) * period_s + SHARED_S
+
+
+def fed_s(line: str, watchdog_s: float) -> float:
+    """Return how far apart the messages that feed a device's watchdog are, beyond a command's.
+
+    Elsewhere every command feeds it.
+    """
+    return watchdog_s / HEARTBEATS_A_WATCHDOG if line.startswith("canopen") else 0.0
 
 
 def ramp_s(speed_m_s: float, acceleration_m_s2: float, jerk_m_s3: float) -> tuple[float, float]:
