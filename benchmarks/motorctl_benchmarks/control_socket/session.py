@@ -106,12 +106,13 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
             for number in range(len(KINDS) * options.rounds):
                 kind = KINDS[number % len(KINDS)]
                 _keep_moving(client)
+                recorded = _copy_of_recording(folder) if kind == CONVERTING else None
                 time.sleep(SETTLE_S)
                 first = _ticks(client)
                 if kind == CROWD:
                     told.add(_crowd(options, folder, number), at_once=False)
-                elif kind == CONVERTING:
-                    logs_made += _make_logs(options.spell_s, folder)
+                elif recorded is not None:
+                    logs_made += _make_logs(options.spell_s, recorded)
                 else:
                     _wait(options.spell_s, busy=kind == BUSY)
                 marks.append((kind, first, _ticks(client)))
@@ -214,8 +215,18 @@ def _wait(seconds: float, *, busy: bool) -> None:
             program.wait()
 
 
-def _make_logs(seconds: float, folder: Path) -> int:
-    """Make logs of what is recorded so far, one after the other, and return how many.
+def _copy_of_recording(folder: Path) -> Path:
+    """Return a copy of what is recorded so far: to copy it is no part of making a log."""
+    files = (folder / "logs").glob(f"*{SUFFIX}")
+    recorded = max(files, key=lambda path: path.stat().st_mtime)
+    copy = folder / "recorded" / recorded.name
+    copy.parent.mkdir(exist_ok=True)
+    shutil.copy(recorded, copy)
+    return copy
+
+
+def _make_logs(seconds: float, recorded: Path) -> int:
+    """Make logs of a recording, one after the other as the daemon does, and return how many.
 
     Raises
     ------
@@ -223,11 +234,11 @@ def _make_logs(seconds: float, folder: Path) -> int:
         Where a log cannot be made.
     """
     end, made = time.monotonic() + seconds, 0
-    recorded = max((folder / "logs").glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
     while time.monotonic() < end:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            copy = shutil.copy(recorded, scratch)
-            run = [sys.executable, "-P", "-m", background.__name__, copy]
+        with tempfile.TemporaryDirectory(dir=recorded.parent) as scratch:
+            once = Path(scratch) / recorded.name
+            once.hardlink_to(recorded)  # whoever makes the log takes the name away
+            run = [sys.executable, "-P", "-m", background.__name__, str(once)]
             done = subprocess.run(run, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RunError(f"no log can be made: {done.stderr.strip().splitlines()[-1:]}")
