@@ -92,21 +92,7 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
     tmp_path: Path,
 ) -> None:
     with Daemon(tmp_path, bench_config("shuttle")) as daemon:
-        moving(daemon)
-        time.sleep(1.0)
-        ticks = [daemon.ask("status")["loop"]["ticks"]]
-        loop = loop_pid(daemon)
-        os.kill(daemon.process.pid, signal.SIGKILL)
-        daemon.process.wait()
-        wait_until(lambda: not alive(loop))
-        (closed,) = daemon.partial_logs()
-        start_anew(daemon)
-        converter = stopped_converter(closed)
-        moving(daemon)
-        time.sleep(1.0)
-        status = daemon.ask("status")
-        loop = status["loop"]["pid"]
-        ticks.append(status["loop"]["ticks"])
+        closed, converter, loop, ticks = moving_while_a_log_is_made(daemon)
         os.kill(daemon.process.pid, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
         daemon.process.wait()
@@ -118,12 +104,7 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
         assert closed.name in said
         assert "Traceback" not in said
         assert daemon.end() == 0, daemon.said
-        *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
-        assert len(killed) == 2
-        for log, at_kill in zip(killed, ticks, strict=True):
-            table = pq.read_table(log, columns=["tick"])
-            assert table["tick"][-1].as_py() > at_kill - RATE_HZ
-            no_row_is_missing(log)
+        both_logs_end_at_their_kills(daemon, ticks)
         assert not daemon.partial_logs()
         assert not list(daemon.logs.glob("*.tmp"))
 
@@ -133,21 +114,8 @@ def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_t
     tmp_path: Path,
 ) -> None:
     with Daemon(tmp_path, bench_config("shuttle")) as daemon:
-        moving(daemon)
-        time.sleep(1.0)
-        ticks = [daemon.ask("status")["loop"]["ticks"]]
-        loop = loop_pid(daemon)
-        os.kill(daemon.process.pid, signal.SIGKILL)
-        daemon.process.wait()
-        wait_until(lambda: not alive(loop))
-        (closed,) = daemon.partial_logs()
-        start_anew(daemon)
-        converter = stopped_converter(closed)
-        moving(daemon)
-        time.sleep(1.0)
-        status = daemon.ask("status")
-        ticks.append(status["loop"]["ticks"])
-        os.kill(status["loop"]["pid"], signal.SIGKILL)
+        _, converter, loop, ticks = moving_while_a_log_is_made(daemon)
+        os.kill(loop, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
         assert daemon.process.wait(60) == 1
         assert not alive(converter)
@@ -157,13 +125,46 @@ def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_t
         assert "ended with: " in said
         assert "Traceback" not in daemon.said
         assert daemon.end() == 0, daemon.said
-        *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
-        assert len(killed) == 2
-        for log, at_kill in zip(killed, ticks, strict=True):
-            table = pq.read_table(log, columns=["tick"])
-            assert table["tick"][-1].as_py() > at_kill - RATE_HZ
-            no_row_is_missing(log)
+        both_logs_end_at_their_kills(daemon, ticks)
         assert not list(daemon.logs.glob("*.tmp"))
+
+
+def moving_while_a_log_is_made(daemon: Daemon) -> tuple[Path, int, int, list[int]]:
+    """Have axes move while the log of a run that was killed is made, by a process that stands.
+
+    Returns
+    -------
+    Path
+        The recording of the killed run.
+    int, int
+        The process that makes a log of it, and the loop's.
+    list of int
+        The loop's ticks at the kill, and now.
+    """
+    moving(daemon)
+    time.sleep(1.0)
+    ticks = [daemon.ask("status")["loop"]["ticks"]]
+    loop = loop_pid(daemon)
+    os.kill(daemon.process.pid, signal.SIGKILL)
+    daemon.process.wait()
+    wait_until(lambda: not alive(loop))
+    (closed,) = daemon.partial_logs()
+    start_anew(daemon)
+    converter = stopped_converter(closed)
+    moving(daemon)
+    time.sleep(1.0)
+    told = daemon.ask("status")["loop"]
+    return closed, converter, told["pid"], [*ticks, told["ticks"]]
+
+
+def both_logs_end_at_their_kills(daemon: Daemon, ticks: list[int]) -> None:
+    """Insist that the logs of two killed runs end less than a second before, without a gap."""
+    *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+    assert len(killed) == 2
+    for log, at_kill in zip(killed, ticks, strict=True):
+        table = pq.read_table(log, columns=["tick"])
+        assert table["tick"][-1].as_py() > at_kill - RATE_HZ
+        no_row_is_missing(log)
 
 
 def stopped_converter(closed: Path) -> int:
