@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import logging
 import subprocess
-import sys
 import time
 from collections import deque
 from pathlib import Path
 
 from motorctl.daemon.error_text import in_words
 from motorctl.errors import MotorctlError
-from motorctl.log import recover
+from motorctl.log import background, recover
 from motorctl.log.folder import in_use, stored_logs
 
-MODULE = "motorctl.log.background"
 TRY_AGAIN_S = 600.0
 
 _log = logging.getLogger("motorctl")
@@ -32,6 +30,8 @@ class Conversion:
         """Of what was made logs of by this daemon, as it was while it was recorded."""
         self.closed_bytes = 0
         """And as it is in the logs."""
+        self.keep_off: frozenset[int] = frozenset()
+        """CPUs that logs are not made on."""
         self.failure: str | None = None
         """Why the last one that failed did; its partial file stays."""
         self._waiting: deque[Path] = deque()
@@ -132,7 +132,7 @@ class Conversion:
             self._size = partial.stat().st_size
             # A session of its own: Ctrl-C is for the daemon, which then finishes this itself.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", MODULE, str(partial)],
+                background.command(partial, self.keep_off),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

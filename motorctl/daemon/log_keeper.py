@@ -92,9 +92,10 @@ class LogKeeper:
                 names,
             )
 
-    def start(self, log: RotatingLog) -> None:
-        """Look after the logs of a recording from now on."""
+    def start(self, log: RotatingLog, loop_cpus: frozenset[int]) -> None:
+        """Look after the logs of a recording from now on, off the CPUs that the loop has."""
         self.log = log
+        self.conversion.keep_off = loop_cpus
         self._thread.start()
 
     def take(self, partial: Path) -> None:

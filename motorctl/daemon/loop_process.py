@@ -53,6 +53,14 @@ class LoopProcess:
         return self._process is not None and self._process.poll() is None
 
     @property
+    def cpus(self) -> frozenset[int]:
+        """The CPUs that it may run on; those of a loop that is gone are none."""
+        if self._process is not None:
+            with contextlib.suppress(OSError):
+                return frozenset(os.sched_getaffinity(self._process.pid))
+        return frozenset()
+
+    @property
     def message(self) -> str:
         """What the process left as its last word, or nothing."""
         text = bytes(self.memory.status["message"][0])

@@ -190,7 +190,7 @@ class Supervisor:
         log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()
-        self._keeper.start(log)
+        self._keeper.start(log, self._loop.cpus)
         self._announce(self._recorder)
 
     async def _serve(self) -> None:

@@ -52,17 +52,23 @@ def done(conversion: Conversion) -> bool:
     return conversion.current is None and not conversion.waiting
 
 
-def test_closed_logs_are_made_one_at_a_time_at_idle_priority(bench: Ring, tmp_path: Path) -> None:
+def test_closed_logs_are_made_one_at_a_time_at_idle_priority_off_the_cpus_of_the_loop(
+    bench: Ring, tmp_path: Path
+) -> None:
     conversion = Conversion()
+    cpus = os.sched_getaffinity(0)
+    conversion.keep_off = frozenset({max(cpus)})
     log = rotating(tmp_path, settings(rotate=MINUTES), conversion.add)
     recorded(bench, log, 2.5)
     conversion.look()
     process = conversion._process
     assert process is not None
-    policies, nices = set(), set()
+    policies, nices, places = set(), set(), set()
 
     def watched() -> bool:
         try:
+            for thread in Path(f"/proc/{process.pid}/task").iterdir():
+                places.add(frozenset(os.sched_getaffinity(int(thread.name))))
             policies.add(os.sched_getscheduler(process.pid))
             nices.add(os.getpriority(os.PRIO_PROCESS, process.pid))
         except OSError:
@@ -73,6 +79,8 @@ def test_closed_logs_are_made_one_at_a_time_at_idle_priority(bench: Ring, tmp_pa
     wait_until(watched)
     assert os.SCHED_IDLE in policies
     assert 19 in nices
+    assert (cpus - {max(cpus)} or cpus) in places  # a process with one CPU has no other
+    assert places <= {frozenset(cpus), cpus - {max(cpus)} or cpus}
     assert conversion.failure is None
     log.close({})
     logs = [stored.path for stored in stored_logs(tmp_path, "bench")]

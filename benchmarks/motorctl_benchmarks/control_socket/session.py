@@ -8,6 +8,7 @@ emergency stops are called.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -112,7 +113,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
                 if kind == CROWD:
                     told.add(_crowd(options, folder, number), at_once=False)
                 elif recorded is not None:
-                    logs_made += _make_logs(options.spell_s, recorded)
+                    logs_made += _make_logs(options.spell_s, recorded, before["loop"]["pid"])
                 else:
                     _wait(options.spell_s, busy=kind == BUSY)
                 marks.append((kind, first, _ticks(client)))
@@ -225,20 +226,30 @@ def _copy_of_recording(folder: Path) -> Path:
     return copy
 
 
-def _make_logs(seconds: float, recorded: Path) -> int:
+def _make_logs(seconds: float, recorded: Path, loop: int) -> int:
     """Make logs of a recording, one after the other as the daemon does, and return how many.
+
+    Parameters
+    ----------
+    seconds
+        How long [s].
+    recorded
+        The partial file.
+    loop
+        The loop's process: its CPUs are kept off.
 
     Raises
     ------
     RunError
         Where a log cannot be made.
     """
+    loop_cpus = os.sched_getaffinity(loop)
     end, made = time.monotonic() + seconds, 0
     while time.monotonic() < end:
         with tempfile.TemporaryDirectory(dir=recorded.parent) as scratch:
             once = Path(scratch) / recorded.name
             once.hardlink_to(recorded)  # whoever makes the log takes the name away
-            run = [sys.executable, "-P", "-m", background.__name__, str(once)]
+            run = background.command(once, loop_cpus)
             done = subprocess.run(run, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RunError(f"no log can be made: {done.stderr.strip().splitlines()[-1:]}")
