@@ -113,6 +113,28 @@ def session(**changes: Any) -> Session:
     return replace(Session(spells * 2, told, 2e-4, 0, ()), **changes)
 
 
+def test_what_quiet_spells_differ_in_is_no_fault_of_a_crowd() -> None:
+    def share(late: int, kind: str = QUIET) -> Spell:
+        return Spell(kind, np.where(np.arange(1000) < late, 150e-6, 1e-6))
+
+    told = session().told
+    apart = (
+        share(1),
+        share(11),
+        share(6, CROWD),
+        share(10, CROWD),
+        share(8, CONVERTING),
+        share(9, BUSY),
+    )
+    figure = findings_of(Session(apart, told, 2e-4, 0, ()), SocketOptions()).figures[0]
+    assert (figure.value, figure.peer_value) == pytest.approx((0.8, 0.6 + 0.5))
+    assert figure.met is True
+    alike = (share(6), share(6), share(8, CROWD), share(8, CONVERTING), share(9, BUSY))
+    figure = findings_of(Session(alike, told, 2e-4, 0, ()), SocketOptions()).figures[0]
+    assert figure.ratio == pytest.approx(0.75)
+    assert not figure.met is True
+
+
 def test_a_crowd_that_nobody_noticed_meets_the_target() -> None:
     found = findings_of(session(), SocketOptions())
     late = found.figures[0]
