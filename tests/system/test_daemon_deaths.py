@@ -22,8 +22,8 @@ from buses_bench import (
 from daemon_rig import Daemon, alive, bench_config, wait_until
 from recorded_ring import metadata_of
 
-from motorctl.daemon.conversion import MODULE
 from motorctl.flight import list_records
+from motorctl.log import background
 from motorctl.log.folder import stored_logs
 from motorctl.log.sample import AxisState, SampleFlag
 
@@ -177,7 +177,7 @@ def stopped_converter(closed: Path) -> int:
                 words = (process / "cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if MODULE.encode() in words and os.fsencode(closed) in words:
+            if background.__name__.encode() in words and os.fsencode(closed) in words:
                 found.append(int(process.name))
                 os.kill(found[0], signal.SIGSTOP)
                 return True
