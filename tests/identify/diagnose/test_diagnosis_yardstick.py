@@ -77,7 +77,7 @@ def outcome(signals, *added):
 
 
 def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signals):
-    found = outcome(signals, late("input_lag", 0.2))
+    found = outcome(signals, late("input_lag", 6e-3))
     missed = map(simulated_position, (found.base, found.final))
     simulated = judge_by_simulation(found.final.regressors.signals, *missed)
     assert simulated.after_rms > simulated.before_rms
