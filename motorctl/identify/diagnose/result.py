@@ -125,6 +125,8 @@ class Estimator:
 
     left: Side
     """Which signal stood on the left, where its errors bias nothing."""
+    method: Literal["least_squares", "instruments"]
+    """Instruments are columns formed from the reference."""
     sentence: str
 
 

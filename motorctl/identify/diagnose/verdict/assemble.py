@@ -58,6 +58,7 @@ from motorctl.identify.diagnose.verdict.errors import (
 )
 from motorctl.identify.diagnose.verdict.estimator import estimator_of
 from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
+from motorctl.identify.diagnose.verdict.instruments import with_instruments
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
@@ -122,7 +123,8 @@ def assemble(
         extra, judged, impossible = None, replace(judged, rival=None), judged.rival
     if extra is not None and not _lowers(found, extra[1], found.final.problem, split):
         extra = None
-    values = values_of(found.final, extra)
+    by_reference = None if extra is not None else with_instruments(found.final)
+    values = values_of(by_reference or found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
     own_error = error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
@@ -154,7 +156,7 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    estimator, whole = estimator_of(found.final), whole_model(found)
+    estimator, whole = estimator_of(found.final, by_reference is not None), whole_model(found)
     kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":

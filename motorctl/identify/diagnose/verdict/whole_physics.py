@@ -46,7 +46,7 @@ def whole_told(
         between = (
             f", and {low:.3g} to {high:.3g} are seen beside any function of place and of speed"
         )
-    return (
-        f"the whole model: its friction {friction}; its inertia is {whole.inertia:.3g} "
-        f"{unit}{between}",
-    )
+    inertia = f"is {whole.inertia:.3g} {unit}"
+    if not whole.inertia > 0.0:
+        inertia = "is too small to be seen"
+    return (f"the whole model: its friction {friction}; its inertia {inertia}{between}",)
