@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import gmean
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
@@ -20,6 +21,8 @@ from motorctl.identify.diagnose.search.simulated_position import (
     Rows,
     judge_by_simulation,
     position_of_declared,
+    ratios_of,
+    simulated_motion,
     simulated_position,
 )
 from motorctl.identify.diagnose.search.turning_places import shown_by_turning
@@ -66,6 +69,8 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
         refuted = refuted or next(filter(None, worse), None)
+        if held_out is not None:
+            refuted = refuted or moves_no_nearer(final, held_out)
         if refuted is None:
             break
         effect, why = refuted
@@ -87,6 +92,32 @@ def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
                 f"{effect.name} is refuted: {told}, so it is more than that, or something else",
             )
     return None
+
+
+def moves_no_nearer(final: Hypothesis, held_out: Rows) -> tuple[Effect, str] | None:
+    """Return the effect that brings the simulated motion no nearer to the recorded one, and why.
+
+    Of each effect that moves the axis, beside all others: of position and velocity on rows held
+    out, over windows of all lengths. Where the model without it cannot move, nothing is asked.
+    """
+    after = simulated_motion(final, held_out)
+    found: dict[str, float] = {}
+    for effect in final.added:
+        rest = final.without(effect.name).refreshed()
+        if effect.kind == "measurement" or float(rest.b[0]) <= 0.0:
+            continue
+        pairs = zip(simulated_motion(rest, held_out), after, strict=True)
+        ratios = [ratio for pair in pairs for ratio in ratios_of(*pair).values()]
+        if ratios:
+            found[effect.name] = float(gmean(ratios))
+    name = max(found, key=lambda each: found[each], default="")
+    if not name or found[name] < 1.0:
+        return None
+    return next(effect for effect in final.added if effect.name == name), (
+        f"{name} is refuted: with it the position and the velocity simulated on rows held out miss "
+        f"the recorded ones by {found[name]:.4g} times as much as without it, over windows of all "
+        "lengths; a name has to lower that"
+    )
 
 
 def drives_itself(final: Hypothesis) -> tuple[Effect, str] | None:

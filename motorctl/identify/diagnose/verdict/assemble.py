@@ -156,7 +156,8 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
-    estimator, whole = estimator_of(found.final, by_reference is not None), whole_model(found)
+    estimator = estimator_of(found.final, by_reference is not None)
+    whole = whole_model(found, by_reference or found.final)
     kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":

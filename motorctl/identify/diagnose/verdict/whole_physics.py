@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import FoundEffect, WholeModel
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
@@ -15,9 +16,8 @@ from motorctl.identify.diagnose.search.whole_model import (
 from motorctl.log.units import unit_for
 
 
-def whole_model(found: Found) -> WholeModel:
-    """Return what physics says of the final model."""
-    final = found.final
+def whole_model(found: Found, final: Hypothesis) -> WholeModel:
+    """Return what physics says of the final model, with the parameters that are told of it."""
     seen = seen_inertia(found.base)
     return WholeModel(
         inertia=1.0 / float(final.b[0]),
