@@ -59,7 +59,7 @@ def _diagnose(
         machine_of,
         untried_effects,
     )
-    from motorctl.identify.same_axis import check_belongs
+    from motorctl.identify.same_axis import check_belongs, declared_inertias
     from motorctl.log import read_recording
     from motorctl.model.catalog import failed_effects
 
@@ -74,7 +74,8 @@ def _diagnose(
         if machine is not None:
             check_belongs(read, machine, models)
         further = [] if machine is None else list(machine.further_effects.values())
-        found = diagnose_recording(read, models, progress, test, further)
+        inertia = declared_inertias(read, machine, models)
+        found = diagnose_recording(read, models, progress, test, further, inertia)
         untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
         if config is None:
             untried += [

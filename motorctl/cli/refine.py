@@ -52,7 +52,7 @@ def _refine(
     from motorctl.identify.diagnose.report.page import write_report
     from motorctl.identify.refine.json_document import refinement_document
     from motorctl.identify.refine.refinement import load_machine, refine_config
-    from motorctl.identify.same_axis import require_same_machine
+    from motorctl.identify.same_axis import declared_inertias, require_same_machine
     from motorctl.log import read_recording
 
     if not out.parent.is_dir():
@@ -67,7 +67,11 @@ def _refine(
         require_same_machine(read, machine, names)
         models = {name: machine.axes[name].declared for name in names}
         diagnosis = diagnose_recording(
-            read, models, progress, further=list(machine.further_effects.values())
+            read,
+            models,
+            progress,
+            further=list(machine.further_effects.values()),
+            inertia=declared_inertias(read, machine, names),
         )
         progress("refining", 1.0)
         refinement = refine_config(diagnosis, machine.source, out)

@@ -20,6 +20,7 @@ from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.identify.refine.refinement import Refinement, moved_text, refine_config
+from motorctl.identify.same_axis import declared_inertias
 from motorctl.log import Recording
 from motorctl.loop.virtual import require_virtual_time
 
@@ -145,9 +146,9 @@ def close_loop(
         recording, motions = _recorded(current, folder, chosen, motions, progress)
         models = declared_models(recording)
         held_out = current.recordings["unused"]
-        diagnosis = diagnose_recording(
-            recording, models, progress, held_out, list(machine.further_effects.values())
-        )
+        further = list(machine.further_effects.values())
+        inertia = declared_inertias(recording, machine, models)
+        diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
         attempts, dropped = _attempts(
             diagnosis, current, first, folder, names, motions, duration_s, progress
         )

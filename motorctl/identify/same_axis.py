@@ -56,6 +56,25 @@ def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -
     _refuse(recording, f"{machine.source}, or not in its units, m and V", problems)
 
 
+def declared_inertias(
+    recording: Recording, machine: Machine | None, axes: Iterable[str]
+) -> dict[str, tuple[float, float]]:
+    """Return the bounds that a machine's configuration gives the inertia of some axes.
+
+    Of axes that it describes, recorded in a configuration's units, m and V.
+    """
+    found = {}
+    for name in axes if machine is not None else ():
+        assert machine is not None
+        axis, data = _axis_of(machine, name), measured(recording, name)
+        place = None if axis is None else axis.model.index_of("acceleration")
+        if axis is None or place is None or (data.position_unit, data.command_unit) != ("m", "V"):
+            continue
+        bounds = axis.estimates[place]
+        found[name] = bounds.lower, bounds.upper
+    return found
+
+
 def require_same_machine(recording: Recording, machine: Machine, axes: Iterable[str]) -> None:
     """Raise where a configuration cannot be refined from the recording, with all reasons.
 

@@ -37,7 +37,7 @@ from motorctl.model.knowledge import (
 
 T = TypeVar("T")
 Kind = Literal["state", "input", "command", "measurement"]
-End = Literal["either", "upper"]
+End = Literal["either", "upper", "neither"]
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,11 @@ class Effect(ABC):
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})
-    """Options that mean another effect where they come to an end of the range that is tried."""
+    """At which end of its range (see `ranges`) an option means another effect: that refutes it.
+
+    "upper" for an option that is refined and not named here; "neither" where both ends are limits
+    that the effect comes to by nature, such as a time constant beyond the recording.
+    """
     usual: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters of an input effect whose value is known before any recording: taken where the rows
     at hand hardly show the effect."""
@@ -274,6 +278,24 @@ class Effect(ABC):
         -------
         mapping
             A first step for each option, in the option's own unit.
+        """
+        return {}
+
+    def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
+        """Return between what values options that are refined mean this effect.
+
+        Only for places and times. A size, which is never zero, may leave the range of the forms
+        that are tried by a factor.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        mapping
+            Lowest and highest value, in the option's own unit; nothing for an option without end.
         """
         return {}
 

@@ -70,7 +70,9 @@ def given(monkeypatch, recording):
     def finding(*rounds, unknown=None):
         left = list(rounds)
 
-        def diagnose_recording(recording, models, progress=None, evaluate_on=None, further=()):
+        def diagnose_recording(
+            recording, models, progress=None, evaluate_on=None, further=(), inertia=None
+        ):
             new = left.pop(0) if left else ()
             (declared,) = models.values()
             known = [e for e in (COGGING, PRESLIDING) if e.name in declared.names]

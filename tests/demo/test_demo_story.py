@@ -62,7 +62,9 @@ def stage_story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     """Tell the story of the small stage, with a diagnosis that is given rather than made."""
     left = [(STAGE_COGGING,)]
 
-    def diagnose_recording(recording, models, progress=None, evaluate_on=None, further=()):  # type: ignore[no-untyped-def]
+    def diagnose_recording(
+        recording, models, progress=None, evaluate_on=None, further=(), inertia=None
+    ):  # type: ignore[no-untyped-def]
         new = left.pop() if left else ()
         known = () if new else STAGE_COGGING.theta
         axes = {

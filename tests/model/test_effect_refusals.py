@@ -80,7 +80,7 @@ CASES = [
     ("brake_zone", *with_attribute('refuted_at_end = {"center_m": "upper"}'),
      "refuted_at_end names 'center_m'; expected one of: middle_m, half_length_m"),
     ("brake_zone", *with_attribute('refuted_at_end = {"middle_m": "left"}'),
-     "refuted_at_end names 'left'; expected one of: either, upper"),
+     "refuted_at_end names 'left'; expected one of: either, upper, neither"),
     ("brake_zone", *with_attribute('usual = {"share": 1.0}'),
      "usual is for input effects; its kind is 'state'"),
     ("brake_zone", *with_attribute('proportional_to = "jerk"'),

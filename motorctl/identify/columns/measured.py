@@ -68,6 +68,8 @@ class Measured:
     """Whether the samples were taken unevenly and brought to this rate."""
     force_per_command: float | None = None
     force_unit: str = "N"
+    inertia: tuple[float, float] | None = None
+    """Between what values its inertia is known to lie, in units of the command; None: not known."""
     others: Mapping[str, Measured] = field(default_factory=dict, repr=False)
     """The other axes that move, by name, at the same times; empty where nobody asked for them."""
 

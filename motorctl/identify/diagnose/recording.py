@@ -54,6 +54,7 @@ def diagnose_recording(
     progress: Progress | None = None,
     evaluate_on: Recording | None = None,
     further: Sequence[type[Effect]] = (),
+    inertia: Mapping[str, tuple[float, float]] | None = None,
 ) -> RecordingDiagnosis:
     """Diagnose each axis that `models` names; all other axes count as possible causes.
 
@@ -70,6 +71,9 @@ def diagnose_recording(
         without it, a part of this one is held out.
     further
         Effects to be tried beside those that are built in, installed, or declared for any axis.
+    inertia
+        Between what values that of an axis is known to lie, by its name, in units of the command;
+        an effect with which it would be far from there is refuted.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def diagnose_recording(
             test = None
             if evaluate_on is not None:
                 test = with_others(evaluate_on, counterpart(evaluate_on, name))
-            data = with_others(recording, name)
+            data = replace(with_others(recording, name), inertia=(inertia or {}).get(name))
             axes[name] = diagnose_axis(data, model, tell, recording.segments, test, catalogue)
         except (DataError, UsageError) as error:
             refused[name] = str(error)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.measured import Measured
 from motorctl.model import Effect, EffectList
 from motorctl.model.knowledge import Family
@@ -119,6 +120,31 @@ class ModelError:
 
 
 @dataclass(frozen=True)
+class Estimator:
+    """The method by which parameters were found, and how errors in the regressors were met."""
+
+    left: Side
+    """Which signal stood on the left, where its errors bias nothing."""
+    method: Literal["least_squares", "instruments"]
+    """Instruments are columns formed from the reference."""
+    sentence: str
+
+
+@dataclass(frozen=True)
+class WholeModel:
+    """What physics says of a whole model, beside each of its effects."""
+
+    inertia: float
+    """In units of the command."""
+    seen_inertia: tuple[float, float] | None
+    """Between what values it lies by an estimate that knows no effects; None if it fails."""
+    declared_inertia: tuple[float, float] | None
+    """Between what values it is declared to lie; None where that is not known."""
+    friction_gives: float
+    """Energy that friction surely gives at some speed, over what passes from command to motion."""
+
+
+@dataclass(frozen=True)
 class Traces:
     """Signals in the fitted band for pictures; arrays of shape (m,), rows in order of time."""
 
@@ -179,6 +205,10 @@ class AxisDiagnosis:
     doubted: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Effects that lower the error and are not named, each with the figures that speak against."""
     notes: tuple[str, ...] = ()
+    estimator: Estimator | None = None
+    """By what method the parameters were found."""
+    whole: WholeModel | None = None
+    """What physics says of the model with all that was found."""
     seconds: float = 0.0
 
 

@@ -82,7 +82,8 @@ class Backlash(Effect):
     )
     scan_shows_part = True
     leaves_bursts = True
-    refuted_at_end = MappingProxyType({"gap_m": "either"})
+    # a load without friction glides for ever, one with much stops at once
+    refuted_at_end = MappingProxyType({"gap_m": "either", "glide_m_s2": "neither"})
     revealed_by = ("fast_reversals", "slow_reversals")
     Options = BacklashOptions
     options: BacklashOptions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from numba import njit
 from pydantic import Field
@@ -43,6 +44,8 @@ class GainDrift(Effect):
         "the same motion repeated for at least a time constant (minutes), with accelerations "
         "that make large commands"
     )
+    # far beyond the recording it is a straight line in time, far below a step at the beginning
+    refuted_at_end = MappingProxyType({"time_constant_s": "neither"})
     revealed_by = ("longer_run",)
     Options = GainDriftOptions
     options: GainDriftOptions

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal
 
 from numba import njit
@@ -14,6 +15,11 @@ from motorctl.model.knowledge import Picture, Spans
 PLACES = (0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
 """Parts of the travel before its end at which the stop may begin. More takes time, fewer starts the
 refinement too far away; larger takes any force near the end for a stop. Chosen by hand."""
+
+DEEPEST = 0.3
+"""Part of the travel before its end from which what begins there is no stop: a spring acts over so
+much. Larger takes any force near the end for a stop, smaller misses long buffers. Chosen by hand:
+half as much again as the forms that are tried."""
 
 
 class HardStopOptions(EffectOptions):
@@ -42,6 +48,7 @@ class HardStop(Effect):
     identified = "linear in K_s, and in K_2 and B_s where they pay; where it begins by a scan"
     visible_in = "travel to both ends, slowly, several times"
     groups = frozenset({"force_of_position"})
+    refuted_at_end = MappingProxyType({"begin_m": "either"})
     revealed_by = ("two_speeds",)
     Options = HardStopOptions
     options: HardStopOptions
@@ -84,6 +91,11 @@ class HardStop(Effect):
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine where it begins."""
         return {"begin_m": 0.01 * spans.travel_m}
+
+    def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
+        """Return the way before the end of the travel, and as much beyond it: a stop is near it."""
+        end = spans.position_m[1 if self.options.side == "upper" else 0]
+        return {"begin_m": (end - DEEPEST * spans.travel_m, end + DEEPEST * spans.travel_m)}
 
     def richer(self, spans: Spans) -> Sequence[Effect]:
         """Return stops of rubber: stiffer the deeper, damped, each if it is not so yet."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from numba import njit
 from pydantic import Field
@@ -35,6 +36,7 @@ class PayloadChange(Effect):
     compensated = "the inertia after the change, which a refined configuration starts with"
     identified = "linear in acceleration from t_0 on; the time t_0 by a scan"
     visible_in = "accelerations well above the noise both before and after the change"
+    refuted_at_end = MappingProxyType({"time_s": "either"})
     revealed_by = ("longer_run",)
     Options = PayloadOptions
     options: PayloadOptions
@@ -69,13 +71,21 @@ class PayloadChange(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return times all over the recording but its ends."""
-        outer = OUTER * spans.duration_s
-        times = even_grid(spans.time_s[0] + outer, spans.time_s[1] - outer, _step(spans))
-        return [cls(PayloadOptions(time_s=time)) for time in times]
+        return [cls(PayloadOptions(time_s=time)) for time in even_grid(*_span(spans), _step(spans))]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine the time."""
         return {"time_s": _step(spans)} if spans.duration_s > 0.0 else {}
+
+    def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
+        """Return the recording without its ends."""
+        return {"time_s": _span(spans)}
+
+
+def _span(spans: Spans) -> tuple[float, float]:
+    """Return between what times a change is sought."""
+    outer = OUTER * spans.duration_s
+    return spans.time_s[0] + outer, spans.time_s[1] - outer
 
 
 def _step(spans: Spans) -> float:

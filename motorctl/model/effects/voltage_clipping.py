@@ -55,6 +55,8 @@ class VoltageClipping(Effect):
     identified = "linear in q; limit and speed without load by a scan"
     visible_in = "the hardest accelerations that are used, up to the top speed, in both directions"
     scan_shows_part = True
+    # a limit of current does not depend on speed
+    refuted_at_end = MappingProxyType({"no_load_m_s": "neither"})
     revealed_by = ("two_accelerations", "two_speeds")
     usual = MappingProxyType({"share": 1.0})  # a supply has no more than its voltage
     Options = VoltageClippingOptions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from numba import njit
 from pydantic import Field
@@ -40,6 +41,8 @@ class WarmingFriction(Effect):
     identified = "linear in F_w and B_w; time constant tau by a scan"
     visible_in = "the same motion repeated for at least a time constant, begun with a cold machine"
     groups = frozenset({"friction"})
+    # far beyond the recording it is a straight line in time, far below a step at the beginning
+    refuted_at_end = MappingProxyType({"time_constant_s": "neither"})
     revealed_by = ("longer_run",)
     Options = WarmingFrictionOptions
     options: WarmingFrictionOptions

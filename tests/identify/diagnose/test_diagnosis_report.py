@@ -271,7 +271,7 @@ def invoke(monkeypatch):
     diagnose.register(app)
 
     def call(answer, *arguments):
-        def search(recording, models, progress=None, evaluate_on=None, further=()):
+        def search(recording, models, progress=None, evaluate_on=None, further=(), inertia=None):
             assert list(models) == ["x"]
             assert evaluate_on is None
             assert not further

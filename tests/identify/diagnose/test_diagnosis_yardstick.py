@@ -77,13 +77,32 @@ def outcome(signals, *added):
 
 
 def test_an_effect_whose_motion_runs_away_from_the_recorded_one_is_refuted(signals):
-    found = outcome(signals, late("input_lag", 0.2))
+    found = outcome(signals, late("input_lag", 6e-3))
     missed = map(simulated_position, (found.base, found.final))
     simulated = judge_by_simulation(found.final.regressors.signals, *missed)
     assert simulated.after_rms > simulated.before_rms
     kept, why = without_refuted(found)
     assert not kept.final.added
     assert why[0].startswith("input_lag is refuted: with it the position simulated over")
+
+
+def every_third_second(time_s):
+    return np.floor(time_s) % 3.0 == 2.0
+
+
+def test_a_name_has_to_bring_the_simulated_motion_nearer_on_rows_held_out():
+    plain = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0, cogging=0.05)
+    data = plain.run(seed=4, duration_s=9.0)
+    hum = np.where(every_third_second(data.time_s), 0.0, np.sin(2.0 * np.pi * 9.0 * data.time_s))
+    data = replace(data, command=data.command + 0.05 * hum)
+    wave = make_effect(effect_class("periodic_disturbance"), {"frequency_hz": 9.0})
+    cogging = make_effect(effect_class("cogging"), {"pitch_m": 0.06})
+    found = outcome(make_signals(data, slope_s_m=900.0), cogging, wave)
+    held_out = every_third_second(found.final.regressors.signals.time_s)
+    assert without_refuted(found) == (found, ())
+    kept, why = without_refuted(found, held_out)
+    assert kept.final.added == (cogging,)
+    assert "times as much as without it, over windows of all lengths; a name has to" in why[0]
 
 
 def test_an_effect_that_is_there_is_not_refuted(signals):

@@ -22,7 +22,9 @@ def log(tmp_path_factory):
 def known(monkeypatch, log):
     """Let the diagnosis find what the gantry has."""
 
-    def diagnose_recording(recording, models, progress=None, evaluate_on=None, further=()):
+    def diagnose_recording(
+        recording, models, progress=None, evaluate_on=None, further=(), inertia=None
+    ):
         return gantry_diagnosis(log, axes=tuple(models))
 
     monkeypatch.setattr(recording, "diagnose_recording", diagnose_recording)

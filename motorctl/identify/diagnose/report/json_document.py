@@ -59,6 +59,8 @@ def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
         "unknown": None if axis.unknown is None else _unknown_document(axis.data, axis.unknown),
         "missing": [_missing_document(missing) for missing in axis.missing],
         "error": _error_document(axis),
+        "estimator": None if axis.estimator is None else asdict(axis.estimator),
+        "whole_model": None if axis.whole is None else asdict(axis.whole),
         "dropped": dict(axis.dropped),
         "notes": list(axis.notes),
         "seconds": axis.seconds,

@@ -17,6 +17,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, solve
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH, option_bounds
 from motorctl.identify.diagnose.search.spectral_lines import (
     position_spectrum,
     strongest,
@@ -37,10 +38,6 @@ MOST_ORDER = 12
 """Highest order of a pitch that its strongest line may be: motors and screws show these and lower
 ones. Larger finds long pitches by chance, smaller misses fundamentals without a line. Chosen by
 hand."""
-LONGEST_PITCH = 0.3
-"""Longest pitch, as a part of the travel: what repeats less often than about three times is no
-periodic force. Larger takes slow variation for a pitch, smaller misses long ones. Arithmetic: 1 /
-0.3 = 3.3 waves."""
 ORDER_GAIN = 0.004
 """An order is kept where it takes this part of what the others of its effect take. Larger drops
 weak orders, smaller keeps chance ones. Chosen by hand."""
@@ -86,12 +83,6 @@ valleys, smaller takes time. Chosen by hand."""
 IMPOSSIBLE = 1e3
 """Cost of options outside their range: that of a residual exp(1000) times as large, which no
 options have. Any other would do that is beyond what options can cost. Chosen by hand."""
-BEYOND_TRIALS = 1.5
-"""Factor by which options may leave the range of the forms that are tried. Larger lets forms turn
-into something else, smaller misses true ones at the ends. Chosen by hand: three halves."""
-EDGE = 0.02
-"""Relative distance to an end of an option's range within which it counts as standing there. Larger
-refuses forms near it, smaller accepts ones that are something else. Chosen by hand."""
 AS_A_CORNER = 0.75
 """Part of what a friction takes away that its form at the corner of any friction takes as well,
 from which it is that corner. Larger names effects for a friction that is dry or turns over
@@ -220,7 +211,7 @@ def by_simplex(
     if not steps:
         return form
     names = list(steps)
-    bounds = option_bounds(type(form.effect), names, spans)
+    bounds = option_bounds(form.effect, names, spans)
     start = np.array([float(getattr(form.effect.options, name)) for name in names])
     scale = np.array([steps[name] for name in names])
     best = form
@@ -263,35 +254,6 @@ def by_simplex(
         },
     )
     return best
-
-
-def option_bounds(
-    cls: type[Effect], names: Sequence[str], spans: Spans
-) -> list[tuple[float, float]]:
-    """Return the range in which each option makes sense: that of the forms that are tried."""
-    if "wave_over_position" in cls.groups:
-        return [(0.0, LONGEST_PITCH * spans.travel_m)] * len(names)
-    bounds = []
-    forms = cls.trials(spans)
-    for name in names:
-        values = [float(getattr(form.options, name)) for form in forms]
-        low, high = min(values), max(values)
-        bounded = low > 0.0 and high > low
-        bounds.append((low / BEYOND_TRIALS, high * BEYOND_TRIALS) if bounded else (-np.inf, np.inf))
-    return bounds
-
-
-def at_bound(effect: Effect, spans: Spans) -> bool:
-    """Return whether a form stands at an end of what was sought: then it is something else."""
-    ends = effect.refuted_at_end
-    names = [name for name in effect.steps(spans) if name in ends]
-    bounds = option_bounds(type(effect), names, spans)
-    for name, (low, high) in zip(names, bounds, strict=True):
-        value = float(getattr(effect.options, name))
-        below = low > 0.0 and ends[name] == "either"
-        if value > high * (1.0 - EDGE) or (below and value < low * (1.0 + EDGE)):
-            return True
-    return False
 
 
 def is_corner(hypothesis: Hypothesis, form: Form) -> bool:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from motorctl.identify.columns.pieces import shortened
 from motorctl.identify.diagnose.search.acceptance import gain
-from motorctl.identify.diagnose.search.forms import at_bound, candidates
+from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.identify.diagnose.search.search import (
     LONGEST_SEARCH_S,
     Found,

@@ -1,15 +1,19 @@
 """What physics and a simulation refute: effects that lower an error and still cannot be there.
 
 An effect may fit the rows it was chosen on and be impossible: friction that gives energy, a
-negative inertia, a model whose motion runs further from the recorded one than that of the declared
-model. Such an effect is taken out, and it is told why.
+negative inertia, an option at an end of its range, a model whose motion runs further from the
+recorded one than that of the declared model. Such an effect is taken out, and it is told why.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.stats import gmean
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.physics import beyond_physics, physical
 from motorctl.identify.diagnose.search.search import Found, with_final
 from motorctl.identify.diagnose.search.simulated_position import (
@@ -17,10 +21,22 @@ from motorctl.identify.diagnose.search.simulated_position import (
     Rows,
     judge_by_simulation,
     position_of_declared,
+    ratios_of,
+    simulated_motion,
     simulated_position,
 )
 from motorctl.identify.diagnose.search.turning_places import shown_by_turning
-from motorctl.model import Effect
+from motorctl.identify.diagnose.search.whole_model import (
+    FAR_OFF,
+    GIVES,
+    OF_INERTIA,
+    InertiaRange,
+    friction_power,
+    inertia_off,
+    known_inertias,
+)
+from motorctl.log.units import unit_for
+from motorctl.model import Effect, Spans
 
 WORSE = 1.02
 """Simulated position over that of the declared model, from which a model is refuted. Larger lets
@@ -42,6 +58,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     asked = (None,) if held_out is None else (None, held_out)
     yardstick, name = _yardstick(found)
     others = [(rows, position_of_declared(yardstick, rows)) for rows in asked if final.added]
+    known = known_inertias(found.base) if final.added else ()
     while final.added:
         forbidden = beyond_physics(final)
         allowed = forbidden and physical(final, forbidden[0].name)
@@ -49,7 +66,11 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
             final = allowed.refreshed()
             continue
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
-        refuted = forbidden or shown_by_turning(final) or next(filter(None, worse), None)
+        refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
+        refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
+        refuted = refuted or next(filter(None, worse), None)
+        if held_out is not None:
+            refuted = refuted or moves_no_nearer(final, held_out)
         if refuted is None:
             break
         effect, why = refuted
@@ -58,6 +79,105 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     if final is found.final:
         return found, ()
     return with_final(found, final), tuple(notes)
+
+
+def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
+    """Return an effect of which an option ended where it means another one, and what to say."""
+    for effect in final.added:
+        reached = next((r for r in ends_reached(effect, spans) if r.refutes), None)
+        if reached is not None:
+            told = reached.told(final.regressors.signals.data)
+            return (
+                effect,
+                f"{effect.name} is refuted: {told}, so it is more than that, or something else",
+            )
+    return None
+
+
+def moves_no_nearer(final: Hypothesis, held_out: Rows) -> tuple[Effect, str] | None:
+    """Return the effect that brings the simulated motion no nearer to the recorded one, and why.
+
+    Of each effect that moves the axis, beside all others: of position and velocity on rows held
+    out, over windows of all lengths. Where the model without it cannot move, nothing is asked.
+    """
+    after = simulated_motion(final, held_out)
+    found: dict[str, float] = {}
+    for effect in final.added:
+        rest = final.without(effect.name).refreshed()
+        if effect.kind == "measurement" or float(rest.b[0]) <= 0.0:
+            continue
+        pairs = zip(simulated_motion(rest, held_out), after, strict=True)
+        ratios = [ratio for pair in pairs for ratio in ratios_of(*pair).values()]
+        if ratios:
+            found[effect.name] = float(gmean(ratios))
+    name = max(found, key=lambda each: found[each], default="")
+    if not name or found[name] < 1.0:
+        return None
+    return next(effect for effect in final.added if effect.name == name), (
+        f"{name} is refuted: with it the position and the velocity simulated on rows held out miss "
+        f"the recorded ones by {found[name]:.4g} times as much as without it, over windows of all "
+        "lengths; a name has to lower that"
+    )
+
+
+def drives_itself(final: Hypothesis) -> tuple[Effect, str] | None:
+    """Return the effect with which the friction of the whole model gives energy at some speed.
+
+    Friction that gives without any of them is no fault of theirs.
+    """
+    power = friction_power(final)
+    if power.given <= GIVES:
+        return None
+    rest = {effect.name: final.without(effect.name).refreshed() for effect in final.added}
+    cured = [e for e in final.added if friction_power(rest[e.name]).given <= GIVES]
+    if not cured:
+        return None
+    effect = min(cured, key=lambda e: rest[e.name].held_out)
+    unit = final.regressors.signals.data.position_unit
+    return effect, (
+        f"{effect.name} is refuted: with it the friction of the whole model drives the axis at "
+        f"{power.speed:.3g} {unit}/s, and gives {100.0 * power.given:.3g} % of the energy that "
+        f"passes between command and motion (limit {100.0 * GIVES:g} %); without it, it does not"
+    )
+
+
+def of_impossible_inertia(
+    final: Hypothesis, known: Sequence[InertiaRange]
+) -> tuple[Effect, str] | None:
+    """Return the effect with which a model's inertia is far from what is known of it."""
+    for by in known:
+        off = inertia_off(final, by)
+        if off <= FAR_OFF:
+            continue
+        rest = {effect.name: final.without(effect.name).refreshed() for effect in final.added}
+        near = [e for e in final.added if inertia_off(rest[e.name], by) <= FAR_OFF]
+        if not near:
+            continue
+        effect = min(near, key=lambda e: rest[e.name].held_out)
+        data = final.regressors.signals.data
+        unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+        told = "declared" if by.declared else "seen beside any function of place and of speed"
+        return effect, (
+            f"{effect.name} is refuted: with it the inertia would be "
+            f"{1.0 / float(final.b[0]):.3g} {unit}, and {by.low:.3g} to {by.high:.3g} is {told}: "
+            f"{off:.3g} times off, limit {FAR_OFF:g}; without it the two agree"
+        )
+    return None
+
+
+def led_at_its_end(found: Found) -> tuple[str, ...]:
+    """Return what would have been taken next, had not an option of it come to an end."""
+    last = next(iter(found.steps[-1:]), None)
+    if last is None or last.taken is not None or last.ended is None:
+        return ()
+    data = found.final.regressors.signals.data
+    effect = last.ended.effect
+    part = 100.0 * (1.0 - last.ended.held_out / last.before.held_out)
+    told = next(r.told(data) for r in ends_reached(effect, found.spans) if r.refutes)
+    return (
+        f"{effect.name} would take {part:.0f} % of the squared error that is left, but is refuted: "
+        f"{told}, so it is more than that, or something else",
+    )
 
 
 def _yardstick(found: Found) -> tuple[Hypothesis, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,7 +24,6 @@ from motorctl.identify.diagnose.search.forms import (
     NEAR,
     Form,
     all_lines,
-    at_bound,
     best_form,
     candidates,
     measure,
@@ -46,6 +45,7 @@ from motorctl.identify.diagnose.search.mending import (
     without_unneeded,
 )
 from motorctl.identify.diagnose.search.noise_twins import largest_gain
+from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.identify.diagnose.search.physics import physical
 from motorctl.identify.diagnose.search.settling import settled
 from motorctl.identify.diagnose.search.simpler import freedom, instead_of, simplest_first
@@ -113,6 +113,8 @@ class Step:
     """Best first."""
     before: Hypothesis
     taken: Form | None
+    ended: Form | None = None
+    """What led and was passed over, for an option of it stands at an end of its range."""
 
 
 @dataclass(frozen=True)
@@ -249,6 +251,7 @@ def search(
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
         forms = ranked(hypothesis, candidates(hypothesis, spans), spans, sign)
+        ended = _led_at_its_end(hypothesis, forms, spans)
         if side == "command":  # real machines have more than one thing without a name
             forms = [f for f in forms if not at_bound(f.effect, spans)] or forms
         best = gain(hypothesis, forms[0].held_out) if forms else 0.0
@@ -272,7 +275,7 @@ def search(
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
         fit = (f for f in near if acceptable(hypothesis, f, noise, spans, least))
         taken = next(filter(None, (physical_form(hypothesis, f) for f in fit)), None)
-        steps.append(Step(tuple(forms), hypothesis, taken))
+        steps.append(Step(tuple(forms), hypothesis, taken, ended))
         if taken is None:
             break
         added = (*added, taken.effect)
@@ -346,6 +349,14 @@ def ranked(
     rest = [form for k, form in enumerate(forms) if k not in front]
     by_error = sorted([*improved, *rest], key=lambda f: f.held_out)
     return simplest_first(hypothesis, by_error, spans)
+
+
+def _led_at_its_end(hypothesis: Hypothesis, forms: Sequence[Form], spans: Spans) -> Form | None:
+    """Return the best form where it gains enough for a name and has come to an end of its range."""
+    best = next(iter(forms), None)
+    if best is None or gain(hypothesis, best.held_out) < LEAST_GAIN:
+        return None
+    return best if at_bound(best.effect, spans) else None
 
 
 def _shown_of_rare_events(hypothesis: Hypothesis, form: Form) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +98,12 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
     return missed_by(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
 
 
+def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[Missed, Missed]:
+    """Return what a model misses of the position and of the velocity, as `simulated_position`."""
+    predicted, signals = hypothesis.predicted_acceleration(), hypothesis.regressors.signals
+    return missed_by(predicted, signals, held), missed_by(predicted, signals, held, of="velocity")
+
+
 def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
     """Return what the declared model misses of the position, that any other is compared with.
 
@@ -106,8 +113,13 @@ def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
     return simulated_position(base, held) if float(base.b[0]) > 0.0 else {}
 
 
-def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
-    """Return what any prediction of the acceleration misses of the position [m, rms].
+def missed_by(
+    predicted: Sequence[Array],
+    signals: Signals,
+    held: Rows | None = None,
+    of: Literal["position", "velocity"] = "position",
+) -> Missed:
+    """Return what any prediction of the acceleration misses of the motion, rms.
 
     Parameters
     ----------
@@ -117,13 +129,15 @@ def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = 
         The motion.
     held
         Which rows are asked, (m,); all by default.
+    of
+        What is compared: the position [m], or the velocity [m/s].
     """
     chosen = _samples(signals, held)
     lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in WINDOWS_S}
     found = {}
     for length in lengths:
         squares = [
-            _missed(s.x, s.v, a, used, length, signals.period_s)
+            _missed(s.x, s.v, a, used, length, signals.period_s)[of]
             for s, a, used in zip(signals.stretches, predicted, chosen, strict=True)
         ]
         every = np.concatenate(squares)
@@ -144,14 +158,19 @@ def _samples(signals: Signals, held: Rows | None) -> list[Rows]:
     return found
 
 
-def _missed(x: Array, v: Array, a: Array, used: Rows, length: int, dt: float) -> Array:
-    """Return the mean square that is missed in each whole window of one stretch."""
+def _missed(
+    x: Array, v: Array, a: Array, used: Rows, length: int, dt: float
+) -> dict[Literal["position", "velocity"], Array]:
+    """Return the mean squares that are missed in each whole window of one stretch."""
     windows = max(len(x) // length - 1, 0)
     part = slice(length, length * (windows + 1))  # the filter's start is no motion
     if not windows:
-        return np.zeros(0)
+        return {"position": np.zeros(0), "velocity": np.zeros(0)}
     whole = used[part].reshape(windows, length).all(axis=1)
     x, v, a = (signal[part].reshape(windows, length)[whole] for signal in (x, v, a))
     speed = v[:, :1] + dt * (np.cumsum(a, axis=1) - 0.5 * (a[:, :1] + a))
     place = x[:, :1] + dt * (np.cumsum(speed, axis=1) - 0.5 * (speed[:, :1] + speed))
-    return np.asarray(np.mean((place - x) ** 2, axis=1))
+    return {
+        "position": np.mean((place - x) ** 2, axis=1),
+        "velocity": np.mean((speed - v) ** 2, axis=1),
+    }

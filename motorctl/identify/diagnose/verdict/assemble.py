@@ -23,6 +23,7 @@ from motorctl.identify.diagnose.result import (
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
+from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.parameters import (
     Compensation,
     FittedModel,
@@ -32,7 +33,7 @@ from motorctl.identify.diagnose.search.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.search.physics import is_physical
-from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.refutation import led_at_its_end, without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
@@ -55,7 +56,9 @@ from motorctl.identify.diagnose.verdict.errors import (
     per_command,
     split_rows,
 )
+from motorctl.identify.diagnose.verdict.estimator import estimator_of
 from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
+from motorctl.identify.diagnose.verdict.instruments import with_instruments
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
@@ -64,6 +67,7 @@ from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, u
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
 from motorctl.identify.diagnose.verdict.verdict import Judged, low_hz
+from motorctl.identify.diagnose.verdict.whole_physics import whole_model, whole_told
 from motorctl.identify.diagnose.verdict.yielding import without_rigid
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
@@ -100,6 +104,7 @@ def assemble(
     """Put the diagnosis of one axis together; `too_plain` is why the motion shows too little."""
     given, declared = declared, found.final.regressors.declared
     split = split_rows(found.final, segments)
+    ended = led_at_its_end(found)
     found, refuted = without_refuted(found, split.held_out)
     found, shown = without_shown(found)
     found, rigid = without_rigid(found)
@@ -118,7 +123,8 @@ def assemble(
         extra, judged, impossible = None, replace(judged, rival=None), judged.rival
     if extra is not None and not _lowers(found, extra[1], found.final.problem, split):
         extra = None
-    values = values_of(found.final, extra)
+    by_reference = None if extra is not None else with_instruments(found.final)
+    values = values_of(by_reference or found.final, extra)
     problem = found.final.problem if extra is None else extra[1]
     own_error = error = model_error(found, split, problem, data.command_unit)
     tested: list[str] = []
@@ -150,6 +156,8 @@ def assemble(
         missing = (_missing_motion([type(e.effect) for e in effects], why, data, found),)
     base = values_of(found.base)
     mended = mended_terms(found, given, split, data.command_unit)
+    estimator = estimator_of(found.final, by_reference is not None)
+    whole = whole_model(found, by_reference or found.final)
     kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":
@@ -176,10 +184,13 @@ def assemble(
         doubted={name: grounds.document() for name, grounds in doubted.items()},
         traces=_traces(found, values, extra, split, error),
         mended=mended,
+        estimator=estimator,
+        whole=whole,
         notes=(
             *(term.sentence for term in mended),
             *found.refuted,
             *refuted,
+            *ended,
             *shown,
             *rigid,
             *commanded,
@@ -187,6 +198,8 @@ def assemble(
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,
             *_notes(found, judged, split, effects),
+            *whole_told(whole, data, effects),
+            estimator.sentence,
         ),
     )
     return replace(diagnosis, seconds=time.monotonic() - began)
@@ -258,6 +271,12 @@ def _evidence(
     ]
     blocks = found.final.regressors.blocks.count
     lines.append(f"fitted and tested on {blocks} blocks in turn; {effect.identified}")
+    data = found.final.regressors.signals.data
+    lines += [
+        f"{reached.told(data)}: the recording tells no more of it"
+        for reached in ends_reached(effect, found.spans)
+        if not reached.refutes
+    ]
     return lines
 
 

@@ -1,0 +1,131 @@
+"""Physics of the whole model: friction takes energy at every speed, inertia is what it can be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from other_plant import OtherPlant
+
+from motorctl.config import load
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.columns.spans import spans_of
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
+from motorctl.identify.diagnose.search.whole_model import (
+    GIVES,
+    friction_power,
+    inertia_off,
+    seen_inertia,
+)
+from motorctl.identify.same_axis import declared_inertias
+from motorctl.log import read_recording
+from motorctl.model import effect_class, make_effect
+
+PLANT = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0)
+SIDES = ("acceleration", "command")
+
+
+def outcome(data, *added, side="acceleration"):
+    signals = make_signals(data, slope_s_m=900.0)
+    regressors, noise = whitened(signals, C1, added, side)
+    final = Hypothesis(regressors, added).refreshed()
+    base = Hypothesis(regressors).refreshed()
+    return Found(base, final, (), spans_of(signals), noise, rival_gains(final))
+
+
+def pushed_one_way(force_s_m):
+    """Return a recording in which the command spends so much more forward, for each m/s."""
+    data = PLANT.run(seed=4, duration_s=8.0)
+    speed = np.abs(np.gradient(data.position, data.period_s))
+    smooth = np.convolve(speed, np.ones(51) / 51.0, "same")
+    return replace(data, command=data.command + force_s_m * smooth)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_friction_that_drives_the_axis_one_way_is_refuted(side):
+    asymmetric = make_effect(effect_class("asymmetric_friction"))
+    found = outcome(pushed_one_way(1.2), asymmetric, side=side)
+    assert friction_power(found.base).given <= GIVES
+    power = friction_power(found.final)
+    assert power.given > GIVES
+    assert power.speed < 0.0
+    kept, why = without_refuted(found)
+    assert not kept.final.added
+    assert "the friction of the whole model drives the axis at -" in why[0]
+
+
+def test_friction_that_differs_by_direction_and_takes_energy_both_ways_is_kept():
+    asymmetric = make_effect(effect_class("asymmetric_friction"))
+    found = outcome(pushed_one_way(0.15), asymmetric)
+    assert friction_power(found.final).given == 0.0
+    assert without_refuted(found) == (found, ())
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("missing", [{"gravity": 4.0, "travel": 2.0}, {"cogging": 0.3}, {}])
+def test_inertia_is_seen_without_knowing_what_is_missing(side, missing):
+    plant = replace(PLANT, **missing)
+    seen = seen_inertia(outcome(plant.run(seed=4, duration_s=8.0), side=side).base)
+    assert seen.low < 1.05 * plant.inertia
+    assert seen.high > 0.95 * plant.inertia
+    assert seen.high < 3.0 * seen.low
+
+
+def swinging(inertia):
+    """Return a sine with a little of another, of an axis that a force pushes from its middle.
+
+    At the sine's frequency alone the force of the place acts as inertia, five times as much as
+    there is.
+    """
+    rate, rng = 1000.0, np.random.default_rng(3)
+    t = np.arange(0.0, 20.0, 1.0 / rate)
+    w = 2.0 * np.pi * 1.0
+    x = 0.1 * np.sin(w * t) + 1e-3 * np.sin(3.7 * w * t)
+    v, a = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
+    command = 0.05 * a - 0.2 * w**2 * x + 0.3 * v + 0.2 * np.tanh(900.0 * v)
+    return Measured(
+        source="swinging.csv",
+        axis="x",
+        sample_rate_hz=rate,
+        time_s=t,
+        position=x + 1e-8 * rng.standard_normal(len(x)),
+        command=command + 1e-4 * rng.standard_normal(len(x)),
+        usable=np.ones(len(x), dtype=np.bool_),
+        inertia=inertia,
+    )
+
+
+def test_an_effect_that_takes_the_place_of_a_declared_inertia_is_refuted():
+    spring = make_effect(effect_class("position_force"))
+    free = outcome(swinging(None), spring)
+    assert without_refuted(free) == (free, ())
+    found = outcome(swinging((0.2, 0.3)), spring)
+    kept, why = without_refuted(found)
+    assert not kept.final.added
+    assert "with it the inertia would be 0.05" in why[0]
+    assert "0.2 to 0.3 is declared: 3.79 times off" in why[0]
+
+
+def test_a_configuration_declares_between_what_its_inertia_lies(tmp_path):
+    machine = load("published_gantry")
+    path, t = tmp_path / "run.csv", np.arange(2000) / 1000.0
+    columns = np.column_stack([t, 0.1 * np.sin(t), np.cos(t)])
+    header = "time_s,x.position_m,x.command_v"
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
+    recording = read_recording(path)
+    place = machine.axes["x"].model.index_of("acceleration")
+    bounds = machine.axes["x"].estimates[place]
+    assert declared_inertias(recording, machine, ["x"]) == {"x": (bounds.lower, bounds.upper)}
+    assert declared_inertias(recording, None, ["x"]) == {}
+
+
+def test_a_part_on_a_spring_need_not_be_seen_as_inertia():
+    plant = replace(PLANT, load=0.8, load_hz=12.0)
+    mode = make_effect(effect_class("flexible_mode"), {"frequency_hz": 12.0, "damping_ratio": 0.05})
+    found = outcome(plant.run(seed=4, duration_s=8.0), mode)
+    assert inertia_off(found.final, seen_inertia(found.base)) < 2.0
