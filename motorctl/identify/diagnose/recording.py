@@ -37,6 +37,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_magnitude,
     check_motion,
 )
+from motorctl.identify.diagnose.verdict.set_point import check_no_set_point
 from motorctl.identify.diagnose.verdict.speed_command import speed_told
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
@@ -176,6 +177,8 @@ def diagnose_axis(
             raise
         signals = make_signals(data, far.together_hz, slope)
         heard = check_explains(data, signals, model, bool(plain), data.others)
+    if not plain:
+        check_no_set_point(heard.regressors.signals)
     hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     data, read = read_between(data, heard)
