@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.held_samples import without_held
 from motorctl.identify.columns.measured import (
     Measured,
     check_usable,
@@ -158,6 +159,7 @@ def diagnose_axis(
     if "fit" in parts:
         data = within(data, list(parts.values()))
     check_usable(data)
+    data, held = without_held(data)
     check_columns(data, declared)
     check_magnitude(data)
     data, stuck = without_stuck(data)
@@ -175,7 +177,10 @@ def diagnose_axis(
         far = far_spring(unexplained.plain)
         if far is None:
             raise
-        signals = make_signals(data, far.together_hz, slope)
+        try:
+            signals = make_signals(data, far.together_hz, slope)
+        except DataError:  # too slow a spring for so short a recording: what is said is the rest
+            raise unexplained from None
         heard = check_explains(data, signals, model, bool(plain), data.others)
     if not plain:
         check_no_set_point(heard.regressors.signals)
@@ -194,5 +199,5 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    notes = filter(None, (stuck, hint, read, speed_told(axis)))
+    notes = filter(None, (held, stuck, hint, read, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

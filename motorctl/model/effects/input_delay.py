@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from pydantic import Field
 
@@ -33,6 +34,7 @@ class InputDelay(Effect):
     )
     groups = frozenset({"command_timing"})
     revealed_by = ("fast_reversals",)
+    refuted_at_end = MappingProxyType({"time_s": "upper"})
     Options = InputDelayOptions
     options: InputDelayOptions
 
