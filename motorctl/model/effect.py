@@ -223,6 +223,11 @@ class Effect(ABC):
         return 0.0
 
     @property
+    def sets_in_at_s(self) -> float | None:
+        """Time at which it sets in at once [s]; None where it is there all the time."""
+        return None
+
+    @property
     def is_spline(self) -> bool:
         """Whether the parameters are heights of a smooth function of no form of its own."""
         return False

@@ -53,6 +53,13 @@ from motorctl_benchmarks.real_machines.lab_readers import (
     tendon_drive,
     twisted_strings,
 )
+from motorctl_benchmarks.real_machines.loop_readers import (
+    aero,
+    hanging_load,
+    romi,
+    rotary_pendulum,
+    stairs_motor,
+)
 from motorctl_benchmarks.real_machines.motor_readers import (
     brake,
     course_group,
@@ -134,6 +141,7 @@ CART_CHIRP = cart("chirp2_20260608_113318.mat")
 CART_LINES = cart("multisin_20260506_191743.mat")
 IN_A = "design_A.0/20220815/sys_id/trajectory_03.csv"
 IN_C = "design_C.1/sys_id/20230629/20230629-143601/trajectory.csv"
+PENDULUM_RUNS = ("20230828T150615_434_696_394", "20230828T162549_043_857_715")
 GRAVITY = ("gravity",)
 CARRIED = ("gravity", "position_force", "cross_axis")
 """What a joint may be said to have that another joint carries."""
@@ -422,6 +430,18 @@ AXES: tuple[RealAxis, ...] = (
         position_unit="turn",
     ),
     RealAxis("arm on propellers", lifted_arm, "V", FALLING),
+    *(
+        RealAxis(f"rotary pendulum, {name[9:15]}", rotary_pendulum(name), "V", LATE_MOTION)
+        for name in PENDULUM_RUNS
+    ),
+    RealAxis("load on a cylinder", hanging_load, "V", LATE_MOTION, "mm"),
+    RealAxis("motor at stairs", stairs_motor, "V", LATE_MOTION),
+    RealAxis(
+        "two propellers, pitch", aero("Experiment 1 - Nominal/PD Controller", 0), "V", FALLING
+    ),
+    RealAxis(
+        "small robot, ramp", romi("20221106-174834", "slow-forward"), "V", position_unit="turn"
+    ),
 )
 
 

@@ -78,6 +78,10 @@ LEARNT_ACTUATOR = "WJJJ2004/actuator_net"
 DYNAMOMETER = "karthikurs/actuator-dynamometer"
 MACHINE_AXIS = "CiganOliviu/brushless-DC-electric-motor-identification"
 LIFTED_ARM = "labcontrol-data/quasiLPV-vtol"
+ROTARY_PENDULUM = "decargroup/closed_loop_koopman"
+CYLINDER_LOAD = "DanielMartensson/MataveID"
+AERO = "finnferdinand/orbital-stabilization-quanser-aero"
+ROMI = "Robohawk2022/romi-lab"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -151,6 +155,10 @@ REPOSITORIES = (
     DYNAMOMETER,
     MACHINE_AXIS,
     LIFTED_ARM,
+    ROTARY_PENDULUM,
+    CYLINDER_LOAD,
+    AERO,
+    ROMI,
 )
 """On GitHub."""
 COMMITS = {

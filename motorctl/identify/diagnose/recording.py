@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.held_samples import without_held
 from motorctl.identify.columns.measured import (
     Measured,
     check_usable,
@@ -37,6 +38,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_magnitude,
     check_motion,
 )
+from motorctl.identify.diagnose.verdict.set_point import check_no_set_point
 from motorctl.identify.diagnose.verdict.speed_command import speed_told
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
@@ -161,6 +163,7 @@ def diagnose_axis(
     if "fit" in parts:
         data = within(data, list(parts.values()))
     check_usable(data)
+    data, held = without_held(data)
     check_columns(data, declared)
     check_magnitude(data)
     data, stuck = without_stuck(data)
@@ -178,8 +181,13 @@ def diagnose_axis(
         far = far_spring(unexplained.plain)
         if far is None:
             raise
-        signals = make_signals(data, far.together_hz, slope)
+        try:
+            signals = make_signals(data, far.together_hz, slope)
+        except DataError:  # too slow a spring for so short a recording: what is said is the rest
+            raise unexplained from None
         heard = check_explains(data, signals, model, bool(plain), data.others)
+    if not plain:
+        check_no_set_point(heard.regressors.signals)
     hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     data, read = read_between(data, heard)
@@ -195,5 +203,5 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
-    notes = filter(None, (stuck, hint, read, speed_told(axis)))
+    notes = filter(None, (held, stuck, hint, read, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

@@ -52,6 +52,11 @@ class PayloadChange(Effect):
         return (self.options.time_s,)
 
     @property
+    def sets_in_at_s(self) -> float | None:
+        """t_0 [s]."""
+        return self.options.time_s
+
+    @property
     def picture(self) -> Picture:
         """Moving mass over time."""
         return Picture("mass_over_time", "Moving mass against time.", scale=self.options.time_s)

@@ -43,7 +43,7 @@ class Stribeck(Effect):
     )
     groups = frozenset({"friction"})
     ordinary = True
-    refuted_at_end = MappingProxyType({"velocity_m_s": "either", "exponent": "upper"})
+    refuted_at_end = MappingProxyType({"velocity_m_s": "either"})
     revealed_by = ("slow_reversals",)
     Options = StribeckOptions
     options: StribeckOptions

@@ -58,6 +58,7 @@ from motorctl.identify.diagnose.verdict.errors import (
 )
 from motorctl.identify.diagnose.verdict.estimator import estimator_of
 from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
+from motorctl.identify.diagnose.verdict.gain_step import without_gain_step
 from motorctl.identify.diagnose.verdict.instruments import with_instruments
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
@@ -109,6 +110,7 @@ def assemble(
     found, shown = without_shown(found)
     found, rigid = without_rigid(found)
     found, commanded = without_commanded_waves(found)
+    found, regained = without_gain_step(found)
     fitted = found.final.added
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
@@ -194,6 +196,7 @@ def assemble(
             *shown,
             *rigid,
             *commanded,
+            *regained,
             *useless,
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,

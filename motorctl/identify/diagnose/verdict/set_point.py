@@ -1,0 +1,114 @@
+"""A command that says where an axis is sent to, or how fast: what drives it there is not recorded.
+
+A loop that leaves no error at rest answers to a lasting set-point with just that, so such a column
+is the position or the velocity, in its own unit, and what the loop takes to follow: no dry friction
+is in it, and nothing beside zero. A spring of one unit of force a unit of way that is slack at the
+origin of the encoder, or a friction of just one, without any other, is no machine that we know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.signals import Signals
+from motorctl.identify.columns.usual_mistakes import FACTORS, JUST_SO
+
+Array = NDArray[np.float64]
+
+OF_SPEED = (60.0 / (2.0 * np.pi), 60.0, 6.0, 1.0 / (2.0 * np.pi), 60e3)
+"""What a speed's own units add to the factors between columns: rpm for rad/s, turns and degrees
+a minute, turns for radians, mm/min for m/s. Arithmetic."""
+FOLLOWS = 0.9
+"""Part of the command that motion and place must explain together, squared. Larger misses loops
+that something disturbs, smaller takes a chance likeness for one. Chosen by hand."""
+MOST_OF_IT = 0.5
+"""Rms of the place's or velocity's own part over the command's. Larger misses loops that follow
+softly, smaller asks a factor of what hardly shows. Chosen by hand: more than all else."""
+NOTHING_BESIDE = 0.03
+"""Dry friction, or a constant, over the command's rms, up to which there is none. Larger accuses
+motors whose friction is mostly viscous, smaller misses loops that are recorded roughly. Chosen by
+hand: motors of the recordings of other hands have 0.06 and more."""
+FOLLOWED_HZ = 10.0
+"""Band in which it is asked [Hz]: any loop follows there, and slower than its own poles. Larger
+asks what a loop adds of higher order, smaller leaves too little motion. Chosen by hand."""
+QUICK = 0.05
+"""Part of the usual speed at which friction has turned over, for asking whether there is any.
+Larger blends it with viscous friction, smaller asks the noise. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    name: str
+    of: int
+    beside: tuple[int, ...]
+    factors: tuple[float, ...]
+
+
+_KNOWN = (1.0, *FACTORS, *(1.0 / factor for factor in FACTORS))
+_PARTS = (
+    _Part("position", 0, (), _KNOWN),
+    _Part("velocity", 1, (0,), (*_KNOWN, *OF_SPEED)),
+)
+"""What may be followed: which column of `_motion`, and beside which others, that must be small."""
+
+
+def check_no_set_point(plain: Signals) -> None:
+    """Raise DataError where the command is the position or velocity that the axis is sent to.
+
+    Parameters
+    ----------
+    plain
+        The signals in the band in which motion outweighs the encoder's noise.
+    """
+    rows, command = _motion(plain.plain(min(FOLLOWED_HZ, plain.band_hz)))
+    b = np.linalg.lstsq(rows.T, command, rcond=None)[0]
+    rest = command - b @ rows
+    size = float(np.std(command))
+    if size == 0.0 or float(np.mean(rest**2)) > (1.0 - FOLLOWS) * size**2:
+        return
+    parts = np.abs(b) * np.array([*(np.std(row) for row in rows[:-1]), 1.0]) / size
+    friction, constant = parts[-2], parts[-1]
+    if max(friction, constant) > NOTHING_BESIDE:
+        return
+    for part in _PARTS:
+        factor = next((k for k in part.factors if abs(b[part.of] / k - 1.0) < JUST_SO), None)
+        small = all(parts[other] < NOTHING_BESIDE for other in part.beside)
+        if factor is not None and parts[part.of] > MOST_OF_IT and small:
+            data = plain.data
+            raise DataError(
+                f"{data.place}: the command is {b[part.of]:.4g} times the {part.name} and what a "
+                f"loop takes to follow ({100.0 * (1.0 - np.mean(rest**2) / size**2):.1f} % of it "
+                "is told by this, without any dry friction or constant force): it is the "
+                f"{part.name} that the axis was sent to, not what drives it there. Give the "
+                "current, force, torque or voltage as its command"
+            )
+
+
+def _motion(plain: Signals) -> tuple[Array, Array]:
+    """Return what a loop of second order makes of motion, at the rows, and the command.
+
+    That is place, velocity, acceleration and its change; and the direction and one, of which a loop
+    knows nothing.
+    """
+    usual = QUICK * max(float(np.sqrt(np.mean(np.square(plain.picked(lambda s: s.v))))), 1e-300)
+    columns = plain.filtered(
+        [
+            np.stack(
+                [
+                    s.x,
+                    s.v,
+                    change := np.gradient(s.v, plain.period_s),
+                    np.gradient(change, plain.period_s),
+                    np.tanh(s.v / usual),
+                    np.ones_like(s.v),
+                    s.command,
+                ]
+            )
+            for s in plain.stretches
+        ]
+    )
+    return columns[:-1], columns[-1]

@@ -1,0 +1,109 @@
+"""A column that an axis was sent to is told, and so is a command whose gain was changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fit_plant import C1
+from other_plant import OtherPlant
+from scipy import signal
+
+from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.diagnose.recording import diagnose_axis
+from motorctl.identify.diagnose.search.search import nothing_sought, with_final
+from motorctl.identify.diagnose.verdict.gain_step import without_gain_step
+from motorctl.identify.diagnose.verdict.set_point import check_no_set_point
+from motorctl.model import effect_class, make_effect
+
+RATE_HZ = 1000.0
+CHANGED_S = 5.0
+
+
+def slower(data: Measured) -> Measured:
+    """Return a recording as a logger of 1 kHz writes it, without a reference."""
+    k = round(data.sample_rate_hz / RATE_HZ)
+    return replace(
+        data, sample_rate_hz=RATE_HZ, time_s=data.time_s[::k], position=data.position[::k],
+        command=data.command[::k], usable=data.usable[::k], reference=None,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run() -> Measured:
+    """A sound recording by another author's plant."""
+    return slower(OtherPlant(width_m_s=2e-3).run(seed=3, duration_s=10.0))
+
+
+def sent_to(run: Measured, derivative: int, loop_hz: float) -> Measured:
+    """Return a recording with what a loop of second order was sent to as its command.
+
+    Seen from the motion, that is the motion and what the loop takes to follow.
+    """
+    smooth = signal.butter(4, 30.0, fs=RATE_HZ, output="sos")
+    motion = [signal.sosfiltfilt(smooth, run.position)]
+    for _ in range(3):
+        motion.append(np.gradient(motion[-1], run.period_s))
+    omega = 2.0 * np.pi * loop_hz
+    asked = motion[derivative] + 1.4 / omega * motion[derivative + 1]
+    if derivative + 2 < len(motion):
+        asked = asked + motion[derivative + 2] / omega**2
+    return replace(run, command=asked)
+
+
+@pytest.mark.parametrize("loop_hz", [2.0, 4.0])
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_place_that_the_axis_was_sent_to_is_no_spring(run, loop_hz, unit):
+    sent = sent_to(run, 0, loop_hz)
+    with pytest.raises(DataError, match=r"it is the position that the axis was sent to") as told:
+        diagnose_axis(replace(sent, command=unit * sent.command), C1)
+    said = float(str(told.value).partition("command is ")[2].partition(" times")[0])
+    assert said == pytest.approx(unit, rel=0.02)
+
+
+@pytest.mark.parametrize("loop_hz", [3.0, 8.0, 50.0])
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_speed_that_the_axis_was_sent_with_is_no_late_machine(run, loop_hz, unit):
+    sent = sent_to(run, 1, loop_hz)
+    with pytest.raises(DataError, match=r"it is the velocity that the axis was sent to"):
+        diagnose_axis(replace(sent, command=unit * sent.command), C1)
+
+
+@pytest.mark.parametrize("viscous", [1.0, 0.3])
+def test_a_machine_with_friction_of_just_one_is_no_set_point(viscous):
+    plant = OtherPlant(inertia=0.02, viscous=viscous, coulomb=0.05, width_m_s=2e-3)
+    check_no_set_point(make_signals(slower(plant.run(seed=4, duration_s=8.0))))
+
+
+def found_with_a_load(run: Measured, command: np.ndarray):
+    """Return the declared model with a change of the load at a time."""
+    found = nothing_sought(make_signals(replace(run, command=command), slope_s_m=500.0), C1)
+    load = make_effect(effect_class("payload_change"), {"time_s": CHANGED_S})
+    return with_final(found, found.base.plus(load).refreshed())
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_a_command_whose_gain_was_changed_is_no_load(run, factor):
+    later = run.time_s >= CHANGED_S
+    found = found_with_a_load(run, np.where(later, run.command / factor, run.command))
+    left, (why,) = without_gain_step(found)
+    assert left.final.added == ()
+    told_s = float(why.partition("for from ")[2].partition(" s")[0])
+    told = float(why.partition("command gives ")[2].partition(" times")[0])
+    assert told_s == pytest.approx(CHANGED_S, abs=0.2)
+    assert told == pytest.approx(factor, rel=0.01)
+
+
+@pytest.mark.parametrize("part", [0.3, -0.2])
+def test_a_load_that_was_changed_is_no_gain(run, part):
+    smooth = signal.butter(4, 60.0, fs=RATE_HZ, output="sos")
+    velocity = np.gradient(signal.sosfiltfilt(smooth, run.position), run.period_s)
+    inertia = OtherPlant.inertia * np.gradient(velocity, run.period_s)
+    later = run.time_s >= CHANGED_S
+    found = found_with_a_load(run, run.command + np.where(later, part * inertia, 0.0))
+    left, why = without_gain_step(found)
+    assert why == ()
+    assert left is found
