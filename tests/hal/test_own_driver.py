@@ -170,7 +170,7 @@ def test_a_box_that_is_not_there_is_named(installed, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock
+@pytest.mark.wall_clock(lanes=2)
 def test_c2_follows_a_circle_through_it_in_real_time(installed, box, tmp_path):
     environment = {"PYTHONPATH": str(installed)}
     with Daemon(tmp_path, box_config(box), **environment) as daemon:
