@@ -42,12 +42,14 @@ def test_the_numpy_law_gives_the_commands_and_estimates_of_the_compiled_one(cont
     _assert_numpy_agrees(record_law(load("published_gantry", controller), axis, STEPS))
 
 
+@pytest.mark.slow
 def test_the_numpy_law_agrees_where_the_estimate_is_projected():
     data = record_law(load("published_gantry", "C2"), "y", 2000)
     assert data.projected > 100
     _assert_numpy_agrees(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

@@ -307,6 +307,7 @@ def test_clean_machines_have_each_friction_with_each_noise_of_every_generator():
     assert parse_machine_key(str(keys[-1])) == keys[-1]
 
 
+@pytest.mark.slow
 def test_a_clean_machine_to_order_has_its_friction_and_noise():
     drawn, _ = run_machine._recorded(MachineKey("energy", "clean_arctan_coarse", 3))
     assert (drawn.friction_shape, drawn.noise) == ("arctan", NOISES["coarse"])

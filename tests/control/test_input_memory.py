@@ -111,6 +111,7 @@ def test_new_coordinates_leave_the_memory_of_the_drive_as_it_is() -> None:
     assert law.record["context"][0] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag_s", [0.0, 0.6e-3])
 def test_the_share_of_the_hysteresis_is_learned(lag_s: float) -> None:
     effects = [known("inertia"), HYSTERESIS]

@@ -69,7 +69,7 @@ class TestInVirtualTime(DriverConformance):
             yield rig
 
 
-@pytest.mark.wall_clock
+@pytest.mark.wall_clock(lanes=2)
 class TestOnTheWallClock(DriverConformance):
     @pytest.fixture
     def rig(self):

@@ -13,8 +13,6 @@ from motorctl.latency.ticks import TickTimes, read_ticks
 from motorctl.log import LogAxis, LogWriter
 from motorctl.log.sample import TICK_SAMPLE, SampleFlag, axis_sample
 
-pytestmark = pytest.mark.wall_clock
-
 LIMITS_S = (50e-6, 200e-6)
 
 

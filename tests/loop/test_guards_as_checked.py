@@ -100,7 +100,7 @@ THETA_0 = {
 """The plant that the shipped configuration starts from, which is what `check` reckons with."""
 
 
-@pytest.mark.parametrize("seconds", [0.01, 0.3])
+@pytest.mark.parametrize("seconds", [0.01, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_motor_trips_on_its_program_where_check_says_that_it_always_would(tmp_path, seconds):
     def thermal(volts):
         return {"continuous_voltage_v": volts, "time_constant_s": seconds}

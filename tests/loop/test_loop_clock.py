@@ -10,8 +10,6 @@ import pytest
 from motorctl.loop.clock import WallClock
 from motorctl.loop.runner import START_DELAY_NS, run_wall
 
-pytestmark = pytest.mark.wall_clock
-
 PERIOD_NS = 200_000
 
 

@@ -15,8 +15,6 @@ from motorctl.config import load, summarise
 from motorctl.config.shipped import shipped_config
 from motorctl_devices.load import SHIPPED
 
-pytestmark = pytest.mark.wall_clock
-
 RUN_S = 3.0
 NO_SWITCHES = "no limit_negative and limit_positive for x, y"
 ADVICE = {
@@ -44,6 +42,7 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
 
 
 @pytest.mark.slow
+@pytest.mark.wall_clock(lanes=2)
 @pytest.mark.parametrize(
     ("bus", "device"),
     [

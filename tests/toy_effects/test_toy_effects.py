@@ -19,6 +19,8 @@ from motorctl.model import catalog
 
 CACHES = (catalog.known_effects, catalog.installed_effects)
 QUICK = "push_pull"
+ODD = ("current_loop", "scale_joint", "iron_knee")
+"""A command, a measurement and an electromagnetic one: least like effects that act as forces."""
 MAIN = "from motorctl.cli import main; main()"
 
 
@@ -99,7 +101,9 @@ def test_fit_finds_the_parameters_of_a_declared_toy(installed, recorded, toy, tm
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("toy", TOYS)
+@pytest.mark.parametrize(
+    "toy", [name if name in ODD else pytest.param(name, marks=pytest.mark.long) for name in TOYS]
+)
 def test_diagnosis_finds_a_toy_where_the_plant_has_it_and_refinement_takes_it_up(
     installed, recorded, toy, tmp_path
 ):

@@ -135,6 +135,7 @@ def test_one_or_two_wrong_bits_are_never_accepted(body):
         assert rx["counts"][0, :2].tolist() == [41, 42]
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_three_wrong_bits_beside_the_codes_are_never_accepted(data):
     counts = data.draw(st.lists(st.integers(-(2**31), 2**31 - 1), min_size=2, max_size=2))

@@ -182,7 +182,12 @@ def test_many_axes_of_which_one_stands(tmp_path, run):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate_hz", "resolution"),
-    [(100.0, 1e-6), (500.0, 10e-6), (5000.0, 5e-6), (20000.0, 0.1e-6)],
+    [
+        (100.0, 1e-6),
+        (20000.0, 0.1e-6),
+        pytest.param(500.0, 10e-6, marks=pytest.mark.long),
+        pytest.param(5000.0, 5e-6, marks=pytest.mark.long),
+    ],
 )
 def test_any_rate_and_encoder(tmp_path, rate_hz, resolution):
     run = plant(rate_hz, resolution)

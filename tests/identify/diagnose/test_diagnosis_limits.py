@@ -35,7 +35,7 @@ def test_on_smooth_motion_the_feedback_of_noise_is_no_effect(tmp_path, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "seed"),
-    [("input_delay", 23), pytest.param("input_lag", 23, marks=pytest.mark.slow)],
+    [("input_delay", 23), pytest.param("input_lag", 23, marks=pytest.mark.long)],
 )
 def test_on_smooth_motion_a_late_command_is_timed_without_bias(tmp_path, effect, seed):
     case = draw_case(seed, effects=(effect,))

@@ -22,7 +22,7 @@ def named(plant, seed=3, duration_s=12.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loss", [0.1, 0.3])
+@pytest.mark.parametrize("loss", [0.1, pytest.param(0.3, marks=pytest.mark.long)])
 def test_friction_that_grows_with_the_motors_force_is_named_and_measured(loss):
     found = named(OtherPlant(loss=loss, width_m_s=4e-3))
     assert [effect.name for effect in found.effects] == ["load_friction"], found.sentence

@@ -23,7 +23,7 @@ FRICTIONS = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "width"), few_of(FRICTIONS, 3))
+@pytest.mark.parametrize(("shape", "width"), few_of(FRICTIONS, 2))
 def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(shape, width):
     data = OtherPlant(shape=shape, width_m_s=width).run(seed=SHAPES.index(shape))
     found = diagnose_axis(data, C1)

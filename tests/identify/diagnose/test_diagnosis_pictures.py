@@ -79,7 +79,7 @@ def test_an_effect_is_drawn_beside_residual_and_spectrum_axis_by_axis(tmp_path, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", few_of(sorted(bench.KNOWN), 7))
+@pytest.mark.parametrize("name", few_of(sorted(bench.KNOWN), 4))
 def test_every_effect_can_be_drawn(tmp_path, name):
     for picture in plot_diagnosis(bench.recording(x=bench.axis_diagnosis(name)), tmp_path):
         assert_is_a_picture(picture.path)

@@ -29,6 +29,7 @@ def test_a_clean_log_is_complete(clean):
     assert "complete" in found.sentence
 
 
+@pytest.mark.slow
 def test_the_declared_parameters_are_those_of_the_machine(clean):
     case, found = clean
     plant = draw_axis(Draw(case.seed, "plant", case.axis))

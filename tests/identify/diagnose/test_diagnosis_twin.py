@@ -10,7 +10,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", ["tanh", "clip"])
+@pytest.mark.parametrize("shape", ["tanh", pytest.param("clip", marks=pytest.mark.long)])
 @pytest.mark.parametrize("resolution", [5e-6, pytest.param(5e-5, marks=pytest.mark.long)])
 def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
     plant = OtherPlant(shape=shape, width_m_s=5e-3, resolution=resolution, bandwidth_hz=8.0)

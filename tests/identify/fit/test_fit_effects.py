@@ -56,6 +56,7 @@ def test_a_late_command_acts_at_the_place_where_the_axis_is_then():
     assert fit.delay_s * run.rate_hz == pytest.approx(late, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_list_changes_nothing_but_the_order():
     run = simulate(seed=4, duration_s=4.0)
     names = (

@@ -71,7 +71,11 @@ def test_a_given_delay_is_taken_as_it_is(run):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate_hz", "resolution", "duration_s"),
-    [(1000.0, 1e-6, 12.0), (2000.0, 1e-6, 12.0), (20000.0, 0.5e-6, 4.0)],
+    [
+        (1000.0, 1e-6, 12.0),
+        (20000.0, 0.5e-6, 4.0),
+        pytest.param(2000.0, 1e-6, 12.0, marks=pytest.mark.long),
+    ],
 )
 def test_other_sample_rates_need_no_options(rate_hz, resolution, duration_s):
     run = simulate(seed=3, rate_hz=rate_hz, resolution=resolution, duration_s=duration_s)
