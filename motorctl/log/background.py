@@ -1,8 +1,8 @@
 """Make a log of a partial file while something more important runs.
 
 ``python -m`` this, the file, and the numbers of the CPUs to keep off. The process takes no CPU and,
-as the kernel derives one priority from the other, no disk that anybody else wants. It prints what `recover` returns as JSON; where it cannot, a message, and the
-exit status is 2.
+as the kernel derives one priority from the other, no disk that anybody else wants. It prints what
+`recover` returns as JSON; where it cannot, a message, and the exit status is 2.
 """
 
 from __future__ import annotations
