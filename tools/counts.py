@@ -15,7 +15,7 @@ import subprocess
 import tarfile
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from effects_quoted import EFFECTS, ORDINARY_WORDS, ROOT, effect_names
 

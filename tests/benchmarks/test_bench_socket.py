@@ -132,7 +132,7 @@ def test_what_quiet_spells_differ_in_is_no_fault_of_a_crowd() -> None:
     alike = (share(6), share(6), share(8, CROWD), share(8, CONVERTING), share(9, BUSY))
     figure = findings_of(Session(alike, told, 2e-4, 0, ()), SocketOptions()).figures[0]
     assert figure.ratio == pytest.approx(0.75)
-    assert not figure.met is True
+    assert figure.met is False
 
 
 def test_a_crowd_that_nobody_noticed_meets_the_target() -> None:
