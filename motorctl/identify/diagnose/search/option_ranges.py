@@ -77,7 +77,8 @@ class Reached:
             return f"its {self.option} is at {side} {self.value:.3g} {unit}".rstrip()
         return (
             f"its {self.option} comes to {self.value:.3g} {unit}".rstrip()
-            + f", the {self.end} end of what is sought ({self.bound:.3g})"
+            + f", the {self.end} end of what is sought ({self.bound:.3g}): it is beyond that, or "
+            "something else"
         )
 
 

@@ -89,7 +89,7 @@ def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
             told = reached.told(final.regressors.signals.data)
             return (
                 effect,
-                f"{effect.name} is refuted: {told}, so it is more than that, or something else",
+                f"{effect.name} is refuted: {told}",
             )
     return None
 
@@ -176,7 +176,7 @@ def led_at_its_end(found: Found) -> tuple[str, ...]:
     told = next(r.told(data) for r in ends_reached(effect, found.spans) if r.refutes)
     return (
         f"{effect.name} would take {part:.0f} % of the squared error that is left, but is refuted: "
-        f"{told}, so it is more than that, or something else",
+        f"{told}",
     )
 
 
