@@ -50,7 +50,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     anew = pytest.mark.flaky(reruns=pauses.ANEW, condition=pauses.was_interrupted)
     for item in items:
-        if item.get_closest_marker("wall_clock"):
+        if item.get_closest_marker("wall_clock") and not item.get_closest_marker("bears_pauses"):
             item.add_marker(anew)
 
 

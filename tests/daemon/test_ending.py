@@ -21,7 +21,7 @@ from motorctl.daemon.notify import ServiceNotifier
 from motorctl.errors import RunError
 from motorctl.log import recover
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.bears_pauses]
 
 HANGS = (
     "import threading; from motorctl.daemon import ending, rotating_log;"
