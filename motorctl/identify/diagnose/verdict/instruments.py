@@ -19,6 +19,7 @@ from motorctl.identify.columns.stretches import Stretch, command_for, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_problem, solve
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.search.parameters import values_of
+from motorctl.identify.diagnose.search.physics import beyond_physics
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ def with_instruments(model: Hypothesis) -> Hypothesis | None:
     """Return a model whose parameters are estimated with the reference as instrument.
 
     None where nothing is gained by it (the acceleration stands on the left), where no reference was
-    recorded, and where it says too little of a column.
+    recorded, where it says too little of a column, and where physics forbids what comes out.
     """
     if model.regressors.side != "command" or not _has_reference(model):
         return None
@@ -61,7 +62,8 @@ def with_instruments(model: Hypothesis) -> Hypothesis | None:
     other = Hypothesis(model.regressors, model.added, model.acceleration)
     other.__dict__["problem"] = problem
     other.__dict__["solution"] = replace(found, sse=float(left @ left))
-    return other
+    impossible = other.b[0] <= 0.0 or (other.added and beyond_physics(other))
+    return None if impossible else other
 
 
 def _has_reference(model: Hypothesis) -> bool:
