@@ -15,7 +15,7 @@ from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
-from motorctl.identify.diagnose.search.forms import at_bound
+from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.model import effect_class, make_effect
 
 RATE_HZ = 1000.0
