@@ -19,11 +19,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
-from motorctl.errors import UsageError
 from motorctl.model.knowledge import (
     FAMILY_OF_GROUP,
     CarriedOver,
@@ -135,6 +134,8 @@ class Effect(ABC):
     """A first look, with one line or coarse columns, shows only a part of what it explains."""
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
+    sets_in: ClassVar[bool] = False
+    """Sets in at once, at a time of its own."""
     refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})
     """At which end of its range (see `ranges`) an option means another effect: that refutes it.
 
@@ -221,11 +222,6 @@ class Effect(ABC):
         0 where it does not give before it slides.
         """
         return 0.0
-
-    @property
-    def sets_in_at_s(self) -> float | None:
-        """Time at which it sets in at once [s]; None where it is there all the time."""
-        return None
 
     @property
     def is_spline(self) -> bool:
@@ -490,30 +486,3 @@ class Effect(ABC):
     def full_name(self, parameter: Parameter) -> str:
         """Return the name of one of the effect's parameters in logs and reports."""
         return f"{self.name}_{parameter.name}" if parameter.name else self.name
-
-
-def make_effect(cls: type[Effect], options: Mapping[str, Any] | None = None) -> Effect:
-    """Return an effect with plain options.
-
-    Parameters
-    ----------
-    cls
-        The effect's class.
-    options
-        Values by the options' names; what is left out has its default.
-
-    Returns
-    -------
-    Effect
-        The effect.
-
-    Raises
-    ------
-    pydantic.ValidationError
-        An option is unknown or its value is not allowed.
-    UsageError
-        The class has no name.
-    """
-    if not getattr(cls, "name", ""):
-        raise UsageError(f"effect class {cls.__module__}:{cls.__qualname__} has no name")
-    return cls(cls.Options.model_validate(dict(options or {})))

@@ -24,6 +24,11 @@ IN_STEP = 0.98
 encoder for a slow one, larger misses it beside a few late rows. Chosen by hand: the counts of a
 coarse encoder come at every place alike."""
 
+UNLIKE = 1.5
+"""Most of the steps over the least, from which they are a sensor's: single counts are alike, at a
+steady speed in step with the rows. Larger misses slow sensors of few counts a step, smaller takes
+such counts for one. Arithmetic: between one count and two."""
+
 
 def without_held(data: Measured) -> tuple[Measured, str | None]:
     """Return an axis at its sensor's own rate, and a note, where the log is faster than that."""
@@ -37,6 +42,9 @@ def without_held(data: Measured) -> tuple[Measured, str | None]:
     first = int(places.argmax())
     count = (len(data.position) - first) // every
     if places[first] < IN_STEP * len(new) or count < SHORTEST_SAMPLES:
+        return data, None
+    steps = np.abs(np.diff(data.position))[new - 1]
+    if np.percentile(steps, 95.0) < UNLIKE * steps.min():
         return data, None
     return _at_every(data, first, every, count), (
         f"the position changes only at every {every}th row: its sensor gives a new one "

@@ -73,13 +73,15 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
     declared model has a force of the position.
     """
     _check_encoder(data)
-    springs = declared is not None and any(
-        "force_of_position" in effect.groups for effect in declared.effects
-    )
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         _check_reference(data)
-        if not springs:
+        if declared is None or not has_spring(declared):
             _check_command(data)
+
+
+def has_spring(declared: EffectList) -> bool:
+    """Return whether a model has a force of the position: then a command may follow the place."""
+    return any("force_of_position" in effect.groups for effect in declared.effects)
 
 
 def _check_encoder(data: Measured) -> None:

@@ -164,6 +164,8 @@ def diagnose_axis(
         data = within(data, list(parts.values()))
     check_usable(data)
     data, held = without_held(data)
+    if test is not None:
+        test, _ = without_held(test)
     check_columns(data, declared)
     check_magnitude(data)
     data, stuck = without_stuck(data)
@@ -187,7 +189,7 @@ def diagnose_axis(
             raise unexplained from None
         heard = check_explains(data, signals, model, bool(plain), data.others)
     if not plain:
-        check_no_set_point(heard.regressors.signals)
+        plain = check_no_set_point(heard.regressors.signals, declared)
     hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
     data, read = read_between(data, heard)

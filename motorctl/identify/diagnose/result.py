@@ -135,7 +135,9 @@ class WholeModel:
     """What physics says of a whole model, beside each of its effects."""
 
     inertia: float
-    """In units of the command."""
+    """With all that was found; infinite where no command acted in motion."""
+    unit: str
+    """Of all inertias here: the command's by that of acceleration."""
     seen_inertia: tuple[float, float] | None
     """Between what values it lies by an estimate that knows no effects; None if it fails."""
     declared_inertia: tuple[float, float] | None

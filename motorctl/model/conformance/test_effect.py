@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from motorctl.errors import UsageError
 from motorctl.model.catalog import effect_class
 from motorctl.model.conformance import EffectConformance
-from motorctl.model.effect import Effect, make_effect
+from motorctl.model.effect import Effect
+from motorctl.model.plain_options import make_effect
 
 
 def named_effect(config: pytest.Config) -> Effect:

@@ -36,6 +36,7 @@ class PayloadChange(Effect):
     compensated = "the inertia after the change, which a refined configuration starts with"
     identified = "linear in acceleration from t_0 on; the time t_0 by a scan"
     visible_in = "accelerations well above the noise both before and after the change"
+    sets_in = True
     refuted_at_end = MappingProxyType({"time_s": "either"})
     revealed_by = ("longer_run",)
     Options = PayloadOptions
@@ -50,11 +51,6 @@ class PayloadChange(Effect):
     def constants(self) -> tuple[float, ...]:
         """t_0 [s]."""
         return (self.options.time_s,)
-
-    @property
-    def sets_in_at_s(self) -> float | None:
-        """t_0 [s]."""
-        return self.options.time_s
 
     @property
     def picture(self) -> Picture:

@@ -17,7 +17,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.search import nothing_sought, with_final
 from motorctl.identify.diagnose.verdict.gain_step import without_gain_step
 from motorctl.identify.diagnose.verdict.set_point import check_no_set_point
-from motorctl.model import effect_class, make_effect
+from motorctl.model import EffectList, effect_class, make_effect
 
 RATE_HZ = 1000.0
 CHANGED_S = 5.0
@@ -66,16 +66,26 @@ def test_a_place_that_the_axis_was_sent_to_is_no_spring(run, loop_hz, unit):
 
 @pytest.mark.parametrize("loop_hz", [3.0, 8.0, 50.0])
 @pytest.mark.parametrize("unit", [1.0, 1e3])
-def test_a_speed_that_the_axis_was_sent_with_is_no_late_machine(run, loop_hz, unit):
+def test_of_an_axis_that_a_speed_was_sent_to_nothing_is_named(run, loop_hz, unit):
     sent = sent_to(run, 1, loop_hz)
-    with pytest.raises(DataError, match=r"it is the velocity that the axis was sent to"):
-        diagnose_axis(replace(sent, command=unit * sent.command), C1)
+    axis = diagnose_axis(replace(sent, command=unit * sent.command), C1)
+    assert (axis.verdict, axis.effects) == ("insufficient_data", ())
+    said = float(axis.sentence.partition("command is ")[2].partition(" times the velocity")[0])
+    assert said == pytest.approx(unit, rel=0.02)
+
+
+def test_a_declared_spring_may_follow_its_command(run):
+    signals = make_signals(sent_to(run, 0, 4.0))
+    with pytest.raises(DataError, match="declare a force of the position in its model"):
+        check_no_set_point(signals, C1)
+    spring = make_effect(effect_class("position_force"))
+    assert check_no_set_point(signals, EffectList([*C1.effects, spring])) is None
 
 
 @pytest.mark.parametrize("viscous", [1.0, 0.3])
 def test_a_machine_with_friction_of_just_one_is_no_set_point(viscous):
     plant = OtherPlant(inertia=0.02, viscous=viscous, coulomb=0.05, width_m_s=2e-3)
-    check_no_set_point(make_signals(slower(plant.run(seed=4, duration_s=8.0))))
+    assert check_no_set_point(make_signals(slower(plant.run(seed=4, duration_s=8.0))), C1) is None
 
 
 def found_with_a_load(run: Measured, command: np.ndarray):
@@ -104,6 +114,19 @@ def test_a_load_that_was_changed_is_no_gain(run, part):
     inertia = OtherPlant.inertia * np.gradient(velocity, run.period_s)
     later = run.time_s >= CHANGED_S
     found = found_with_a_load(run, run.command + np.where(later, part * inertia, 0.0))
+    left, why = without_gain_step(found)
+    assert why == ()
+    assert left is found
+
+
+def test_where_only_inertia_needs_force_a_load_keeps_its_name():
+    plain = replace(OtherPlant(coulomb=0.0, viscous=0.01), width_m_s=2e-3)
+    free = slower(plain.run(seed=3, duration_s=10.0))
+    smooth = signal.butter(4, 60.0, fs=RATE_HZ, output="sos")
+    velocity = np.gradient(signal.sosfiltfilt(smooth, free.position), free.period_s)
+    inertia = OtherPlant.inertia * np.gradient(velocity, free.period_s)
+    later = free.time_s >= CHANGED_S
+    found = found_with_a_load(free, free.command + np.where(later, 0.3 * inertia, 0.0))
     left, why = without_gain_step(found)
     assert why == ()
     assert left is found

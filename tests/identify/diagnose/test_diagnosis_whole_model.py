@@ -59,6 +59,19 @@ def test_friction_that_drives_the_axis_one_way_is_refuted(side):
     assert "the friction of the whole model drives the axis at -" in why[0]
 
 
+@pytest.mark.parametrize("scale", [0.01, 20.0])
+def test_what_friction_gives_is_the_same_for_light_and_heavy_axes_on_either_side(scale):
+    asymmetric = make_effect(effect_class("asymmetric_friction"))
+    pushed = pushed_one_way(1.2)
+    given = [
+        friction_power(
+            outcome(replace(pushed, command=k * pushed.command), asymmetric, side=side).final
+        ).given
+        for k, side in ((1.0, "acceleration"), (scale, "acceleration"), (scale, "command"))
+    ]
+    assert given == pytest.approx([given[0]] * 3, rel=0.2)
+
+
 def test_friction_that_differs_by_direction_and_takes_energy_both_ways_is_kept():
     asymmetric = make_effect(effect_class("asymmetric_friction"))
     found = outcome(pushed_one_way(0.15), asymmetric)

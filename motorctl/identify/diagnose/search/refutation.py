@@ -137,7 +137,7 @@ def drives_itself(final: Hypothesis) -> tuple[Effect, str] | None:
     return effect, (
         f"{effect.name} is refuted: with it the friction of the whole model drives the axis at "
         f"{power.speed:.3g} {unit}/s, and gives {100.0 * power.given:.3g} % of the energy that "
-        f"passes between command and motion (limit {100.0 * GIVES:g} %); without it, it does not"
+        f"passes between command and motion; without it, it gives no more than {100.0 * GIVES:g} %"
     )
 
 

@@ -94,14 +94,17 @@ def friction_power(model: Hypothesis) -> FrictionPower:
 
 
 def _of_forces(model: Hypothesis) -> tuple[Array | None, Array]:
-    """Return what each column asks of the command, but for a positive factor, and its covariance.
+    """Return what each column asks of the command, and its covariance.
 
     None where the acceleration stands on the left and inertia is not positive: no sign is told.
     """
     covariance = robust_covariance(model.problem, model.solution)
     if model.regressors.side == "command":
         return model.solution.b, covariance
-    return (-model.solution.b if float(model.b[0]) > 0.0 else None), covariance
+    per_command = float(model.b[0])  # one over the inertia
+    if not per_command > 0.0:
+        return None, covariance
+    return -model.solution.b / per_command, covariance / per_command**2
 
 
 def _by_speed(v: Array) -> list[NDArray[np.bool_]]:
@@ -154,12 +157,12 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     gram = problem.total / np.outer(lengths, lengths)
     two, others = np.array([0, problem.size]), np.arange(1, problem.size)
     ridge = np.diag(np.where(problem.soft, SMOOTHING, RIDGE))[1:, 1:]
-    cross = gram[np.ix_(others, two)]
-    rest = gram[np.ix_(two, two)] - cross.T @ np.linalg.solve(
-        gram[np.ix_(others, others)] + ridge, cross
-    )
+    beside, cross = gram[np.ix_(others, others)], gram[np.ix_(others, two)]
+    by = np.linalg.solve(beside + ridge, cross)
+    # Of what is left as it is: the ridge would leave a part of what the others explain.
+    rest = gram[np.ix_(two, two)] - by.T @ cross - cross.T @ by + by.T @ beside @ by
     right, both, left = rest[0, 0], rest[0, 1], rest[1, 1]
-    if both <= 0.0:
+    if both <= 0.0 or left <= 0.0:
         return None
     scale = float(lengths[0] / lengths[-1])
     ends = [scale * float(right / both), scale * float(both / left)]

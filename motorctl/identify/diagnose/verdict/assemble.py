@@ -201,7 +201,7 @@ def assemble(
             *(_doubt(name, grounds) for name, grounds in doubted.items()),
             *tested,
             *_notes(found, judged, split, effects),
-            *whole_told(whole, data, effects),
+            *whole_told(whole, effects),
             estimator.sentence,
         ),
     )

@@ -39,14 +39,17 @@ def without_gain_step(found: Found) -> tuple[Found, tuple[str, ...]]:
     takes.
     """
     clocked = [e for e in found.final.added if "longer_run" in e.revealed_by]
-    if not any(effect.sets_in_at_s is not None for effect in clocked):
+    if not any(effect.sets_in for effect in clocked):
         return found, ()
     whole = _on_acceleration(found)
     rest = whole
     for effect in clocked:
         rest = rest.without(effect.name)
     step = _best_step(rest.refreshed())
-    if step.held_out > AS_WELL * whole.held_out:
+    # One number for several effects is simpler. Against one alone it has to be better: where
+    # little but inertia needs force, a load and a gain are the same.
+    limit = AS_WELL if len(clocked) > 1 else 1.0 / AS_WELL
+    if not step.factor > 0.0 or step.held_out > limit * whole.held_out:
         return found, ()
     final = found.final
     for effect in clocked:

@@ -55,20 +55,23 @@ def with_instruments(model: Hypothesis) -> Hypothesis | None:
     told = (X @ basis.T) @ basis
     if np.any(np.sum(told**2, axis=1) < STRONG * np.sum(X**2, axis=1)):
         return None
-    old = model.problem
-    problem = make_problem(model.regressors.blocks, told, y, old.soft, old.tied)
-    found = solve(problem)
-    left = y - found.b @ X
+    old, blocks = model.problem, model.regressors.blocks
+    b = solve(make_problem(blocks, told, y, old.soft, old.tied)).b
+    # The same parameters, and what they really leave: the standard errors come from it.
+    problem = make_problem(blocks, told, b @ told + (y - b @ X), old.soft, old.tied)
     other = Hypothesis(model.regressors, model.added, model.acceleration)
     other.__dict__["problem"] = problem
-    other.__dict__["solution"] = replace(found, sse=float(left @ left))
     impossible = other.b[0] <= 0.0 or (other.added and beyond_physics(other))
     return None if impossible else other
 
 
 def _has_reference(model: Hypothesis) -> bool:
+    """Return whether there is a reference that is not the measured position once more."""
     data = model.regressors.signals.data
-    return data.reference is not None and bool(np.all(np.isfinite(data.reference[data.usable])))
+    if data.reference is None:
+        return False
+    reference, position = data.reference[data.usable], data.position[data.usable]
+    return bool(np.all(np.isfinite(reference))) and not np.array_equal(reference, position)
 
 
 def _along_reference(model: Hypothesis) -> Hypothesis:

@@ -2,8 +2,10 @@
 
 A loop that leaves no error at rest answers to a lasting set-point with just that, so such a column
 is the position or the velocity, in its own unit, and what the loop takes to follow: no dry friction
-is in it, and nothing beside zero. A spring of one unit of force a unit of way that is slack at the
-origin of the encoder, or a friction of just one, without any other, is no machine that we know.
+is in it, and nothing beside zero. A spring of just one unit of force a unit of way that is slack at
+the origin of the encoder is rare, and is declared where there is one. A friction of just one,
+without any other, is what textbooks have: where the speed is followed, nothing is refused, and
+nothing is claimed of the machine.
 """
 
 from __future__ import annotations
@@ -15,13 +17,14 @@ from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.signals import Signals
-from motorctl.identify.columns.usual_mistakes import FACTORS, JUST_SO
+from motorctl.identify.columns.usual_mistakes import FACTORS, JUST_SO, has_spring
+from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 
-OF_SPEED = (60.0 / (2.0 * np.pi), 60.0, 6.0, 1.0 / (2.0 * np.pi), 60e3)
+OF_SPEED = (60.0 / (2.0 * np.pi), 60.0, 6.0, 60e3)
 """What a speed's own units add to the factors between columns: rpm for rad/s, turns and degrees
-a minute, turns for radians, mm/min for m/s. Arithmetic."""
+a minute, mm/min for m/s. Arithmetic."""
 FOLLOWS = 0.9
 """Part of the command that motion and place must explain together, squared. Larger misses loops
 that something disturbs, smaller takes a chance likeness for one. Chosen by hand."""
@@ -42,50 +45,72 @@ Larger blends it with viscous friction, smaller asks the noise. Chosen by hand."
 
 @dataclass(frozen=True)
 class _Part:
-    name: str
+    """What may be followed: a column of `_motion`, beside others that must be small."""
+
     of: int
     beside: tuple[int, ...]
     factors: tuple[float, ...]
 
+    def followed(self, b: Array, parts: Array) -> bool:
+        """Return whether most of the command is this column, in a unit that there is."""
+        known = any(abs(abs(b[self.of]) / k - 1.0) < JUST_SO for k in self.factors)
+        small = all(parts[other] < NOTHING_BESIDE for other in self.beside)
+        return bool(known and small and parts[self.of] > MOST_OF_IT)
+
 
 _KNOWN = (1.0, *FACTORS, *(1.0 / factor for factor in FACTORS))
-_PARTS = (
-    _Part("position", 0, (), _KNOWN),
-    _Part("velocity", 1, (0,), (*_KNOWN, *OF_SPEED)),
-)
-"""What may be followed: which column of `_motion`, and beside which others, that must be small."""
+_PLACE = _Part(0, (), _KNOWN)
+_SPEED = _Part(1, (0,), (*_KNOWN, *OF_SPEED))
 
 
-def check_no_set_point(plain: Signals) -> None:
-    """Raise DataError where the command is the position or velocity that the axis is sent to.
+def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
+    """Find a command that is the position or velocity that the axis is sent to.
 
     Parameters
     ----------
     plain
         The signals in the band in which motion outweighs the encoder's noise.
+    declared
+        The declared model: one with a spring may follow its command.
+
+    Returns
+    -------
+    str or None
+        Why nothing can be told of the machine, where the command is as a velocity is that the axis
+        was sent with; None where it is not.
+
+    Raises
+    ------
+    DataError
+        The command is the position that the axis is sent to.
     """
     rows, command = _motion(plain.plain(min(FOLLOWED_HZ, plain.band_hz)))
-    b = np.linalg.lstsq(rows.T, command, rcond=None)[0]
-    rest = command - b @ rows
+    b: Array = np.linalg.lstsq(rows.T, command, rcond=None)[0].astype(np.float64)
+    left = float(np.mean((command - b @ rows) ** 2))
     size = float(np.std(command))
-    if size == 0.0 or float(np.mean(rest**2)) > (1.0 - FOLLOWS) * size**2:
-        return
+    if size == 0.0 or left > (1.0 - FOLLOWS) * size**2:
+        return None
     parts = np.abs(b) * np.array([*(np.std(row) for row in rows[:-1]), 1.0]) / size
-    friction, constant = parts[-2], parts[-1]
-    if max(friction, constant) > NOTHING_BESIDE:
-        return
-    for part in _PARTS:
-        factor = next((k for k in part.factors if abs(b[part.of] / k - 1.0) < JUST_SO), None)
-        small = all(parts[other] < NOTHING_BESIDE for other in part.beside)
-        if factor is not None and parts[part.of] > MOST_OF_IT and small:
-            data = plain.data
-            raise DataError(
-                f"{data.place}: the command is {b[part.of]:.4g} times the {part.name} and what a "
-                f"loop takes to follow ({100.0 * (1.0 - np.mean(rest**2) / size**2):.1f} % of it "
-                "is told by this, without any dry friction or constant force): it is the "
-                f"{part.name} that the axis was sent to, not what drives it there. Give the "
-                "current, force, torque or voltage as its command"
-            )
+    if max(parts[-2], parts[-1]) > NOTHING_BESIDE:  # dry friction, or a constant
+        return None
+    told = (
+        f"and what a loop takes to follow ({100.0 * (1.0 - left / size**2):.1f} % of it is told by "
+        "this, without any dry friction or constant force)"
+    )
+    if _PLACE.followed(b, parts) and not has_spring(declared):
+        raise DataError(
+            f"{plain.data.place}: the command is {b[0]:.4g} times the position {told}: it is the "
+            "position that the axis was sent to, not what drives it there. Give the current, "
+            "force, torque or voltage as its command, and this column as its reference. Where a "
+            "spring holds the axis, declare a force of the position in its model"
+        )
+    if _SPEED.followed(b, parts):
+        return (
+            f"its command is {b[1]:.4g} times the velocity {told}, as one is that says how fast "
+            "the axis shall go, not what drives it: then give the current, force, torque or "
+            "voltage instead. A machine whose friction is just that would look the same"
+        )
+    return None
 
 
 def _motion(plain: Signals) -> tuple[Array, Array]:

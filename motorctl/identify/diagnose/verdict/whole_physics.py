@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import FoundEffect, WholeModel
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
@@ -19,34 +19,34 @@ from motorctl.log.units import unit_for
 def whole_model(found: Found, final: Hypothesis) -> WholeModel:
     """Return what physics says of the final model, with the parameters that are told of it."""
     seen = seen_inertia(found.base)
+    data = final.regressors.signals.data
+    per_command = float(final.b[0])
     return WholeModel(
-        inertia=1.0 / float(final.b[0]),
+        inertia=1.0 / per_command if per_command else math.inf,
+        unit=unit_for(OF_INERTIA, data.position_unit, data.command_unit),
         seen_inertia=None if seen is None else (seen.low, seen.high),
-        declared_inertia=final.regressors.signals.data.inertia,
+        declared_inertia=data.inertia,
         friction_gives=friction_power(final).given,
     )
 
 
-def whole_told(
-    whole: WholeModel, data: Measured, effects: Sequence[FoundEffect]
-) -> tuple[str, ...]:
+def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, ...]:
     """Return that in words, where something was named."""
     if not effects:
         return ()
-    unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
-    friction = "takes energy at every speed and gives none"
+    friction = "gives no energy that is sure at any speed"
     if whole.friction_gives > 0.0:
         friction = (
             f"gives {100.0 * whole.friction_gives:.3g} % of the energy that passes between "
             "command and motion"
         )
+    if not 0.0 < whole.inertia < math.inf:
+        return (f"the whole model: its friction {friction}; its inertia is too small to be seen",)
     between = ""
     if whole.seen_inertia is not None:
         low, high = whole.seen_inertia
         between = (
             f", and {low:.3g} to {high:.3g} are seen beside any function of place and of speed"
         )
-    inertia = f"is {whole.inertia:.3g} {unit}"
-    if not whole.inertia > 0.0:
-        inertia = "is too small to be seen"
+    inertia = f"is {whole.inertia:.3g} {whole.unit}"
     return (f"the whole model: its friction {friction}; its inertia {inertia}{between}",)
