@@ -36,7 +36,7 @@ test-long: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'long and not wall_clock'
 	$(BIN)/python -m pytest -m 'long and wall_clock' --ignore tests/system/test_service_machine.py
 
-# The service in a virtual machine: nine minutes once it is built, more on a busy computer.
+# The service in a virtual machine: half an hour once it is built, with nothing beside.
 vm: $(STAMP)
 	PYTHONPATH=tests/support $(BIN)/python -m service_machine --out out/service_machine
 
