@@ -63,9 +63,10 @@ def declared_inertias(
 
     Of axes that it describes, recorded in a configuration's units, m and V.
     """
+    if machine is None:
+        return {}
     found = {}
-    for name in axes if machine is not None else ():
-        assert machine is not None
+    for name in axes:
         axis, data = _axis_of(machine, name), measured(recording, name)
         place = None if axis is None else axis.model.index_of("acceleration")
         if axis is None or place is None or (data.position_unit, data.command_unit) != ("m", "V"):

@@ -7,7 +7,8 @@ recorded one than that of the declared model. Such an effect is taken out, and i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.stats import gmean
@@ -32,6 +33,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
     InertiaRange,
     friction_power,
+    inertia_of,
     inertia_off,
     known_inertias,
 )
@@ -87,10 +89,7 @@ def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
         reached = next((r for r in ends_reached(effect, spans) if r.refutes), None)
         if reached is not None:
             told = reached.told(final.regressors.signals.data)
-            return (
-                effect,
-                f"{effect.name} is refuted: {told}",
-            )
+            return effect, f"{effect.name} is refuted: {told}"
     return None
 
 
@@ -128,11 +127,9 @@ def drives_itself(final: Hypothesis) -> tuple[Effect, str] | None:
     power = friction_power(final)
     if power.given <= GIVES:
         return None
-    rest = {effect.name: final.without(effect.name).refreshed() for effect in final.added}
-    cured = [e for e in final.added if friction_power(rest[e.name]).given <= GIVES]
-    if not cured:
+    effect = _blamed(final, lambda rest: friction_power(rest).given <= GIVES)
+    if effect is None:
         return None
-    effect = min(cured, key=lambda e: rest[e.name].held_out)
     unit = final.regressors.signals.data.position_unit
     return effect, (
         f"{effect.name} is refuted: with it the friction of the whole model drives the axis at "
@@ -149,20 +146,29 @@ def of_impossible_inertia(
         off = inertia_off(final, by)
         if off <= FAR_OFF:
             continue
-        rest = {effect.name: final.without(effect.name).refreshed() for effect in final.added}
-        near = [e for e in final.added if inertia_off(rest[e.name], by) <= FAR_OFF]
-        if not near:
+        effect = _blamed(final, partial(_near, by))
+        if effect is None:
             continue
-        effect = min(near, key=lambda e: rest[e.name].held_out)
         data = final.regressors.signals.data
         unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
         told = "declared" if by.declared else "seen beside any function of place and of speed"
         return effect, (
             f"{effect.name} is refuted: with it the inertia would be "
-            f"{1.0 / float(final.b[0]):.3g} {unit}, and {by.low:.3g} to {by.high:.3g} is {told}: "
+            f"{inertia_of(final):.3g} {unit}, and {by.low:.3g} to {by.high:.3g} is {told}: "
             f"{off:.3g} times off, limit {FAR_OFF:g}; without it the two agree"
         )
     return None
+
+
+def _near(known: InertiaRange, model: Hypothesis) -> bool:
+    return inertia_off(model, known) <= FAR_OFF
+
+
+def _blamed(final: Hypothesis, is_cured: Callable[[Hypothesis], bool]) -> Effect | None:
+    """Return the effect without which a model is cured, by that which then misses least."""
+    rest = [(effect, final.without(effect.name).refreshed()) for effect in final.added]
+    cured = [(effect, model) for effect, model in rest if is_cured(model)]
+    return min(cured, key=lambda each: each[1].held_out)[0] if cured else None
 
 
 def led_at_its_end(found: Found) -> tuple[str, ...]:

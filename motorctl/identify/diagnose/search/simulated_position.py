@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,8 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 Missed = Mapping[float, float]
-"""What a model misses of the position, rms, by the length of the windows [s], shortest first."""
+"""What a model misses of position or velocity, rms, by the length of the windows [s], shortest
+first."""
 
 WINDOWS_S = (0.01, 0.03, 0.1)
 """Lengths of the windows [s], a half decade apart. Shorter ones show the noise of the measured
@@ -100,8 +100,7 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
 
 def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[Missed, Missed]:
     """Return what a model misses of the position and of the velocity, as `simulated_position`."""
-    predicted, signals = hypothesis.predicted_acceleration(), hypothesis.regressors.signals
-    return missed_by(predicted, signals, held), missed_by(predicted, signals, held, of="velocity")
+    return _motion_missed(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
 
 
 def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
@@ -113,13 +112,8 @@ def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
     return simulated_position(base, held) if float(base.b[0]) > 0.0 else {}
 
 
-def missed_by(
-    predicted: Sequence[Array],
-    signals: Signals,
-    held: Rows | None = None,
-    of: Literal["position", "velocity"] = "position",
-) -> Missed:
-    """Return what any prediction of the acceleration misses of the motion, rms.
+def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
+    """Return what any prediction of the acceleration misses of the position [m, rms].
 
     Parameters
     ----------
@@ -129,21 +123,28 @@ def missed_by(
         The motion.
     held
         Which rows are asked, (m,); all by default.
-    of
-        What is compared: the position [m], or the velocity [m/s].
     """
+    return _motion_missed(predicted, signals, held)[0]
+
+
+def _motion_missed(
+    predicted: Sequence[Array], signals: Signals, held: Rows | None
+) -> tuple[Missed, Missed]:
+    """Return what a prediction misses of the position [m, rms] and of the velocity [m/s, rms]."""
     chosen = _samples(signals, held)
     lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in WINDOWS_S}
-    found = {}
+    position: dict[float, float] = {}
+    velocity: dict[float, float] = {}
     for length in lengths:
         squares = [
-            _missed(s.x, s.v, a, used, length, signals.period_s)[of]
+            _missed(s.x, s.v, a, used, length, signals.period_s)
             for s, a, used in zip(signals.stretches, predicted, chosen, strict=True)
         ]
-        every = np.concatenate(squares)
-        if len(every):
-            found[length * signals.period_s] = math.sqrt(float(np.mean(every)))
-    return found
+        for found, parts in zip((position, velocity), zip(*squares, strict=True), strict=True):
+            every = np.concatenate(parts)
+            if len(every):
+                found[length * signals.period_s] = math.sqrt(float(np.mean(every)))
+    return position, velocity
 
 
 def _samples(signals: Signals, held: Rows | None) -> list[Rows]:
@@ -160,17 +161,14 @@ def _samples(signals: Signals, held: Rows | None) -> list[Rows]:
 
 def _missed(
     x: Array, v: Array, a: Array, used: Rows, length: int, dt: float
-) -> dict[Literal["position", "velocity"], Array]:
-    """Return the mean squares that are missed in each whole window of one stretch."""
+) -> tuple[Array, Array]:
+    """Return the mean squares missed of position and velocity in each whole window of a stretch."""
     windows = max(len(x) // length - 1, 0)
     part = slice(length, length * (windows + 1))  # the filter's start is no motion
     if not windows:
-        return {"position": np.zeros(0), "velocity": np.zeros(0)}
+        return np.zeros(0), np.zeros(0)
     whole = used[part].reshape(windows, length).all(axis=1)
     x, v, a = (signal[part].reshape(windows, length)[whole] for signal in (x, v, a))
     speed = v[:, :1] + dt * (np.cumsum(a, axis=1) - 0.5 * (a[:, :1] + a))
     place = x[:, :1] + dt * (np.cumsum(speed, axis=1) - 0.5 * (speed[:, :1] + speed))
-    return {
-        "position": np.mean((place - x) ** 2, axis=1),
-        "velocity": np.mean((speed - v) ** 2, axis=1),
-    }
+    return np.mean((place - x) ** 2, axis=1), np.mean((speed - v) ** 2, axis=1)

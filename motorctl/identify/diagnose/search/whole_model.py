@@ -171,6 +171,12 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     return InertiaRange(min(ends), max(ends), declared=False)
 
 
+def inertia_of(model: Hypothesis) -> float:
+    """Return a model's inertia in units of the command; infinite where none acted in motion."""
+    per_command = float(model.b[0])
+    return 1.0 / per_command if per_command else math.inf
+
+
 def inertia_off(model: Hypothesis, known: InertiaRange) -> float:
     """Return by what factor a model's inertia is outside what is known of it; 1 within.
 

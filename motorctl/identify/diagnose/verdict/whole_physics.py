@@ -11,6 +11,7 @@ from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
     friction_power,
+    inertia_of,
     seen_inertia,
 )
 from motorctl.log.units import unit_for
@@ -20,9 +21,8 @@ def whole_model(found: Found, final: Hypothesis) -> WholeModel:
     """Return what physics says of the final model, with the parameters that are told of it."""
     seen = seen_inertia(found.base)
     data = final.regressors.signals.data
-    per_command = float(final.b[0])
     return WholeModel(
-        inertia=1.0 / per_command if per_command else math.inf,
+        inertia=inertia_of(final),
         unit=unit_for(OF_INERTIA, data.position_unit, data.command_unit),
         seen_inertia=None if seen is None else (seen.low, seen.high),
         declared_inertia=data.inertia,
