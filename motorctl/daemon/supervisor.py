@@ -35,8 +35,10 @@ from motorctl.daemon.report import Report
 from motorctl.daemon.rotating_log import RotatingLog
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import MotorctlError, RunError
+from motorctl.kernels import CompilingBeside
 from motorctl.log.folder import must_be_writable
 from motorctl.loop import Phase, Verb, reasons
+from motorctl.loop.compiled_beside import compile_beside
 
 BEAT_PERIOD_S = 0.02
 WATCH_PERIOD_S = 0.05
@@ -70,17 +72,22 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
     RunError
         Where the loop refuses or dies, or the log cannot be completed.
     """
+    # Half of what a first start compiles, begun while the loop's process is not there yet.
+    beside = CompilingBeside(partial(compile_beside, machine))
     with suppress(OSError):  # only root and a service may; it runs all the same
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-    asyncio.run(_run(machine, options))
+    try:
+        asyncio.run(_run(machine, options, beside))
+    finally:
+        beside.end()
 
 
-async def _run(machine: Machine, options: DaemonOptions) -> None:
+async def _run(machine: Machine, options: DaemonOptions, beside: CompilingBeside) -> None:
     directory = options.log_directory or machine.log_directory
     must_be_writable(directory, "log directory")
     control = ControlSocket(options.socket or daemon_socket(), options.group, options.operators)
     try:
-        await Supervisor(machine, control, directory).live()
+        await Supervisor(machine, control, directory, beside).live()
     finally:
         control.close()
 
@@ -88,8 +95,11 @@ async def _run(machine: Machine, options: DaemonOptions) -> None:
 class Supervisor:
     """Holds everything that lives as long as the daemon."""
 
-    def __init__(self, machine: Machine, control: ControlSocket, directory: Path) -> None:
+    def __init__(
+        self, machine: Machine, control: ControlSocket, directory: Path, beside: CompilingBeside
+    ) -> None:
         self._machine = machine
+        self._beside = beside
         self._control = control
         self._directory = directory
         self._state = state_file(machine.name)
@@ -186,6 +196,7 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
+        self._beside.end()
         # In a thread: the loop ticks already, and waits half a second for a sign of life.
         log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)

@@ -1,11 +1,13 @@
 """Compiled kernels: how they are compiled, and where compiled code is kept between starts."""
 
+from motorctl.kernels.beside import CompilingBeside
 from motorctl.kernels.cache import cache_root, kernels_cached
 from motorctl.kernels.generated import load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
 from motorctl.kernels.telling import compiling_told
 
 __all__ = [
+    "CompilingBeside",
     "cache_root",
     "compiling_told",
     "inner_kernel",

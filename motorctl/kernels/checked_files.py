@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.core import caching
 
-HEAD = b"motorctl kernel 1\n"
+HEAD = b"motorctl kernel 2\n"
 _BYTES = hashlib.sha256().digest_size
 
 _log = logging.getLogger("motorctl")
@@ -35,12 +35,14 @@ class _CheckedFiles(_NumbasFiles):  # type: ignore[misc]
     def load(self, key: Any) -> Any:
         """Return what is kept for a signature; None where there is nothing that can be used."""
         name = self._load_index().get(key)
-        return None if name is None else self._content(self._data_path(name))
+        kept = None if name is None else self._content(self._data_path(name))
+        # Of two processes that kept code at once, one may have written the index, one the file.
+        return kept[1] if kept and kept[0] == key else None
 
     def save(self, key: Any, data: Any) -> None:
         """Keep something for a signature."""
         try:
-            super().save(key, data)
+            super().save(key, (key, data))
         except OSError as error:
             why = f"{error.strerror}: it is compiled again at each start"
             _tell_once(f"compiled code cannot be kept in {self._cache_path}", why)

@@ -14,46 +14,43 @@ from functools import cached_property
 from typing import Any, TypeVar, overload
 
 import numba
-from numba.core import types
-from numba.core.codegen import JITCodeLibrary
+from numba.core import ir, types
+from numba.core.caching import NullCache
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.lowering import Lower
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
+
+from motorctl.kernels.inner_files import Entry, InnerLibrary, files_of
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class _InnerLibrary(JITCodeLibrary):
-    """Code that waits, as it was written, for the library that links it."""
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
-        self._finalized = True
-
-
-class _Entry:
-    """What numba knows a compiled function by; nobody can call it."""
+class _Lower(Lower):
+    def lower_assign(self, ty: Any, inst: Any) -> Any:
+        if isinstance(ty, types.Dispatcher) and isinstance(inst.value, ir.Global | ir.FreeVar):
+            # A kernel as a value: calls go by its type. Numba's own would be where the object is
+            # in this process, which is nothing to keep on a disk.
+            return self.context.get_constant_null(ty)
+        return super().lower_assign(ty, inst)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _LowerInner(NativeLowering):
     _name = "inner_kernel_lowering"
 
+    @property
+    def lowering_class(self) -> type[Lower]:
+        return _Lower
+
     def run_pass(self, state: Any) -> bool:
-        state.library = _InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_cpython_wrapper = True
         state.flags.no_cfunc_wrapper = True
         state.flags.no_compile = True
         super().run_pass(state)
-        lowered, entry = state["cr"], _Entry()
+        lowered, entry = state["cr"], Entry()
         state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=entry)
         return True
@@ -70,6 +67,13 @@ class _InnerCompiler(CompilerBase):
 
 
 class _InnerKernel(CPUDispatcher):
+    _cache: Any
+
+    def compile(self, sig: Any) -> Any:
+        if isinstance(self._cache, NullCache):
+            self._cache = files_of(self.py_func)
+        return super().compile(sig)
+
     def add_overload(self, cres: Any) -> None:
         self.overloads[tuple(cres.signature.args)] = cres
 

@@ -19,6 +19,7 @@ HEAD = '''"""The tick of {axes} axes. Generated; do not edit."""
 
 from numba import njit
 
+from motorctl.kernels import inner_kernel
 from motorctl.loop.axis import (
     axis_between, axis_inputs, axis_reference, axis_step, report_axis,
 )
@@ -28,14 +29,16 @@ from motorctl.loop.guards.supervision import supervise
 from motorctl.loop.preview import fill_motion
 from motorctl.loop.states import is_enabled
 {imports}
+'''
 
-@njit(cache=True)
-def tick(
+DEFINED = """
+{decorator}
+def {name}(
     counts, index_counts, words, volts, enable, elapsed, behind, overran, number, t, watch, status,
     mailbox, replies, settings, axes, law_settings, laws, beside, segments, segment_counts,
     samples, row, axis_status,{more}
 ):
-'''
+"""
 
 DUAL_IMPORTS = """from motorctl.loop.dual_drive import drive_ends, join_ends, report_skew
 from motorctl.loop.skew import guide_skew, hold_skew
@@ -124,8 +127,9 @@ def compose_tick(
 ) -> ModuleType:
     """Return the generated module whose `tick` serves these axes.
 
-    The references of all axes are moved on before any law looks at one. A channel's voltage stands
-    between its axis' ticks.
+    Its `steps`, which nobody calls, is what `tick` does of the axes' laws: another process may
+    analyse it while this one begins with the rest. The references of all axes are moved on before
+    any law looks at one. A channel's voltage stands between its axis' ticks.
 
     Parameters
     ----------
@@ -160,9 +164,8 @@ def compose_tick(
         places[i] |= {"d": d, "c2": (second_channels or ())[i], "volts": f"u{i}"}
         places[i] |= {"count": f"duals[{d}].raw_counts", "word": f"duals[{d}].status"}
         places[i]["index"] = f"duals[{d}].raw_index_counts"
-    more = DUAL_ARGUMENTS if dual else ""
-    parts = [HEAD.format(axes=len(models), imports=imports + DUAL_IMPORTS * bool(dual), more=more)]
-    parts += [PASSED.format(**place) for place in places if place["divisor"] != 1]
+    begun = [PASSED.format(**place) for place in places if place["divisor"] != 1]
+    parts = list(begun)
     for place in places:
         parts.append(_when_due(place, JOIN + INPUTS if "d" in place else INPUTS))
     parts.append(COMMANDS)
@@ -172,13 +175,25 @@ def compose_tick(
         if model.lag_s or model.delay_s or model.other_axes:
             parts.append(_when_due(place, MOTION))
     parts.append(COUNT.format(rows=STATUS_ROWS))
+    steps = []
     for place in places:
         step = HOLD + STEP + DRIVE if "d" in place else STEP
-        parts += [_when_due(place, step, BETWEEN), REPORT.format(**place)]
+        steps.append(_when_due(place, step, BETWEEN))
+        parts += [steps[-1], REPORT.format(**place)]
         if "d" in place:
             parts.append(REPORT_SKEW.format(**place))
     parts.append(TAIL)
-    source = "".join(parts)
+    more = DUAL_ARGUMENTS if dual else ""
+    source = "".join(
+        [
+            HEAD.format(axes=len(models), imports=imports + DUAL_IMPORTS * bool(dual)),
+            DEFINED.format(decorator="@njit(cache=True)", name="tick", more=more),
+            *parts,
+            DEFINED.format(decorator="@inner_kernel", name="steps", more=more),
+            *begun,
+            *steps,
+        ]
+    )
     return load_generated(f"tick_{source_digest(source)}", source)
 
 

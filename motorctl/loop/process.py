@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
 from motorctl.loop.clock import WallClock
-from motorctl.loop.prepared_beside import prepared_beside
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
 from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.runner import run_wall
@@ -120,8 +119,7 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     """
     status = memory.status
     memory.phase = Phase.COMPILING
-    with prepared_beside(orders.machine):
-        warm_up(orders.machine)
+    warm_up(orders.machine)
     tick = Tick(orders.machine, memory, learned=orders.learned)
     tick.prepare()
     degraded = enter_realtime(orders.machine.loop)

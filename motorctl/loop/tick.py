@@ -6,7 +6,8 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Protocol, TypeVar
+from types import ModuleType
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,8 @@ from motorctl.loop.shared import LoopMemory
 with kernels_cached():
     from motorctl.loop.publish import publish
 
-COMPILED_S, AXIS_COMPILED_S = 12.0, 2.0
-"""What compiling takes on one core of a virtual machine: the common part, and each axis' own."""
+COMPILED_S, AXIS_COMPILED_S = 7.0, 1.5
+"""What compiling takes on a virtual machine with two CPUs: the common part, each axis' own."""
 
 T = TypeVar("T")
 Move = tuple[Callable[[T], None], T, int]
@@ -141,9 +142,13 @@ class Tick:
             self.watch["bucket_size"] = sizes[policy]
         self.measured_s = np.zeros((memory.ring_rows, 4))
         """Wall-clock turnaround, read, compute and write of each ring row, in virtual time too."""
+        self._arrays: dict[str, tuple[Inputs, Outputs, int]] = {}
+        # A machine without dual drives has a tick that knows nothing of them.
+        self._two_ended = (self.dual_settings, self.duals) if dual else ()
         self.step = self._make_step(virtual)
 
-    def _make_step(self, virtual: bool) -> Step:
+    def _compose(self) -> tuple[ModuleType, tuple[Any, ...]]:
+        """Return the generated module, and the arguments that its tick begins with."""
         axes = list(self.machine.axes.values())
         order = [channel.axis for driver in self.drivers.values() for channel in driver.channels]
         place = {name: i for i, name in enumerate(order)}
@@ -152,8 +157,6 @@ class Tick:
         words = np.zeros(len(order), np.uint32)
         volts = np.zeros(len(order))
         enable = np.zeros(len(order), np.uint8)
-        self._arrays: dict[str, tuple[Inputs, Outputs, int]] = {}
-        advances = []
         first = 0
         for name, driver in self.drivers.items():
             last = first + len(driver.channels)
@@ -163,49 +166,55 @@ class Tick:
             outputs.volts, outputs.enable = volts[first:last], enable[first:last]
             divisor = next(axis.divisor for axis in axes if axis.driver == name)
             self._arrays[name] = inputs, outputs, divisor
-            advances.append((driver.advance, divisor))
             first = last
-        in_place = self._in_place = [self._reads_and_writes()]
-        lists = [axis.model for axis in axes]
         module = compose_tick(
-            lists,
+            [axis.model for axis in axes],
             [place[name] for name in self.machine.axes],
             [axis.divisor for axis in axes],
             [place.get(name + SECOND_END) for name in self.machine.axes],
         )
+        return module, (counts, index_counts, words, volts, enable)
+
+    def _all_arguments(self, inputs_outputs: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return what a tick is called with, of the types of every later call."""
         memory = self.memory
-        inputs_outputs = (counts, index_counts, words, volts, enable)
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
         records = (self.settings, self.axes, self.law_settings, self.laws, self.beside)
         programs = (memory.segments, memory.segment_counts)
-        # A machine without dual drives has a tick that knows nothing of them.
-        two_ended = (self.dual_settings, self.duals) if len(self.duals) else ()
-        before = (
+        samples = (memory.samples, 0, memory.axis_status_rows)
+        return (
             *inputs_outputs,
-            1,
-            0,
-            False,
-            0,
-            0.0,
+            *(1, 0, False, 0, 0.0),
             *commands,
             *records,
             *programs,
-            memory.samples,
+            *samples,
+            *self._two_ended,
         )
-        count = len(lists)
+
+    def _make_step(self, virtual: bool) -> Step:
+        module, inputs_outputs = self._compose()
+        advances = [
+            (driver.advance, self._arrays[name][2]) for name, driver in self.drivers.items()
+        ]
+        in_place = self._in_place = [self._reads_and_writes()]
+        count = len(self.machine.axes)
         told = (
             f"compiling the kernels of {count} {'axis' if count == 1 else 'axes'}, once for this "
             f"configuration: about {COMPILED_S + count * AXIS_COMPILED_S:.0f} s"
         )
         with compiling_told(told):
-            kernel = specialise(module.tick, *before, 0, memory.axis_status_rows, *two_ended)
+            kernel = specialise(module.tick, *self._all_arguments(inputs_outputs))
+        memory = self.memory
         rows_out = (memory.status, memory.ticks, self.measured_s)
         # Ordinary machines call it straight, without an argument or a step more.
-        compute = partial(_with_more, kernel, two_ended) if two_ended else kernel
+        compute = partial(_with_more, kernel, self._two_ended) if self._two_ended else kernel
         finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
-        watch, status, mailbox, replies = commands
-        settings, axis_records, law_records, laws, beside = records
-        segments, segment_counts = programs
+        counts, index_counts, words, volts, enable = inputs_outputs
+        watch, status, mailbox, replies = self.watch, memory.status, memory.mailbox, memory.replies
+        settings, axis_records, law_records = self.settings, self.axes, self.law_settings
+        laws, beside = self.laws, self.beside
+        segments, segment_counts = memory.segments, memory.segment_counts
         samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status_rows
         measured, rows = self.measured_s, memory.ring_rows
         period_s, now = self.machine.period_s, time.monotonic_ns

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from motorctl.config.machine import Machine
 from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
+from motorctl.kernels import specialise
 from motorctl.loop.runner import VirtualRun
 from motorctl.loop.shared import LoopMemory
-from motorctl.loop.tick import Tick
+from motorctl.loop.tick import Step, Tick
 from motorctl.loop.vocabulary import Verb
 
 WARM_UP_TICKS = 400
@@ -44,10 +45,25 @@ class Unconnected(Driver):
         """Nothing moves."""
 
 
+class _Analysed(Tick):
+    """A tick of which the steps are analysed, and nothing is made that runs."""
+
+    def _make_step(self, virtual: bool) -> Step:
+        module, inputs_outputs = self._compose()
+        specialise(module.steps, *self._all_arguments(inputs_outputs))
+        return _never
+
+
+def analyse_steps(machine: Machine) -> None:
+    """Leave in the cache of kernels what compiling this machine's tick needs for its laws."""
+    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    _Analysed(machine, memory, virtual=True, driver_class=Unconnected)
+    memory.close()
+
+
 def warm_up(machine: Machine) -> None:
     """Compile, or load from the cache, and exercise the tick of this machine."""
-    parameters = machine.most_parameters
-    memory = LoopMemory.create(list(machine.axes), parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True, driver_class=Unconnected)
     run = VirtualRun(tick)
     for i in range(len(machine.axes)):
@@ -56,3 +72,7 @@ def warm_up(machine: Machine) -> None:
     memory.post(Verb.SHUTDOWN)
     run.advance(WARM_UP_TICKS)
     memory.close()
+
+
+def _never(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
+    raise AssertionError("a tick that was only analysed is called")
