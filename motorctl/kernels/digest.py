@@ -27,7 +27,7 @@ import llvmlite  # type: ignore[import-untyped]
 import numba
 import numpy as np
 
-FORM = 2
+FORM = 3
 """To be raised when what is compiled depends on changes outside of the kernels' sources."""
 COMPILER = (
     FORM,
