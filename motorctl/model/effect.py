@@ -247,6 +247,11 @@ class Effect(ABC):
         return 0.0
 
     @property
+    def remark(self) -> str:
+        """What its options say of the recording, where a reader should think twice; usually ""."""
+        return ""
+
+    @property
     def picture(self) -> Picture:
         """How it is drawn."""
         return Picture("over_time", "What it adds to the command, over time.")

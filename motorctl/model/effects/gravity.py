@@ -11,6 +11,8 @@ from pydantic import Field
 from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.knowledge import Picture, Spans
 
+IN_DEGREES = 360.0
+"""One turn of an arm whose angle was recorded in degrees. Arithmetic."""
 LEAST_TURN = 0.03
 """Part of a turn that the arm has to move for its weight to be tried. Smaller tries a sine that is
 no other than a straight line, larger misses arms that turn but little. Chosen by hand: over it a
@@ -57,6 +59,17 @@ class Gravity(Effect):
         return (2.0 * math.pi / self.options.turn_m,)
 
     @property
+    def remark(self) -> str:
+        """Degrees that were declared as radians look like an arm of 360 rad a turn."""
+        if self.options.turn_m != IN_DEGREES:
+            return ""
+        return (
+            "its arm turns once in 360 of the position's unit, as where degrees are declared as "
+            "radians: then state unit: deg, or every other parameter is off by 57.3. Behind a gear "
+            "of about 57 to 1 it is right"
+        )
+
+    @property
     def picture(self) -> Picture:
         """Force against position."""
         return Picture(
@@ -67,8 +80,9 @@ class Gravity(Effect):
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return the arm itself where the position is an angle that tells a sine from a line."""
-        enough = LEAST_TURN * 2.0 * math.pi
-        return (cls(),) if spans.rotary and spans.travel_m > enough else ()
+        usual = GravityOptions().turn_m
+        turns = [turn for turn in (usual, IN_DEGREES) if spans.travel_m > LEAST_TURN * turn]
+        return [cls(GravityOptions(turn_m=turn)) for turn in turns] if spans.rotary else ()
 
 
 @njit(inline="always")

@@ -217,6 +217,22 @@ def test_a_weight_that_a_motor_holds_while_a_hand_moves_it_is_gravity():
 
 
 @pytest.mark.slow
+def test_degrees_that_are_declared_as_radians_are_told_beside_the_arms_weight():
+    moved = ARM.run(seed=4, duration_s=12.0)
+    told = {}
+    for unit, scale in (("radians", 1.0), ("degrees", 180.0 / np.pi)):
+        recorded = replace(
+            moved, position=scale * moved.position, resolution=scale * 1e-5, reference=None,
+            position_unit="rad", command_unit="N*m",
+        )  # fmt: skip
+        found = diagnose_axis(recorded, C1)
+        assert [effect.name for effect in found.effects] == ["gravity"]
+        told[unit] = [note for note in found.notes if "degrees are declared as radians" in note]
+    assert told["radians"] == []
+    assert len(told["degrees"]) == 1
+
+
+@pytest.mark.slow
 def test_a_torque_that_does_not_change_tells_nothing_and_says_so():
     moved = ARM.run(seed=4, duration_s=12.0)
     noise = 0.001 * np.random.default_rng(1).standard_normal(len(moved.position))

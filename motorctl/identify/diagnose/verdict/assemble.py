@@ -394,6 +394,9 @@ def _notes(
             f"below {low_hz(found):.3g} Hz the residual still has {judged.coloured:.1f} times the "
             "power of the noise"
         )
+    for each in effects:
+        if each.effect.remark:
+            notes.append(f"{each.effect.name}: {each.effect.remark}")
     for name, rival in found.instead.items():
         notes.append(
             f"with the acceleration in the place of the command, {rival.name} leaves "
