@@ -196,8 +196,8 @@ class Supervisor:
                 self._notifier.status("compiling")
                 _log.info("compiling the control loop, or taking it from the cache")
             await asyncio.sleep(WATCH_PERIOD_S)
-        self._beside.end()
-        # In a thread: the loop ticks already, and waits half a second for a sign of life.
+        # In threads: the loop ticks already, and waits half a second for a sign of life.
+        await asyncio.to_thread(self._beside.end)
         log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()

@@ -262,7 +262,10 @@ class Driver(ABC):
         return ()
 
     def prepare(self) -> None:  # noqa: B027 (most drivers have nothing to prepare)
-        """Compile and allocate, without any I/O, what would be slow once real time is entered."""
+        """Compile and allocate, without any I/O, what would be slow once real time is entered.
+
+        A daemon that starts does it in a second process, too, which may be ended at any point.
+        """
 
     @abstractmethod
     def open(self) -> None:

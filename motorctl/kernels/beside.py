@@ -12,8 +12,18 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
-LOOK_S = 0.01
+NICENESS = 10
+"""How far it stands back where CPUs are few: who waits for the start goes first. Larger is more
+polite; smaller slows down the process that it shall help. By hand."""
+FIRST_OUT = "500"
+"""What it adds to its score when memory runs out: it is missed least. From <linux/oom.h>: -1000 is
+never ended, 1000 always."""
+GONE_S = 5.0
+"""How long an ended process may take to go [s]: one that a disk holds cannot. Larger keeps a start
+waiting, smaller leaves a zombie. By hand."""
+LOOK_S = 0.002
 PR_SET_PDEATHSIG = 1
 """From <linux/prctl.h>."""
 
@@ -21,43 +31,55 @@ PR_SET_PDEATHSIG = 1
 class CompilingBeside:
     """A copy of this process that does some work and ends.
 
-    It must be made while this process has one thread.
+    It must be made while no other thread of Python runs. With a single CPU, or where no process can
+    be had, nothing is done beside.
 
     Parameters
     ----------
     work
-        What it does; what this raises is told by the process that needs what was to be done.
+        What it does; what this raises is told by the process that needs what was to be done. It may
+        be ended at any point.
     """
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._pid: int | None = None
-        with suppress(OSError):  # a limit on processes or memory: nothing is done beside
+        self._handle: int | None = None
+        if len(os.sched_getaffinity(0)) < 2:
+            return
+        parent = os.getpid()
+        with suppress(OSError):  # a limit on processes or memory
             self._pid = os.fork()
         if self._pid == 0:
-            _work_and_end(work)
-
-    def wait(self, at_most_s: float) -> None:
-        """Return when it has ended, or after so long [s]."""
-        deadline = time.monotonic() + at_most_s
-        while self._pid is not None and time.monotonic() < deadline:
-            if os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
-                return
-            time.sleep(LOOK_S)
+            _work_and_end(work, parent)
+        if self._pid is not None:
+            with suppress(OSError):  # who ignores SIGCHLD has no children that have ended
+                self._handle = os.pidfd_open(self._pid)
 
     def end(self) -> None:
-        """End it, wherever it is; it may be called again."""
-        if self._pid is not None:
-            os.kill(self._pid, signal.SIGKILL)  # harmless where it has ended: nobody has waited
-            os.waitpid(self._pid, 0)
-            self._pid = None
+        """End it, wherever it is, and wait until it is gone; it may be called again."""
+        if self._handle is None or self._pid is None:
+            return
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._handle, signal.SIGKILL)
+        deadline = time.monotonic() + GONE_S
+        with suppress(ChildProcessError):  # somebody else has waited for it
+            while os.waitpid(self._pid, os.WNOHANG) == (0, 0) and time.monotonic() < deadline:
+                time.sleep(LOOK_S)
+        os.close(self._handle)
+        self._pid = self._handle = None
 
 
-def _work_and_end(work: Callable[[], None]) -> None:
+def _work_and_end(work: Callable[[], None], parent: int) -> None:
     try:
         # It must not outlive whom it works for: it has inherited what that one holds open.
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            return
         for stream in (1, 2):
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream)  # the other process tells
+        with suppress(OSError):
+            os.nice(NICENESS)
+            Path("/proc/self/oom_score_adj").write_text(FIRST_OUT)
         with suppress(Exception):
             work()
     finally:

@@ -11,7 +11,7 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from numba.core.caching import _CacheLocator
 
 from motorctl.errors import RunError
 from motorctl.kernels.checked_files import files_checked
-from motorctl.kernels.digest import digest_of_file
+from motorctl.kernels.digest import digest_and_age
 
 UNUSED_DAYS = 30.0
 """Compiled code that no start has asked for so long is removed."""
@@ -97,8 +97,7 @@ class ByDigest(_CacheLocator):
 
     def __init__(self, function: FunctionType, file: str) -> None:
         self._py_file = file
-        said = repr(_said(function.__code__, function.__doc__))
-        self._name = hashlib.sha256(said.encode()).hexdigest()[:8]
+        self._name = said_by(function)[:8]
         self._folder, self._digest = _folder_of(function.__module__, Path(file))
 
     def get_cache_path(self) -> str:
@@ -122,8 +121,13 @@ class ByDigest(_CacheLocator):
         return cls(function, file) if Path(file).exists() else None
 
 
+def said_by(function: FunctionType) -> str:
+    """Return a digest of what a function's code says, without its lines and its docstring."""
+    said = repr(_said(function.__code__, function.__doc__))
+    return hashlib.sha256(said.encode()).hexdigest()
+
+
 def _said(code: CodeType, docstring: str | None = None) -> tuple[Any, ...]:
-    """Return what a function's code says, without its lines and its docstring."""
     constants = [
         _said(constant) if isinstance(constant, CodeType) else constant
         for constant in code.co_consts
@@ -134,27 +138,43 @@ def _said(code: CodeType, docstring: str | None = None) -> tuple[Any, ...]:
 
 @cache
 def _folder_of(module: str, file: Path) -> tuple[Path, str]:
-    digest = digest_of_file(module, file)
+    digest, _ = digest_and_age(module, file)
     folder = compiled_folder() / f"{module}-{digest}"
     with suppress(OSError):
         if not folder.exists():
-            _remove_unused(compiled_folder())
-            _remove_unused(generated_folder())
             folder.mkdir(exist_ok=True)
+            _tidy_up()
         os.utime(folder)
     return folder, digest
 
 
+@cache
+def _tidy_up() -> None:
+    """Keep the caches from growing without end, once a process."""
+    _remove_unused(compiled_folder())
+    _remove_unused(generated_folder())
+
+
 def _remove_unused(parent: Path) -> None:
-    """Keep a folder of caches from growing without end."""
     now, total = time.time(), 0
-    used = sorted(((entry.stat().st_mtime, entry) for entry in parent.iterdir()), reverse=True)
-    for last_used, entry in used:
-        files = entry.rglob("*") if entry.is_dir() else [entry]
-        total += sum(file.stat().st_size for file in files)
+    for last_used, entry in sorted(_with_times(parent.iterdir()), reverse=True):
+        files = list(_with_times(entry.rglob("*") if entry.is_dir() else [entry]))
+        for written, file in files:  # of a process that was killed while it wrote
+            if ".tmp." in file.name and (now - written) / DAY_S > KEPT_DAYS:
+                file.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            total += sum(file.stat().st_size for _, file in files if ".tmp." not in file.name)
         age_days = (now - last_used) / DAY_S
         if age_days > UNUSED_DAYS or (total > LARGEST_BYTES and age_days > KEPT_DAYS):
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            with suppress(FileNotFoundError):
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+
+
+def _with_times(entries: Iterable[Path]) -> Iterator[tuple[float, Path]]:
+    """Yield when each was written last, but for what another process removes meanwhile."""
+    for entry in entries:
+        with suppress(FileNotFoundError):
+            yield entry.stat().st_mtime, entry
 
 
 def _made(folder: Path) -> Path:

@@ -73,7 +73,10 @@ class _CheckedFiles(_NumbasFiles):  # type: ignore[misc]
             why = f"{name}, {size} bytes, is not as it was written; it is compiled anew"
             _tell_once(f"compiled code in {self._cache_path} is damaged", why)
             return None
-        return pickle.loads(payload)
+        try:
+            return pickle.loads(payload)
+        except Exception:  # it names what is installed no longer
+            return None
 
 
 @contextmanager

@@ -37,6 +37,8 @@ COMPILER = (
     platform.python_implementation(),
     platform.python_version(),
 )
+GENERATED = "motorctl_generated_"
+"""What the names of generated modules begin with; they end with a digest of what they hold."""
 LIBRARIES = frozenset(
     [
         "annotated_types",
@@ -99,12 +101,26 @@ def digest_of_file(name: str, path: Path) -> str:
     return _Followed().digest(name, _read(path.read_bytes(), _package(name, path)))
 
 
+@cache
+def digest_and_age(name: str, path: Path) -> tuple[str, int]:
+    """Return the digest, and when the last of these files was written [ns].
+
+    A generated module, whose name says what it holds, is as old as what it imports.
+    """
+    followed = _Followed()
+    digest = followed.digest(name, _read(path.read_bytes(), _package(name, path)))
+    own_ns = 0 if name.startswith(GENERATED) else path.stat().st_ctime_ns
+    return digest, max(own_ns, followed.written_ns)
+
+
 class _Followed:
     """The modules that one module reaches through imports."""
 
     def __init__(self) -> None:
         self._found: dict[str, bytes] = {}
         self._asked: set[tuple[str, str]] = set()
+        self.written_ns = 0
+        """When the last of the imported files was written."""
 
     def digest(self, name: str, source: _Source) -> str:
         """Return the digest of a module and of what it reaches."""
@@ -123,6 +139,8 @@ class _Followed:
         if path is None:
             self._found[module.partition(".")[0]] = _version_of(module).encode()
             return
+        if not module.startswith(GENERATED):
+            self.written_ns = max(self.written_ns, path.stat().st_ctime_ns)
         source = _read(path.read_bytes(), _package(module, path))
         if name == "*" or not source.hands_on:
             self._take(module, source, name)

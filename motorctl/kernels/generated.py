@@ -16,7 +16,7 @@ import numba
 
 from motorctl.errors import RunError
 from motorctl.kernels.cache import generated_folder, kernels_cached
-from motorctl.kernels.digest import digest_of_source
+from motorctl.kernels.digest import GENERATED, digest_of_source
 
 
 class _FromSource(SourceFileLoader):
@@ -65,7 +65,7 @@ def load_generated(name: str, source: str) -> ModuleType:
     RunError
         Where nothing can be written there.
     """
-    full_name = f"motorctl_generated_{name}"
+    full_name = f"{GENERATED}{name}"
     if full_name in sys.modules:
         return sys.modules[full_name]
     path = generated_folder() / f"{full_name}.py"

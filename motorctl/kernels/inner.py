@@ -66,12 +66,20 @@ class _InnerCompiler(CompilerBase):
         return [passes]
 
 
+_UNASKED: Any = NullCache()
+"""Files that nobody has asked for yet: most kernels that are imported are never compiled."""
+
+
 class _InnerKernel(CPUDispatcher):
     _cache: Any
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._cache = _UNASKED
+
     def compile(self, sig: Any) -> Any:
-        if isinstance(self._cache, NullCache):
-            self._cache = files_of(self.py_func)
+        if self._cache is _UNASKED:
+            self._cache = files_of(self)
         return super().compile(sig)
 
     def add_overload(self, cres: Any) -> None:
@@ -100,7 +108,10 @@ def inner_kernel(*, error_model: str) -> Callable[[Function], Function]: ...
 def inner_kernel(function: Any = None, /, **options: Any) -> Any:
     """Compile a function that other kernels call.
 
-    A call from Python, as tests make, compiles it once more, for itself.
+    A call from Python, as tests make, compiles it once more, for itself. What was analysed is kept
+    on the disk, so a kernel must not use what its sources do not say, such as a constant that is
+    changed after the import. Division by zero gives inf or nan unless ``error_model`` says
+    otherwise: no tick ends by an exception.
 
     Parameters
     ----------
@@ -116,5 +127,7 @@ def inner_kernel(function: Any = None, /, **options: Any) -> Any:
     """
     if function is None:
         return lambda decorated: inner_kernel(decorated, **options)
-    options = {"nopython": True, "boundscheck": None, **options}
+    # Numba lets what is not said be inherited from whichever caller compiles a kernel first.
+    usual = {"error_model": "numpy", "fastmath": False, "forceinline": False}
+    options = {"nopython": True, "boundscheck": None, **usual, **options}
     return _InnerKernel(function, targetoptions=options, pipeline_class=_InnerCompiler)

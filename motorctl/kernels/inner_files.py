@@ -6,27 +6,41 @@ analysed again, nor twice by two processes that share the work of a first start.
 
 from __future__ import annotations
 
+import hashlib
+import inspect
 import itertools
 import os
 import secrets
-from collections.abc import Sequence
+import time
+from contextlib import suppress
 from copy import copy
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm  # type: ignore[import-untyped]
-from numba.core import caching, compiler, types
+from numba.core import caching, compiler, serialize, sigutils, types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
+from numba.core.dispatcher import Dispatcher
 from numba.core.typing import templates
 
-from motorctl.kernels.cache import ByDigest, kernels_cached
+from motorctl.errors import RunError
+from motorctl.kernels.cache import kernels_cached, said_by
+from motorctl.kernels.digest import digest_and_age
 
 _Identity: Any = FunctionIdentity
 _CompileResult: Any = compiler.CompileResult
 _signature: Any = templates.signature
+_normalized: Any = sigutils.normalize_signature
+_dumps: Any = serialize.dumps
 _NumbasImpl: Any = caching.CompileResultCacheImpl
 _NumbasCache: Any = caching.Cache
 _NumbasLibrary: Any = JITCodeLibrary
+
+_BEGAN_NS = time.time_ns()
+"""What was written after this process began may not be what it has imported."""
+_COUNTED_BEFORE = next(_Identity._unique_ids) > 1
+"""Whether numba has given numbers that another process gives, too."""
 
 
 def _count_apart() -> None:
@@ -105,40 +119,84 @@ class _Impl(_NumbasImpl):  # type: ignore[misc]
 
 
 class InnerFiles(_NumbasCache):  # type: ignore[misc]
-    """What was analysed of one inner kernel, by the types of its arguments."""
+    """What was analysed of one inner kernel, by what it is and the types of its arguments."""
 
     _impl_class = _Impl
 
-    def _load_overload(self, sig: Sequence[types.Type], target_context: Any) -> Any:
-        found = super()._load_overload(sig, target_context)
+    def __init__(self, kernel: Any) -> None:
+        self._is = _identity(kernel)
+        super().__init__(kernel.py_func)
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            found = super()._load_overload(sig, target_context)
+        except Exception:  # what another numba has kept, or names that are gone
+            return None
         if found is None:
             return None
-        found.fndesc.argtypes = tuple(sig)
-        return found._replace(signature=_signature(found.signature, *sig))
+        arguments, _ = _normalized(sig)
+        found.fndesc.argtypes = tuple(arguments)
+        return found._replace(signature=_signature(found.signature, *arguments))
 
-    def _index_key(self, sig: Sequence[types.Type], codegen: Any) -> tuple[Any, ...]:
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        arguments, returned = _normalized(sig)
         # Of a kernel that is handed over it counts what it is: its type is another in each process.
-        told = tuple(_said_of(argument) for argument in sig)
-        key: tuple[Any, ...] = super()._index_key(told, codegen)
-        return key
+        told = tuple(
+            _identity(argument.dispatcher) if isinstance(argument, types.Dispatcher) else argument
+            for argument in arguments
+        )
+        return (told, returned, codegen.magic_tuple(), self._is)
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(_NothingToTellItByError):
+            super()._save_overload(sig, data)
 
 
-def _said_of(argument: types.Type) -> Any:
-    if not isinstance(argument, types.Dispatcher):
-        return argument
-    function = argument.dispatcher.py_func
-    place = ByDigest(function, function.__code__.co_filename)
-    closed_over = tuple(cell.cell_contents for cell in function.__closure__ or ())
-    return (
+class _NothingToTellItByError(Exception):
+    """A kernel is from no file, or from one that was written after this process began."""
+
+
+def _identity(kernel: Any) -> str:
+    """Return a digest of all that decides what a kernel is compiled to, but for its arguments.
+
+    Raises _NothingToTellItByError.
+    """
+    function = kernel.py_func
+    try:
+        file = Path(inspect.getfile(function))
+        digest, written_ns = digest_and_age(function.__module__, file)
+    except (TypeError, OSError, SyntaxError) as error:
+        raise _NothingToTellItByError from error
+    if written_ns > _BEGAN_NS:
+        raise _NothingToTellItByError
+    closed_over = [cell.cell_contents for cell in function.__closure__ or ()]
+    parts = (
         function.__module__,
         function.__qualname__,
-        place.get_source_stamp(),
-        place.get_disambiguator(),
-        closed_over,
+        digest,
+        said_by(function),
+        sorted(kernel.targetoptions.items()),
+        [_value(value) for value in function.__defaults__ or ()],
+        [_value(value) for value in closed_over],
     )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
-def files_of(function: Any) -> InnerFiles:
-    """Return the files of a function. Raises RunError where none can be kept."""
-    with kernels_cached():
-        return InnerFiles(function)
+def _value(value: Any) -> str:
+    if isinstance(value, Dispatcher):
+        return _identity(value)
+    try:
+        return hashlib.sha256(_dumps(value)).hexdigest()
+    except Exception as error:  # whatever cannot be pickled
+        raise _NothingToTellItByError from error
+
+
+def files_of(kernel: Any) -> Any:
+    """Return the files of an inner kernel; none where it cannot be told from others, or kept."""
+    if _COUNTED_BEFORE:
+        return caching.NullCache()
+    try:
+        with kernels_cached():
+            return InnerFiles(kernel)
+    except (_NothingToTellItByError, RunError):  # the kernel that is called from Python tells
+        return caching.NullCache()

@@ -12,6 +12,7 @@ import pytest
 from numba.core.bytecode import FunctionIdentity
 
 from motorctl.kernels import CompilingBeside
+from motorctl.kernels.beside import FIRST_OUT, NICENESS
 
 PATIENCE_S = 100.0
 
@@ -91,9 +92,36 @@ def test_its_functions_have_other_numbers_than_those_of_this_process(mark):
         mark.write_text(str(number()))
 
     beside = CompilingBeside(write)
-    beside.wait(PATIENCE_S)
+    deadline = time.monotonic() + PATIENCE_S
+    while not (mark.exists() and mark.read_text()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
     beside.end()
     assert abs(int(mark.read_text()) - number()) > 1000
+
+
+def test_on_one_cpu_nothing_is_done_beside(monkeypatch, mark):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    CompilingBeside(Work(mark)).end()
+    time.sleep(0.1)
+    assert not mark.exists()
+
+
+def test_it_stands_back_and_is_the_first_that_a_full_memory_ends(mark):
+    def write() -> None:
+        score = Path("/proc/self/oom_score_adj").read_text().strip()
+        mark.write_text(f"{os.getpriority(os.PRIO_PROCESS, 0)} {score}\n")
+
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    beside = CompilingBeside(write)
+    deadline = time.monotonic() + PATIENCE_S
+    while not (mark.exists() and mark.read_text().endswith("\n")):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    beside.end()
+    niceness, score = mark.read_text().split()
+    assert int(niceness) == min(before + NICENESS, 19)
+    assert score == FIRST_OUT
 
 
 KILLED = """

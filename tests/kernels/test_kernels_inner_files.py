@@ -5,9 +5,11 @@ import subprocess
 import sys
 from textwrap import dedent
 
+import numba
 import pytest
 from numba.core import caching
 
+from motorctl.kernels import inner_kernel
 from motorctl.kernels.checked_files import files_checked
 
 PACKAGE = {
@@ -33,6 +35,54 @@ PACKAGE = {
             def scale(x):
                 return factor * x
             return scale
+        """,
+    "forms.py": """
+        import numpy as np
+        from motorctl.kernels import inner_kernel
+
+        def said(value):
+            @inner_kernel
+            def say(x):
+                return value
+            return say
+
+        def scaled(factor):
+            @inner_kernel
+            def scale(x):
+                return factor * x
+            return scale
+
+        def scaled_as_second(*factors):
+            factors = np.array(factors)
+
+            @inner_kernel
+            def scale(x):
+                return factors[1] * x
+            return scale
+
+        def usual(level):
+            @inner_kernel
+            def more(x, by=level):
+                return x + by
+            return more
+
+        def over(model):
+            @inner_kernel(error_model=model)
+            def divide(x):
+                return 1.0 / (x - 7.0)
+            return divide
+
+        def through(factor):
+            inside = scaled(factor)
+
+            @inner_kernel
+            def outside(x):
+                return inside(x) + 1.0
+            return outside
+
+        @inner_kernel
+        def divided(x, y):
+            return x / y
         """,
     "added.py": """
         from numba import njit
@@ -87,6 +137,22 @@ PACKAGE = {
         """,
 }
 """A package outside of motorctl: inner kernels, one of which is handed others, and callers."""
+CALLED = """
+from numba import njit
+from beam.forms import over, said, scaled, scaled_as_second, through, usual
+
+made = {made}
+
+@njit(cache=True)
+def inside(x):
+    return made(x)
+
+def go(x):
+    try:
+        return str(inside(x))
+    except ZeroDivisionError:
+        return "raises"
+"""
 GO = """
 import importlib, json, sys
 from numba.core import event
@@ -106,6 +172,16 @@ print(json.dumps([value, sorted(analysed)]))
 """
 
 
+@inner_kernel
+def one_more(x):
+    return x + 1.0
+
+
+@inner_kernel
+def one_less(x):
+    return x - 1.0
+
+
 @pytest.fixture
 def go(tmp_path):
     """Call one module's kernel at 7 in a new process; return its value and what was analysed."""
@@ -114,9 +190,9 @@ def go(tmp_path):
     for name, source in {"__init__.py": "", **PACKAGE}.items():
         (package / name).write_text(dedent(source))
 
-    def go(module):
+    def go(module, fresh=False):
         environment = {
-            "XDG_CACHE_HOME": str(tmp_path / "cache"),
+            "XDG_CACHE_HOME": str(tmp_path / ("fresh" if fresh else "cache")),
             "PATH": "/usr/bin",
             "PYTHONPATH": str(tmp_path),
             "PYTHONDONTWRITEBYTECODE": "1",
@@ -127,7 +203,7 @@ def go(tmp_path):
         )  # fmt: skip
         return tuple(json.loads(done.stdout))
 
-    go.folder = package
+    go.folder, go.cache = package, tmp_path / "cache"
     return go
 
 
@@ -154,6 +230,91 @@ def test_two_kernels_of_one_name_from_two_processes_stay_two(go):
     assert go("scaled_by_3")[0] == 63.0
     assert go("scaled_by_5")[0] == 175.0
     assert go("scaled_by_both") == (63.0 + 17500.0, ["go"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [
+        pytest.param("said(2)", "said(2.0)", id="an integer and a float"),
+        pytest.param("scaled(0.0)", "scaled(-0.0)", id="zero and its negative"),
+        pytest.param("scaled_as_second(1, 2)", "scaled_as_second(1, 3)", id="arrays"),
+        pytest.param("usual(3.0)", "usual(5.0)", id="defaults"),
+        pytest.param("over('numpy')", "over('python')", id="error models"),
+        pytest.param("through(3.0)", "through(5.0)", id="kernels within kernels"),
+    ],
+)
+def test_what_differs_in_anything_but_its_source_is_not_taken_for_the_other(go, first, then):
+    def called(made, fresh=False):
+        (go.folder / "called.py").write_text(CALLED.format(made=made))
+        return go("called", fresh)[0]
+
+    alone = called(then, fresh=True)
+    assert called(first) != alone
+    assert called(then) == alone
+
+
+def test_the_same_kernel_in_a_kernel_is_found_again_and_not_kept_twice(go):
+    (go.folder / "called.py").write_text(CALLED.format(made="through(3.0)"))
+    assert "outside" in go("called")[1]
+    kept = list(go.cache.rglob("forms.*.nbc"))
+    (go.folder / "again.py").write_text((go.folder / "called.py").read_text())
+    assert go("again") == ("22.0", ["inside"])
+    assert list(go.cache.rglob("forms.*.nbc")) == kept
+
+
+@pytest.mark.slow
+def test_an_error_model_is_not_inherited_from_whoever_compiles_first(go):
+    """A kernel that divides without a word gives inf under any caller."""
+    for name, options in (("plain", ""), ("numpy", ', error_model="numpy"')):
+        (go.folder / f"{name}.py").write_text(
+            dedent(f"""
+            from numba import njit
+            from beam.forms import divided
+
+            @njit(cache=True{options})
+            def go(x):
+                return divided(x, x - 7.0)
+            """)
+        )
+    assert go("plain")[0] == float("inf")
+    assert go("numpy")[0] == float("inf")
+
+
+@pytest.mark.slow
+def test_a_source_that_changes_while_it_is_in_use_is_not_kept_as_the_new_one(go):
+    (go.folder / "edited.py").write_text(
+        dedent(f"""
+        from pathlib import Path
+        from numba import njit
+        from beam.inner import add
+        file = Path({str(go.folder / "inner.py")!r})
+        file.write_text(file.read_text().replace("LEVEL = 1.0", "LEVEL = 2.0"))
+
+        @njit
+        def go(x):
+            return add(x)
+        """)
+    )
+    assert go("edited")[0] == 8.0
+    assert go("added")[0] == 11.0
+
+
+def test_a_kernel_without_a_file_is_compiled_and_not_kept():
+    space = {"inner_kernel": inner_kernel, "njit": numba.njit}
+    exec("@inner_kernel\ndef add(x):\n    return x + 1.0\n", space)
+    exec("@njit\ndef go(x):\n    return add(x)\n", space)
+    assert space["go"](1.0) == 2.0
+
+
+@pytest.mark.filterwarnings("ignore::numba.core.errors.NumbaExperimentalFeatureWarning")
+def test_a_kernel_that_a_condition_chooses_is_called():
+    @numba.njit
+    def go(x, first):
+        chosen = one_more if first else one_less
+        return chosen(x)
+
+    assert (go(3.0, True), go(3.0, False)) == (4.0, 2.0)
 
 
 @pytest.mark.slow
