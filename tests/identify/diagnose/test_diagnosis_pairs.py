@@ -77,3 +77,11 @@ def test_poor_motion_is_said_not_to_tell_them_apart(tmp_path, effect, rival, str
     assert undecided_between(found, effect, rival), (found.verdict, names(found))
     if found.verdict == "insufficient_data":
         assert found.missing
+
+
+@pytest.mark.slow
+def test_a_small_load_that_is_taken_up_is_no_gain_of_the_command(tmp_path):
+    """A gain wins by having no noise in its column, unless a load is asked as one number, too."""
+    case = draw_case(910022, effects=("payload_change",), strength=0.2)
+    found = diagnosed(case, tmp_path, duration_s=24.0)
+    assert [effect.name for effect in found.effects] == ["payload_change"]

@@ -14,7 +14,7 @@ leaves options where they were before the others came. Chosen by hand."""
 
 def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
     """Refine the nonlinear options of all added effects in turn, the others being fitted too."""
-    for _ in range(2 if any(map(_acts_on_acceleration, hypothesis.added)) else 1):
+    for _ in range(2 if any(map(acts_on_acceleration, hypothesis.added)) else 1):
         for effect in hypothesis.added:
             rest = hypothesis.without(effect.name)
             form = Form(effect, hypothesis.solution.sse, hypothesis.held_out)
@@ -24,5 +24,6 @@ def settled(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
     return hypothesis
 
 
-def _acts_on_acceleration(effect: Effect) -> bool:
+def acts_on_acceleration(effect: Effect) -> bool:
+    """Return whether an effect's force depends on the acceleration, as a load's does."""
     return effect.kind == "state" and uses_acceleration(effect)

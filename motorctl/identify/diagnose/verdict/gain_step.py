@@ -3,6 +3,10 @@
 Where an amplifier is set anew, or a scale of the log, in the middle of a recording, everything that
 the command has to overcome grows by one factor. A change of the inertia describes a good part of
 that, and one of friction the rest. One number does as well there: so it is asked.
+
+A change of the load takes the acceleration for a column, with its noise, and a gain the command,
+which has none. So that the gain does not win by that alone, a change of the load is asked as one,
+too: all that is predicted of the acceleration changes by one factor.
 """
 
 from __future__ import annotations
@@ -10,11 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, solve, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found, on_pieces, whitened, with_final
+from motorctl.identify.diagnose.search.settling import acts_on_acceleration
+
+Array = NDArray[np.float64]
 
 TRIED = 100
 """Times at which a change is tried, and again between two of them. More takes time, fewer misses
@@ -45,11 +53,15 @@ def without_gain_step(found: Found) -> tuple[Found, tuple[str, ...]]:
     rest = whole
     for effect in clocked:
         rest = rest.without(effect.name)
-    step = _best_step(rest.refreshed())
+    rest = rest.refreshed()
+    step = _best_step(rest, rest.problem.joined(_rows(rest))[rest.regressors.command_column])
+    left = whole.held_out
     # One number for several effects is simpler. Against one alone it has to be better: where
     # little but inertia needs force, a load and a gain are the same.
     limit = AS_WELL if len(clocked) > 1 else 1.0 / AS_WELL
-    if not step.factor > 0.0 or step.held_out > limit * whole.held_out:
+    if len(clocked) == 1 and acts_on_acceleration(clocked[0]):
+        left = min(left, _best_step(rest, _predicted(rest)).held_out)
+    if not step.factor > 0.0 or step.held_out > limit * left:
         return found, ()
     final = found.final
     for effect in clocked:
@@ -59,7 +71,7 @@ def without_gain_step(found: Found) -> tuple[Found, tuple[str, ...]]:
     return with_final(found, final.refreshed()), (
         f"{names}: {parted} refuted, for from {step.time_s:.4g} s on the same command gives "
         f"{step.factor:.3g} times the force, and this one number leaves "
-        f"{step.held_out / max(whole.held_out, 1e-300):.2g} times the squared error: was the "
+        f"{step.held_out / max(left, 1e-300):.2g} times the squared error: was the "
         "amplifier, its supply or the column's scale changed there? Then cut the recording at this "
         "time",
     )
@@ -75,14 +87,21 @@ def _on_acceleration(found: Found) -> Hypothesis:
     return Hypothesis(regressors, final.added).refreshed()
 
 
-def _best_step(rest: Hypothesis) -> _Step:
-    """Return the step of the command's gain that leaves least on rows held out."""
-    signals = rest.regressors.signals
-    time_s, place = signals.time_s, rest.regressors.command_column
-    command = rest.problem.joined(signals.rows)[place]
+def _rows(rest: Hypothesis) -> int:
+    return rest.regressors.signals.rows
+
+
+def _predicted(rest: Hypothesis) -> Array:
+    """Return the acceleration that a model gives (m,): with a load, all of it changes."""
+    return np.asarray(rest.b @ rest.problem.joined(_rows(rest))[: len(rest.b)])
+
+
+def _best_step(rest: Hypothesis, column: Array) -> _Step:
+    """Return the step by which a column (m,) changes that leaves least on rows held out."""
+    time_s, place = rest.regressors.signals.time_s, rest.regressors.command_column
 
     def at(begin_s: float) -> _Step:
-        problem = with_columns(rest.problem, np.where(time_s >= begin_s, command, 0.0)[None])
+        problem = with_columns(rest.problem, np.where(time_s >= begin_s, column, 0.0)[None])
         b = solve(problem).b
         return _Step(begin_s, 1.0 + b[-1] / b[place], float(held_out_sse(problem).sum()))
 
