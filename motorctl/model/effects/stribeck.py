@@ -43,7 +43,8 @@ class Stribeck(Effect):
     )
     groups = frozenset({"friction"})
     ordinary = True
-    refuted_at_end = MappingProxyType({"velocity_m_s": "either"})
+    # how sharply it decays says little beside the speed: a sharper one is the same effect
+    refuted_at_end = MappingProxyType({"velocity_m_s": "either", "exponent": "neither"})
     revealed_by = ("slow_reversals",)
     Options = StribeckOptions
     options: StribeckOptions
