@@ -30,6 +30,14 @@ from motorctl_benchmarks.real_machines.bench_readers import (
     small_servo,
     trolley,
 )
+from motorctl_benchmarks.real_machines.course_readers import (
+    bare_rod,
+    pendulum_wheel,
+    reaction_wheel,
+    seesaw_cart,
+    thin_link,
+    upper_rod,
+)
 from motorctl_benchmarks.real_machines.drive_readers import (
     course_motor,
     creeping_servo,
@@ -218,6 +226,20 @@ STUDENT_RUNS = {
     "chirp": "2026-02-06_20-21-20_Chirp",
     "stairs": "2026-02-06_20-12-42_Stair",
     "sine": "2026-02-06_20-06-51_Sine_pi",
+}
+ON_A_ROD = (*HANGING, *HYSTERESIS, "cross_axis", "input_lag", "input_delay")
+"""A second rod hangs on the first; friction turns over more steeply than declared."""
+UPPER_ROD = {"2.2 Hz": "sin2p2Hz", "3 Hz": "sin3Hz", "steps": "square", "chirp": "chirp"}
+WHEEL_RUNS = {
+    "chirp": "grey_chirp_0025_075Hz_cropped",
+    "sweep": "Exp5_fullSweepFinalCropped",
+    "sine": "grey_sine_0_1Hz_cropped",
+    "ramp": "grey_MotorID_ramp_cropped",
+}
+WHEELS_ON_PENDULUM = {
+    "chirp": pendulum_wheel("Data/chirp"),
+    "signal": pendulum_wheel("Data/signal_1_1_6"),
+    "alone": pendulum_wheel("Archive/Isolated_Flywheel_action", "stim_input_1"),
 }
 COURSE_STAIRS = "part2_Stair_1_2026-01-31_16-05/Stair_Raw.mat"
 COURSE_SINE = "part2_Sine_1_2026-01-31_19-10/Sine_Raw.mat"
@@ -442,6 +464,28 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis(
         "small robot, ramp", romi("20221106-174834", "slow-forward"), "V", position_unit="turn"
     ),
+    RealAxis("seesaw's cart", seesaw_cart, "V", HYSTERESIS, "m"),
+    *(
+        RealAxis(f"upper rod, {what}, turned", upper_rod(name), "%", ON_A_ROD, scale=-1)
+        for what, name in UPPER_ROD.items()
+    ),
+    *(
+        RealAxis(f"reaction wheel, {what}", reaction_wheel(name), "%", LATE_MOTION)
+        for what, name in WHEEL_RUNS.items()
+    ),
+    RealAxis(
+        "pendulum on a wheel, turned",
+        reaction_wheel(WHEEL_RUNS["chirp"], "position"),
+        "%",
+        FALLING,
+        scale=-1,
+    ),
+    *(
+        RealAxis(f"wheel on a pendulum, {what}", read, "%", LATE_MOTION)
+        for what, read in WHEELS_ON_PENDULUM.items()
+    ),
+    RealAxis("bare motor with a rod", bare_rod("id_data/1"), "V"),
+    RealAxis("thin link", thin_link, "V", BENDING, "deg"),
 )
 
 

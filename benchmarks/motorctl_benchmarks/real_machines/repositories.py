@@ -82,6 +82,12 @@ ROTARY_PENDULUM = "decargroup/closed_loop_koopman"
 CYLINDER_LOAD = "DanielMartensson/MataveID"
 AERO = "finnferdinand/orbital-stabilization-quanser-aero"
 ROMI = "Robohawk2022/romi-lab"
+SEESAW_CART = "Negm2000/Seesaw"
+TWO_RODS = "FabianBallast/IntegrationProject"
+REACTION_WHEEL = "sachinumans/IntegrationProject2022"
+PENDULUM_WHEEL = "jackh1nes/Integration_Project"
+BARE_ROD = "chewy441014/mae277_assign2"
+THIN_LINK = "gleylaz/Optimal_SysID"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -159,6 +165,12 @@ REPOSITORIES = (
     CYLINDER_LOAD,
     AERO,
     ROMI,
+    SEESAW_CART,
+    TWO_RODS,
+    REACTION_WHEEL,
+    PENDULUM_WHEEL,
+    BARE_ROD,
+    THIN_LINK,
 )
 """On GitHub."""
 COMMITS = {

@@ -27,6 +27,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     simulated_position,
 )
 from motorctl.identify.diagnose.search.turning_places import shown_by_turning
+from motorctl.identify.diagnose.search.uncommanded import uncommanded
 from motorctl.identify.diagnose.search.whole_model import (
     FAR_OFF,
     GIVES,
@@ -75,6 +76,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
             continue
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
         refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
+        refuted = refuted or uncommanded(final)
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
         refuted = refuted or next(filter(None, worse), None)
         if held_out is not None:

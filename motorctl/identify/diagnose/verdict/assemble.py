@@ -163,7 +163,7 @@ def assemble(
     kin = None if effects else doubted_most
     unknown = None
     if verdict == "unknown_structure":
-        unknown = unknown_structure(judged, low_hz(found), extra, values, kin, impossible)
+        unknown = unknown_structure(judged, found, extra, values, kin, impossible)
     diagnosis = AxisDiagnosis(
         data=data,
         declared=declared,

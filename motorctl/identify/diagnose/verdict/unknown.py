@@ -9,12 +9,13 @@ from motorctl.identify.diagnose.search.parameters import Compensation, FittedMod
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
 from motorctl.identify.diagnose.verdict.verdict import (
-    BURST_HZ,
     BURSTS,
     COLOURED,
     USUAL_POWER,
     Judged,
+    burst_hz,
     depends_on,
+    low_hz,
 )
 from motorctl.model.knowledge import Family
 
@@ -39,7 +40,7 @@ def compensation(found: Found, judged: Judged) -> Compensation | None:
 
 def unknown_structure(
     judged: Judged,
-    below_hz: float,
+    found: Found,
     extra: Compensation | None,
     values: FittedModel,
     kin: DoubtedMember | None = None,
@@ -51,8 +52,8 @@ def unknown_structure(
     ----------
     judged
         What the verdict rests on.
-    below_hz
-        Below what frequency its power is told [Hz].
+    found
+        The outcome of the search.
     extra
         A spline that compensates it.
     values
@@ -95,7 +96,7 @@ def unknown_structure(
     elif judged.bursts > BURSTS:
         sentence = (
             f"the residual comes in bursts: {100 * judged.bursts:.0f} % of its energy below "
-            f"{BURST_HZ:g} Hz exceeds {USUAL_POWER:g} times the usual power (limit "
+            f"{burst_hz(found):.3g} Hz exceeds {USUAL_POWER:g} times the usual power (limit "
             f"{100 * BURSTS:.0f} %), and no function of position, velocity or command "
             "explains them"
         )
@@ -104,8 +105,8 @@ def unknown_structure(
     else:
         sentence = (
             f"the residual has {judged.coloured:.0f} times the power of the noise below "
-            f"{below_hz:.3g} Hz (limit {COLOURED:g}), and no function of position, velocity or "
-            "command explains it"
+            f"{low_hz(found):.3g} Hz (limit {COLOURED:g}), and no function of position, velocity "
+            "or command explains it"
         )
     if extra is None:
         nothing = np.zeros(0)

@@ -238,6 +238,11 @@ def low_hz(found: Found) -> float:
     return min(LOW_HZ, found.final.regressors.signals.band_hz)
 
 
+def burst_hz(found: Found) -> float:
+    """Return below what frequency bursts are looked for: half of the band of slow recordings."""
+    return min(BURST_HZ, 0.5 * found.final.regressors.signals.band_hz)
+
+
 def low_frequency_excess(found: Found) -> float:
     """Return the residual's power at low frequencies over what the noise model expects."""
     hypothesis = found.final
@@ -260,7 +265,7 @@ def bursts(found: Found) -> float:
     rows = residual(hypothesis.problem, hypothesis.solution.b)[: signals.rows]
     if hypothesis.regressors.side == "command":
         rows = rows * float(hypothesis.b[0])
-    top = min(BURST_HZ, 0.5 * signals.band_hz)
+    top = burst_hz(found)
     slow = signal.sosfiltfilt(
         signal.butter(4, top, fs=1.0 / signals.row_period_s, output="sos"), rows
     )
