@@ -60,6 +60,7 @@ def test_every_size_at_the_upper_end_is_refuted_unless_its_effect_comes_there_by
     assert legal == {
         ("backlash", "glide_m_s2"),
         ("gain_drift", "time_constant_s"),
+        ("stribeck", "exponent"),
         ("voltage_clipping", "no_load_m_s"),
         ("warming_friction", "time_constant_s"),
     }

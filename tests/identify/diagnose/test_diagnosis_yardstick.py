@@ -102,7 +102,7 @@ def test_a_name_has_to_bring_the_simulated_motion_nearer_on_rows_held_out():
     assert without_refuted(found) == (found, ())
     kept, why = without_refuted(found, held_out)
     assert kept.final.added == (cogging,)
-    assert "times as much as without it, over windows of all lengths; a name has to" in why[0]
+    assert "times as much as without it, over windows of all lengths; a name must not" in why[0]
 
 
 def test_an_effect_that_is_there_is_not_refuted(signals):
