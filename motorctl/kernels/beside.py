@@ -12,14 +12,10 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 NICENESS = 10
 """How far it stands back where CPUs are few: who waits for the start goes first. Larger is more
 polite; smaller slows down the process that it shall help. By hand."""
-FIRST_OUT = "500"
-"""What it adds to its score when memory runs out: it is missed least. From <linux/oom.h>: -1000 is
-never ended, 1000 always."""
 GONE_S = 5.0
 """How long an ended process may take to go [s]: one that a disk holds cannot. Larger keeps a start
 waiting, smaller leaves a zombie. By hand."""
@@ -43,7 +39,6 @@ class CompilingBeside:
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._pid: int | None = None
-        self._handle: int | None = None
         if len(os.sched_getaffinity(0)) < 2:
             return
         parent = os.getpid()
@@ -51,22 +46,20 @@ class CompilingBeside:
             self._pid = os.fork()
         if self._pid == 0:
             _work_and_end(work, parent)
-        if self._pid is not None:
-            with suppress(OSError):  # who ignores SIGCHLD has no children that have ended
-                self._handle = os.pidfd_open(self._pid)
 
     def end(self) -> None:
         """End it, wherever it is, and wait until it is gone; it may be called again."""
-        if self._handle is None or self._pid is None:
+        if self._pid is None:
             return
-        with suppress(ProcessLookupError):
-            signal.pidfd_send_signal(self._handle, signal.SIGKILL)
+        pid, self._pid = self._pid, None
         deadline = time.monotonic() + GONE_S
-        with suppress(ChildProcessError):  # somebody else has waited for it
-            while os.waitpid(self._pid, os.WNOHANG) == (0, 0) and time.monotonic() < deadline:
+        # A child that nobody has waited for keeps its number; where SIGCHLD is ignored none does.
+        with suppress(ChildProcessError):
+            if os.waitpid(pid, os.WNOHANG) != (0, 0):
+                return
+            os.kill(pid, signal.SIGKILL)
+            while os.waitpid(pid, os.WNOHANG) == (0, 0) and time.monotonic() < deadline:
                 time.sleep(LOOK_S)
-        os.close(self._handle)
-        self._pid = self._handle = None
 
 
 def _work_and_end(work: Callable[[], None], parent: int) -> None:
@@ -79,7 +72,6 @@ def _work_and_end(work: Callable[[], None], parent: int) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream)  # the other process tells
         with suppress(OSError):
             os.nice(NICENESS)
-            Path("/proc/self/oom_score_adj").write_text(FIRST_OUT)
         with suppress(Exception):
             work()
     finally:

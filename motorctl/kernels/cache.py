@@ -23,7 +23,7 @@ from numba.core.caching import _CacheLocator
 
 from motorctl.errors import RunError
 from motorctl.kernels.checked_files import files_checked
-from motorctl.kernels.digest import digest_and_age
+from motorctl.kernels.digest import digest_of_file
 
 UNUSED_DAYS = 30.0
 """Compiled code that no start has asked for so long is removed."""
@@ -108,7 +108,7 @@ class ByDigest(_CacheLocator):
         """Do nothing: the folder was made, and a disk that refuses is told when code is kept."""
 
     def get_source_stamp(self) -> str:
-        """Return what the compiled code must agree with."""
+        """Return what the compiled code must agree with; "" where nothing may be kept."""
         return self._digest
 
     def get_disambiguator(self) -> str:
@@ -136,10 +136,15 @@ def _said(code: CodeType, docstring: str | None = None) -> tuple[Any, ...]:
     return (code.co_code, code.co_names, code.co_varnames, constants)
 
 
+digest_of = cache(digest_of_file)
+
+
 @cache
 def _folder_of(module: str, file: Path) -> tuple[Path, str]:
-    digest, _ = digest_and_age(module, file)
+    digest, sure = digest_of(module, file)
     folder = compiled_folder() / f"{module}-{digest}"
+    if not sure:
+        return folder, ""
     with suppress(OSError):
         if not folder.exists():
             folder.mkdir(exist_ok=True)
@@ -148,25 +153,29 @@ def _folder_of(module: str, file: Path) -> tuple[Path, str]:
     return folder, digest
 
 
-@cache
+_tidied: list[bool] = []
+"""Not empty once the caches were looked through: once a process."""
+
+
 def _tidy_up() -> None:
-    """Keep the caches from growing without end, once a process."""
-    _remove_unused(compiled_folder())
-    _remove_unused(generated_folder())
+    """Keep the caches from growing without end."""
+    if not _tidied:
+        _tidied.append(True)
+        _remove_unused(compiled_folder())
+        _remove_unused(generated_folder())
 
 
 def _remove_unused(parent: Path) -> None:
     now, total = time.time(), 0
     for last_used, entry in sorted(_with_times(parent.iterdir()), reverse=True):
-        files = list(_with_times(entry.rglob("*") if entry.is_dir() else [entry]))
-        for written, file in files:  # of a process that was killed while it wrote
-            if ".tmp." in file.name and (now - written) / DAY_S > KEPT_DAYS:
-                file.unlink(missing_ok=True)
-        with suppress(FileNotFoundError):
+        with suppress(OSError):  # another user's, or one that another process works with
+            files = list(_with_times(entry.rglob("*") if entry.is_dir() else [entry]))
+            for written, file in files:  # of a process that was killed while it wrote
+                if ".tmp." in file.name and (now - written) / DAY_S > KEPT_DAYS:
+                    file.unlink()
             total += sum(file.stat().st_size for _, file in files if ".tmp." not in file.name)
-        age_days = (now - last_used) / DAY_S
-        if age_days > UNUSED_DAYS or (total > LARGEST_BYTES and age_days > KEPT_DAYS):
-            with suppress(FileNotFoundError):
+            age_days = (now - last_used) / DAY_S
+            if age_days > UNUSED_DAYS or (total > LARGEST_BYTES and age_days > KEPT_DAYS):
                 shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
 

@@ -34,13 +34,17 @@ class _CheckedFiles(_NumbasFiles):  # type: ignore[misc]
 
     def load(self, key: Any) -> Any:
         """Return what is kept for a signature; None where there is nothing that can be used."""
+        if not self._source_stamp:
+            return None
         name = self._load_index().get(key)
         kept = None if name is None else self._content(self._data_path(name))
         # Of two processes that kept code at once, one may have written the index, one the file.
         return kept[1] if kept and kept[0] == key else None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep something for a signature."""
+        """Keep something for a signature, unless its sources may not be what was imported."""
+        if not self._source_stamp:
+            return
         try:
             super().save(key, (key, data))
         except OSError as error:

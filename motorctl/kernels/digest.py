@@ -17,6 +17,7 @@ import hashlib
 import importlib.util
 import platform
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -27,16 +28,20 @@ import llvmlite  # type: ignore[import-untyped]
 import numba
 import numpy as np
 
-FORM = 3
+FORM = 4
 """To be raised when what is compiled depends on changes outside of the kernels' sources."""
+_SWITCHES: Any = numba.config
 COMPILER = (
     FORM,
+    *(getattr(_SWITCHES, name) for name in ("BOUNDSCHECK", "DEBUGINFO_DEFAULT", "OPT")),
     numba.__version__,
     llvmlite.__version__,
     np.__version__,
     platform.python_implementation(),
     platform.python_version(),
 )
+_BEGAN_NS = time.time_ns() - 20_000_000
+"""When this process began, less what the clock of files may be behind: two of its ticks."""
 GENERATED = "motorctl_generated_"
 """What the names of generated modules begin with; they end with a digest of what they hold."""
 LIBRARIES = frozenset(
@@ -96,21 +101,28 @@ def digest_of_source(source: str) -> str:
     return _Followed().digest("", _read(source.encode(), ""))
 
 
-def digest_of_file(name: str, path: Path) -> str:
-    """Return 16 hexadecimal digits for the module of this name in this file, and its imports."""
-    return _Followed().digest(name, _read(path.read_bytes(), _package(name, path)))
+def digest_of_file(name: str, path: Path) -> tuple[str, bool]:
+    """Return the digest of the module in this file, and whether it is what was imported.
 
+    Parameters
+    ----------
+    name
+        Of the module.
+    path
+        Where its source is.
 
-@cache
-def digest_and_age(name: str, path: Path) -> tuple[str, int]:
-    """Return the digest, and when the last of these files was written [ns].
-
-    A generated module, whose name says what it holds, is as old as what it imports.
+    Returns
+    -------
+    str
+        16 hexadecimal digits for the module and its imports.
+    bool
+        False where one of these files was written after this process began: it may have imported
+        the one before. A generated module's name says what it holds.
     """
     followed = _Followed()
     digest = followed.digest(name, _read(path.read_bytes(), _package(name, path)))
     own_ns = 0 if name.startswith(GENERATED) else path.stat().st_ctime_ns
-    return digest, max(own_ns, followed.written_ns)
+    return digest, max(own_ns, followed.written_ns) <= _BEGAN_NS
 
 
 class _Followed:
@@ -139,9 +151,9 @@ class _Followed:
         if path is None:
             self._found[module.partition(".")[0]] = _version_of(module).encode()
             return
+        source = _read(path.read_bytes(), _package(module, path))
         if not module.startswith(GENERATED):
             self.written_ns = max(self.written_ns, path.stat().st_ctime_ns)
-        source = _read(path.read_bytes(), _package(module, path))
         if name == "*" or not source.hands_on:
             self._take(module, source, name)
             return

@@ -11,7 +11,6 @@ import inspect
 import itertools
 import os
 import secrets
-import time
 from contextlib import suppress
 from copy import copy
 from pathlib import Path
@@ -24,9 +23,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.dispatcher import Dispatcher
 from numba.core.typing import templates
 
-from motorctl.errors import RunError
-from motorctl.kernels.cache import kernels_cached, said_by
-from motorctl.kernels.digest import digest_and_age
+from motorctl.kernels.cache import digest_of, kernels_cached, said_by
 
 _Identity: Any = FunctionIdentity
 _CompileResult: Any = compiler.CompileResult
@@ -37,8 +34,6 @@ _NumbasImpl: Any = caching.CompileResultCacheImpl
 _NumbasCache: Any = caching.Cache
 _NumbasLibrary: Any = JITCodeLibrary
 
-_BEGAN_NS = time.time_ns()
-"""What was written after this process began may not be what it has imported."""
 _COUNTED_BEFORE = next(_Identity._unique_ids) > 1
 """Whether numba has given numbers that another process gives, too."""
 
@@ -148,7 +143,7 @@ class InnerFiles(_NumbasCache):  # type: ignore[misc]
         return (told, returned, codegen.magic_tuple(), self._is)
 
     def _save_overload(self, sig: Any, data: Any) -> None:
-        with suppress(_NothingToTellItByError):
+        with suppress(Exception):  # keeping it is a convenience; it was compiled all the same
             super()._save_overload(sig, data)
 
 
@@ -164,12 +159,12 @@ def _identity(kernel: Any) -> str:
     function = kernel.py_func
     try:
         file = Path(inspect.getfile(function))
-        digest, written_ns = digest_and_age(function.__module__, file)
-    except (TypeError, OSError, SyntaxError) as error:
+        digest, sure = digest_of(function.__module__, file)
+        closed_over = [cell.cell_contents for cell in function.__closure__ or ()]
+    except (TypeError, OSError, SyntaxError, ValueError) as error:
         raise _NothingToTellItByError from error
-    if written_ns > _BEGAN_NS:
+    if not sure or any(value is kernel for value in closed_over):
         raise _NothingToTellItByError
-    closed_over = [cell.cell_contents for cell in function.__closure__ or ()]
     parts = (
         function.__module__,
         function.__qualname__,
@@ -198,5 +193,5 @@ def files_of(kernel: Any) -> Any:
     try:
         with kernels_cached():
             return InnerFiles(kernel)
-    except (_NothingToTellItByError, RunError):  # the kernel that is called from Python tells
+    except Exception:  # keeping is a convenience; the kernel that is called from Python tells
         return caching.NullCache()

@@ -187,7 +187,9 @@ def compose_tick(
     source = "".join(
         [
             HEAD.format(axes=len(models), imports=imports + DUAL_IMPORTS * bool(dual)),
-            DEFINED.format(decorator="@njit(cache=True)", name="tick", more=more),
+            DEFINED.format(
+                decorator="@njit(cache=True, error_model='numpy')", name="tick", more=more
+            ),
             *parts,
             DEFINED.format(decorator="@inner_kernel", name="steps", more=more),
             *begun,

@@ -99,7 +99,7 @@ class Effect(ABC):
     acts, dt [s] after the last. A memory begins as zeros, at rest.
 
     Kernels run in the real-time tick and must not raise: one that divides is decorated with
-    ``njit(error_model="numpy")``, or 1/0 ends the loop. What is not finite trips the axis.
+    ``njit(error_model="numpy")``, or 1/0 may end the loop. What is not finite trips the axis.
     """
 
     name: ClassVar[str]

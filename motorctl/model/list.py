@@ -205,7 +205,7 @@ class EffectList:
             if effect.kind == "measurement"
         ]
         lines += ["    return corrected"]
-        lines += ["", "", "@njit(cache=True)"]
+        lines += ["", "", "@njit(cache=True, error_model='numpy')"]
         lines += ["def regressor_over(x, v, a, vs, t, u, others, context, out):"]
         lines += ["    for k in range(x.size):", "        row = out[k]"]
         lines += ["        xk, vk, ak, vsk, tk, uk = x[k], v[k], a[k], vs[k], t[k], u[k]"]
@@ -215,7 +215,7 @@ class EffectList:
         inputs = self._input_calls("column", "uk", ("xk", "vsk", "tk"))
         lines += [f"        row[{i}] = -({c})" for i, c in inputs]
         lines += ["        advance_inputs(uk, dt, context)"]
-        lines += ["", "", "@njit(cache=True)"]
+        lines += ["", "", "@njit(cache=True, error_model='numpy')"]
         lines += ["def input_over(u, x, vs, t, context, theta, v, slope):"]
         lines += ["    for k in range(u.size):"]
         lines += ["        v[k] = input_map(u[k], x, vs, t, context, theta)"]

@@ -12,7 +12,7 @@ import pytest
 from numba.core.bytecode import FunctionIdentity
 
 from motorctl.kernels import CompilingBeside
-from motorctl.kernels.beside import FIRST_OUT, NICENESS
+from motorctl.kernels.beside import NICENESS
 
 PATIENCE_S = 100.0
 
@@ -107,21 +107,34 @@ def test_on_one_cpu_nothing_is_done_beside(monkeypatch, mark):
     assert not mark.exists()
 
 
-def test_it_stands_back_and_is_the_first_that_a_full_memory_ends(mark):
-    def write() -> None:
-        score = Path("/proc/self/oom_score_adj").read_text().strip()
-        mark.write_text(f"{os.getpriority(os.PRIO_PROCESS, 0)} {score}\n")
-
+def test_it_stands_back(mark):
     before = os.getpriority(os.PRIO_PROCESS, 0)
-    beside = CompilingBeside(write)
+    beside = CompilingBeside(
+        lambda: mark.write_text(f"{os.getpriority(os.PRIO_PROCESS, 0)}\n") and None
+    )
     deadline = time.monotonic() + PATIENCE_S
     while not (mark.exists() and mark.read_text().endswith("\n")):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     beside.end()
-    niceness, score = mark.read_text().split()
-    assert int(niceness) == min(before + NICENESS, 19)
-    assert score == FIRST_OUT
+    assert int(mark.read_text()) == min(before + NICENESS, 19)
+
+
+def test_one_that_has_ended_where_nobody_minds_children_ends_nobody_else(monkeypatch, mark):
+    ended = []
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        beside = CompilingBeside(Work(mark))
+        child = Work(mark).done_by()
+        deadline = time.monotonic() + PATIENCE_S
+        while Path(f"/proc/{child}").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        monkeypatch.setattr(os, "kill", lambda *told: ended.append(told))
+        beside.end()
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+    assert ended == []
 
 
 KILLED = """

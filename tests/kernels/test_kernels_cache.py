@@ -109,7 +109,8 @@ class Plant:
 
     def digest(self) -> str:
         """Return what its compiled code depends on."""
-        return digest_of_file("plant.kernels", self._folder / "plant" / "kernels.py")
+        digest, _ = digest_of_file("plant.kernels", self._folder / "plant" / "kernels.py")
+        return digest
 
     def pull(self, folder=None) -> str:
         """Return the force at 3 m/s and how often the cache had the code."""

@@ -291,13 +291,16 @@ def test_a_source_that_changes_while_it_is_in_use_is_not_kept_as_the_new_one(go)
         file = Path({str(go.folder / "inner.py")!r})
         file.write_text(file.read_text().replace("LEVEL = 1.0", "LEVEL = 2.0"))
 
-        @njit
+        @njit(cache=True)
         def go(x):
             return add(x)
         """)
     )
-    assert go("edited")[0] == 8.0
+    assert go("edited")[0] == 8.0  # what it had imported
+    edited = go.folder / "edited.py"
+    edited.write_text(edited.read_text().replace("file.write_text", "str"))
     assert go("added")[0] == 11.0
+    assert go("edited")[0] == 9.0
 
 
 def test_a_kernel_without_a_file_is_compiled_and_not_kept():

@@ -23,7 +23,10 @@ def profile(table: Any, x: float) -> float:
     """Interpolate a record of PROFILE by cubic Hermite polynomials; constant beyond its ends."""
     if table.cells_per_m == 0.0:
         return 0.0
-    place = min(max((x - table.start) * table.cells_per_m, 0.0), float(PROFILE_CELLS))
+    place = (x - table.start) * table.cells_per_m
+    if not place >= 0.0:  # no number has no cell either
+        place = 0.0
+    place = min(place, float(PROFILE_CELLS))
     cell = min(int(place), PROFILE_CELLS - 1)
     s = place - cell
     y0, m0 = table.nodes[cell, 0], table.nodes[cell, 1]

@@ -65,8 +65,8 @@ class Gravity(Effect):
             return ""
         return (
             "its arm turns once in 360 of the position's unit, as where degrees are declared as "
-            "radians: then state unit: deg, or every other parameter is off by 57.3. Behind a gear "
-            "of about 57 to 1 it is right"
+            "radians: then state unit: deg, or inertia and viscous friction are 57.3 times too "
+            "small. Behind a gear of about 57 to 1 it is right"
         )
 
     @property

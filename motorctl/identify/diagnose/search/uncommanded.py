@@ -32,7 +32,7 @@ FINER = 8
 Larger takes time, smaller leaves more of a sine behind. Arithmetic: 1/8 of a period is left."""
 TRIED = 41
 """Frequencies that are tried around that line. More takes time, fewer leaves more of a sine behind.
-Arithmetic: the line is met to 1/320 of a period."""
+Arithmetic: over one period in the recording, the line is met to 1/80 of one."""
 
 
 def uncommanded(final: Hypothesis) -> tuple[Effect, str] | None:
@@ -41,7 +41,7 @@ def uncommanded(final: Hypothesis) -> tuple[Effect, str] | None:
         return None
     signals = final.regressors.signals
     for effect in final.added:
-        if "resonance" not in effect.groups:
+        if "resonance" not in effect.groups or not effect.lines:
             continue
         taken = final.without(effect.name).refreshed().held_out - final.held_out
         command = final.problem.joined(signals.rows)[-1]
