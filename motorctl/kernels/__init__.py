@@ -2,7 +2,7 @@
 
 from motorctl.kernels.beside import CompilingBeside
 from motorctl.kernels.cache import cache_root, kernels_cached
-from motorctl.kernels.generated import load_generated, source_digest, specialise
+from motorctl.kernels.generated import is_kept, load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
 from motorctl.kernels.telling import compiling_told
 
@@ -11,6 +11,7 @@ __all__ = [
     "cache_root",
     "compiling_told",
     "inner_kernel",
+    "is_kept",
     "kernels_cached",
     "load_generated",
     "source_digest",

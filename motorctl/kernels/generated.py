@@ -127,3 +127,23 @@ def specialise(kernel: Any, *arguments: object) -> Callable[..., Any]:
     type_of: Callable[[object], Any] = numba.typeof
     entry: Callable[..., Any] = kernel.compile(tuple(type_of(a) for a in arguments))
     return entry
+
+
+def is_kept(kernel: Any, *arguments: object) -> bool:
+    """Return whether compiled code for arguments of just these types is on the disk.
+
+    Parameters
+    ----------
+    kernel
+        A function that numba compiles and keeps.
+    *arguments
+        Of the types that it will be called with.
+
+    Returns
+    -------
+    bool
+        As the index of its files says; the code itself is not read.
+    """
+    type_of: Callable[[object], Any] = numba.typeof
+    kept, types = kernel._cache, tuple(type_of(a) for a in arguments)
+    return kept._index_key(types, kernel.targetctx.codegen()) in kept._cache_file._load_index()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from motorctl.config.machine import Machine
 from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
-from motorctl.kernels import specialise
+from motorctl.kernels import is_kept, specialise
 from motorctl.loop.runner import VirtualRun
 from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Step, Tick
@@ -50,12 +50,17 @@ class _Analysed(Tick):
 
     def _make_step(self, virtual: bool) -> Step:
         module, inputs_outputs = self._compose()
-        specialise(module.steps, *self._all_arguments(inputs_outputs))
+        arguments = self._all_arguments(inputs_outputs)
+        if not is_kept(module.tick, *arguments):
+            specialise(module.steps, *arguments)
         return _never
 
 
 def analyse_steps(machine: Machine) -> None:
-    """Leave in the cache of kernels what compiling this machine's tick needs for its laws."""
+    """Leave in the cache of kernels what compiling this machine's tick needs for its laws.
+
+    Where the tick is there, nothing is needed.
+    """
     memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
     _Analysed(machine, memory, virtual=True, driver_class=Unconnected)
     memory.close()
