@@ -12,7 +12,8 @@ from motorctl.model.effect import Effect, EffectOptions, Parameter
 from motorctl.model.knowledge import Picture, Spans
 
 IN_DEGREES = 360.0
-"""One turn of an arm whose angle was recorded in degrees. Arithmetic."""
+"""One turn of an arm whose angle was recorded in degrees. Larger or smaller is another unit.
+Arithmetic."""
 LEAST_TURN = 0.03
 """Part of a turn that the arm has to move for its weight to be tried. Smaller tries a sine that is
 no other than a straight line, larger misses arms that turn but little. Chosen by hand: over it a

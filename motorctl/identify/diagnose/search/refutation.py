@@ -52,9 +52,9 @@ encoder, far above a double's rounding, 2e-16."""
 
 NO_NEARER = 1.003
 """Simulated motion over that without an effect, beside all others, from which it is no nearer.
-Below 1 it would refute what leaves the motion as it is, as a resonance far above it does; larger
-lets effects pass that take the motion further away. Measured: a true resonance of a simulated
-machine has 1.001, one of four that was asked."""
+Smaller refutes what leaves the motion as it is, as a resonance far above it does; larger lets
+effects pass that take the motion further away. Chosen by hand: a true resonance of a simulated
+machine has 1.001."""
 
 
 def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, tuple[str, ...]]:
