@@ -6,9 +6,6 @@ What each machine is was found by an analysis apart from `diagnose` (docs/real_m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-
-import numpy as np
 
 from motorctl_benchmarks.real_machines.arm_readers import (
     ar5,
@@ -79,7 +76,6 @@ from motorctl_benchmarks.real_machines.motor_readers import (
     two_arms,
 )
 from motorctl_benchmarks.real_machines.readers import (
-    Columns,
     Read,
     actuator,
     arm,
@@ -487,20 +483,3 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("bare motor with a rod", bare_rod("id_data/1"), "V"),
     RealAxis("thin link", thin_link, "V", BENDING, "deg"),
 )
-
-
-def described(axis: RealAxis, columns: Columns, folder: Path) -> Path:
-    """Write columns with the times that were recorded, and their description; return its path."""
-    rows = np.column_stack(list(columns.values()))
-    np.savetxt(folder / "r.csv", rows, delimiter=",", header=",".join(columns), comments="")
-    text = "file: r.csv\ntime: {column: time_s}\naxes:\n  x:\n"
-    if "position" in columns:
-        text += f"    position: {{column: position, unit: {axis.position_unit}}}\n"
-    else:
-        text += f"    velocity: {{column: velocity, unit: {axis.position_unit}/s}}\n"
-    text += f"    command: {{column: command, unit: '{axis.unit}', scale: {axis.scale}}}\n"
-    if "reference" in columns:
-        text += f"    reference: {{column: reference, unit: {axis.position_unit}}}\n"
-    path = folder / "r.yaml"
-    path.write_text(text)
-    return path

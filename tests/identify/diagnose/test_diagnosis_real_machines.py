@@ -33,13 +33,13 @@ from motorctl_benchmarks.real_machines.axes import (
     SWING_UP_SLOW,
     SWINGING_ROD,
     RealAxis,
-    described,
 )
 from motorctl_benchmarks.real_machines.bench_readers import (
     coupled_motors,
     guide,
     small_servo,
 )
+from motorctl_benchmarks.real_machines.description import described
 from motorctl_benchmarks.real_machines.lab_readers import (
     egg_lift,
     milling_axis,
