@@ -17,6 +17,13 @@ from motorctl.kernels.beside import NICENESS
 PATIENCE_S = 100.0
 
 
+def wait_until(met):
+    deadline = time.monotonic() + PATIENCE_S
+    while not met():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
 class Work:
     """Writes down which process does it, and then fails or hangs if it is told to."""
 
@@ -31,10 +38,7 @@ class Work:
 
     def done_by(self) -> int:
         """Return the process that has begun it, once one has."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not (self.mark.exists() and self.mark.read_text().endswith("\n")):
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        wait_until(lambda: self.mark.exists() and self.mark.read_text().endswith("\n"))
         (pid,) = self.mark.read_text().split()
         return int(pid)
 
@@ -92,10 +96,7 @@ def test_its_functions_have_other_numbers_than_those_of_this_process(mark):
         mark.write_text(str(number()))
 
     beside = CompilingBeside(write)
-    deadline = time.monotonic() + PATIENCE_S
-    while not (mark.exists() and mark.read_text()):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: mark.exists() and mark.read_text())
     beside.end()
     assert abs(int(mark.read_text()) - number()) > 1000
 
@@ -112,10 +113,7 @@ def test_it_stands_back(mark):
     beside = CompilingBeside(
         lambda: mark.write_text(f"{os.getpriority(os.PRIO_PROCESS, 0)}\n") and None
     )
-    deadline = time.monotonic() + PATIENCE_S
-    while not (mark.exists() and mark.read_text().endswith("\n")):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: mark.exists() and mark.read_text().endswith("\n"))
     beside.end()
     assert int(mark.read_text()) == min(before + NICENESS, 19)
 
@@ -126,10 +124,7 @@ def test_one_that_has_ended_where_nobody_minds_children_ends_nobody_else(monkeyp
     try:
         beside = CompilingBeside(Work(mark))
         child = Work(mark).done_by()
-        deadline = time.monotonic() + PATIENCE_S
-        while Path(f"/proc/{child}").exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        wait_until(lambda: not Path(f"/proc/{child}").exists())
         monkeypatch.setattr(os, "kill", lambda *told: ended.append(told))
         beside.end()
     finally:
@@ -153,10 +148,7 @@ def test_it_dies_with_the_process_that_it_works_for(mark):
     with subprocess.Popen([sys.executable, "-c", KILLED.format(path=path, mark=str(mark))]) as one:
         child = Work(mark).done_by()
         one.send_signal(signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE_S
-    while _lives(child):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: not _lives(child))
 
 
 def _lives(pid: int) -> bool:

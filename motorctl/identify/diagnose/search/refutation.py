@@ -48,8 +48,6 @@ CERTAIN = 1e-9
 """Size, relative to the travel, below which a simulation that is worse means nothing. Larger lets
 impossible models of fine motion pass, smaller refutes by rounding. Convention: far below any
 encoder, far above a double's rounding, 2e-16."""
-
-
 NO_NEARER = 1.003
 """Simulated motion over that without an effect, beside all others, from which it is no nearer.
 Smaller refutes what leaves the motion as it is, as a resonance far above it does; larger lets

@@ -54,13 +54,15 @@ def without_gain_step(found: Found) -> tuple[Found, tuple[str, ...]]:
     for effect in clocked:
         rest = rest.without(effect.name)
     rest = rest.refreshed()
-    step = _best_step(rest, rest.problem.joined(_rows(rest))[rest.regressors.command_column])
+    columns = rest.problem.joined(rest.regressors.signals.rows)
+    step = _best_step(rest, columns[rest.regressors.command_column])
     left = whole.held_out
     # One number for several effects is simpler. Against one alone it has to be better: where
     # little but inertia needs force, a load and a gain are the same.
     limit = AS_WELL if len(clocked) > 1 else 1.0 / AS_WELL
     if len(clocked) == 1 and acts_on_acceleration(clocked[0]):
-        left = min(left, _best_step(rest, _predicted(rest)).held_out)
+        predicted = np.asarray(rest.b @ columns[: len(rest.b)])
+        left = min(left, _best_step(rest, predicted).held_out)
     if not step.factor > 0.0 or step.held_out > limit * left:
         return found, ()
     final = found.final
@@ -85,15 +87,6 @@ def _on_acceleration(found: Found) -> Hypothesis:
         return final
     regressors, _ = whitened(old.signals, old.declared, final.added, "acceleration", old.catalogue)
     return Hypothesis(regressors, final.added).refreshed()
-
-
-def _rows(rest: Hypothesis) -> int:
-    return rest.regressors.signals.rows
-
-
-def _predicted(rest: Hypothesis) -> Array:
-    """Return the acceleration that a model gives (m,): with a load, all of it changes."""
-    return np.asarray(rest.b @ rest.problem.joined(_rows(rest))[: len(rest.b)])
 
 
 def _best_step(rest: Hypothesis, column: Array) -> _Step:
