@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
+    from motorctl_benchmarks.tuning.findings import TuningOptions
 
 MISTAKES_SHOWN = 60
 WIDTH_OF_A_FILE = 120
@@ -36,14 +37,16 @@ def bench(
     subject: Annotated[
         str,
         typer.Argument(
-            help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, socket."
+            help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, "
+            "socket, tuning."
         ),
     ] = "speed",
     cases: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="diagnosis: so many cases in each group. machines: seeds of each kind; default 1.",
+            help="diagnosis: so many cases in each group. machines: seeds of each kind; default 1. "
+            "tuning: plants that are drawn; default 20.",
         ),
     ] = None,
     size: Annotated[
@@ -124,6 +127,9 @@ def bench(
     bytes, while logs are made, and beside busy programs, in turn: late ticks of each, and what the
     clients were told.
 
+    tuning: gains that `tune` chooses for the shipped gantry and for plants that are drawn, run
+    beside a grid of gains, every one of which is run.
+
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
     campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
     stand it, or a row was lost.
@@ -168,6 +174,10 @@ def bench(
         if any(value is not None for value in (cases, logs, plot)):
             raise UsageError("bench campaign takes no --cases, --logs or --plot")
         options = _safety(size, seed, workers, only, out)
+    elif subject == "tuning":
+        if any(value is not None for value in (size, only, logs, plot)):
+            raise UsageError("bench tuning takes no --size, --only, --logs or --plot")
+        options = _tuning(cases, seed, workers, out)
     elif subject == "buses":
         if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
             raise UsageError("bench buses takes no option but --only and --json")
@@ -305,6 +315,15 @@ def _socket(seed: int | None) -> SocketOptions:
     from motorctl_benchmarks.control_socket.session import SocketOptions
 
     return SocketOptions(seed=1 if seed is None else seed)
+
+
+def _tuning(
+    cases: int | None, seed: int | None, workers: int | None, out: Path | None
+) -> TuningOptions:
+    from motorctl_benchmarks.tuning.findings import TuningOptions
+
+    given = {"plants": cases, "first_seed": seed, "workers": workers, "out": out}
+    return TuningOptions(**{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
 def _print_page(result: Result) -> None:

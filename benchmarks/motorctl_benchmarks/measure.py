@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
+    from motorctl_benchmarks.tuning.findings import TuningOptions
 
     Options = (
         BusesOptions
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
         | RecordingsOptions
         | SafetyOptions
         | SocketOptions
+        | TuningOptions
     )
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
@@ -99,6 +101,14 @@ def _buses(progress: Progress, options: Options | None) -> Findings:
     return bus_findings(progress, asked)
 
 
+def _tuning(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.tuning.findings import TuningOptions, tuning_findings
+
+    asked = options or TuningOptions()
+    assert isinstance(asked, TuningOptions)
+    return tuning_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -107,8 +117,9 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "recordings": _recordings,
     "campaign": _safety,
     "socket": _socket,
+    "tuning": _tuning,
 }
-WITH_CASES = ("diagnosis", "buses", "machines", "recordings", "campaign", "socket")
+WITH_CASES = ("diagnosis", "buses", "machines", "recordings", "campaign", "socket", "tuning")
 """Subjects that take options."""
 
 
@@ -160,7 +171,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, buses, machines, recordings, campaign or socket.
+        Of the subject diagnosis, buses, machines, recordings, campaign, socket or tuning.
 
     Raises
     ------

@@ -28,6 +28,7 @@ GROUPS = (
     "refine",
     "compare",
     "close_loop",
+    "tune",
     "latency",
 )
 """Modules of this package in the order in which `--help` lists their commands."""

@@ -9,15 +9,20 @@ from motorctl.config.analysis.input_map import (
 )
 from motorctl.config.analysis.loop_margins import LoopMargins, loop_margins
 from motorctl.config.analysis.robust_gain import GainCondition, gain_condition, required_ks1
+from motorctl.config.analysis.sampled_loop import DelayedPlant, Frequencies, LoopGains, is_stable
 
 __all__ = [
     "CommandPeak",
     "CornerSlope",
+    "DelayedPlant",
+    "Frequencies",
     "GainCondition",
+    "LoopGains",
     "LoopMargins",
     "command_peak",
     "corner_slopes",
     "gain_condition",
+    "is_stable",
     "loop_margins",
     "lowest_slope",
     "required_command",

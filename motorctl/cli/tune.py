@@ -1,0 +1,129 @@
+"""`motorctl tune`: gains of least error at the margins that are asked for."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from motorctl.cli.say import say
+
+if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
+    from motorctl.tune.tuning import Tuning
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command(
+        "tune",
+        epilog="Example: motorctl tune x --config refined.yaml --recording run.parquet "
+        "--margin 30deg,6dB --out tuned.yaml",
+    )(_tune)
+
+
+def _tune(
+    axis: Annotated[str, typer.Argument(help="The axis whose gains are chosen.")],
+    config: Annotated[
+        str, typer.Option(help="The configuration to tune: a file, or a shipped one's name.")
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="NEW.yaml", help="The tuned configuration to write.")
+    ],
+    margin: Annotated[
+        str, typer.Option(metavar="DEG,DB", help="Phase and gain margin that the loop must keep.")
+    ] = "30deg,6dB",
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="A log of the axis following its program with CONFIG; else it is simulated, where "
+            "the driver supports virtual time.",
+        ),
+    ] = None,
+    command_noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="V",
+            help="Noise of the command at rest that the amplifier may see, rms; else 5 % of the "
+            "axis' voltage limit.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the picture and the logs go.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """Choose k1, ks and gamma_d: least error over the program, at margins that are asked for.
+
+    Inertia, friction and delay are fitted to the log. The loop is stable at every corner of the
+    parameters' bounds. Where the machine can be simulated the gains are tried out before they are
+    written.
+    """
+    from motorctl.cli.progress import showing_stages
+    from motorctl.config import load
+    from motorctl.errors import UsageError
+    from motorctl.log import read_recording
+    from motorctl.tune.document import tuning_document
+    from motorctl.tune.margins_wanted import margins_wanted
+    from motorctl.tune.picture import draw_tuning
+    from motorctl.tune.tuning import record_program, try_out, tune, write_checked
+
+    wanted = margins_wanted(margin, command_noise)
+    if not out.parent.is_dir():
+        raise UsageError(f"{out}: there is no folder {out.parent}")
+    if out.suffix.lower() not in (".yaml", ".yml"):
+        raise UsageError(f"{out}: a configuration is a .yaml file")
+    machine = load(config)
+    with tempfile.TemporaryDirectory() as scratch, showing_stages(lines=True) as progress:
+        folder = Path(scratch) if report is None else report
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
+        read = (
+            read_recording(recording, gaps="keep")
+            if recording
+            else record_program(machine, folder / "before.parquet", progress)
+        )
+        tuning = tune(read, machine, axis, out, wanted, progress)
+        candidate = write_checked(tuning, out)
+        try:
+            if not recording:
+                tuning = try_out(tuning, candidate, folder / "tuned.parquet", progress)
+        except BaseException:
+            candidate.unlink()
+            raise
+        candidate.replace(out)
+        picture = None if report is None else draw_tuning(tuning, report / f"tuning_{axis}.png")
+    if as_json:
+        files = [str(out), *([] if picture is None else [str(picture)])]
+        say(json.dumps(tuning_document(tuning) | {"files": files}))
+        return
+    _print(tuning)
+    say(f"{out}" + ("" if picture is None else f"\n{picture}"))
+    if recording:
+        say(
+            f"next: motorctl run {out}, record the program again, and motorctl compare the two logs"
+        )
+
+
+def _print(tuning: Tuning) -> None:
+    """Print the gains, margins and errors as a table, and what they rest on."""
+    from rich.table import Table
+
+    from motorctl.cli.terminal import Terminal
+    from motorctl.tune.rows import footnotes, rows
+
+    table = Table(title=f"Axis {tuning.loop.axis}", title_justify="left")
+    table.add_column("")
+    for heading in ("before", "tuned"):
+        table.add_column(heading, justify="right")
+    for cells in rows(tuning):
+        table.add_row(*cells)
+    console = Terminal()
+    console.print(table)
+    for words in footnotes(tuning):
+        console.print(f"  {words}", markup=False, highlight=False)

@@ -1,0 +1,251 @@
+"""The gains of least predicted error among those that keep the margins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.analysis import LoopGains, LoopMargins, loop_margins
+from motorctl.errors import RunError
+from motorctl.tune.candidates import LoopShapes, MarginsWanted
+from motorctl.tune.predicted import Prediction, Predictor
+from motorctl.tune.recorded_loop import PlantEstimate, RecordedLoop
+
+Array = NDArray[np.float64]
+
+ZEROS_PER_DECADE = 6
+"""Of the grid of k1 and gamma_d/ks in the first pass. More takes time, fewer may begin beside the
+best: what follows only looks near."""
+SLOWEST_K1, FASTEST_K1 = 5e-4, 0.2
+"""Range of k1, as parts of the Nyquist frequency in rad/s. Beyond the higher one the backward
+difference has no phase left to give, below the lower one the loop hardly holds a position."""
+SLOWEST_K2 = 5e-5
+"""Lowest gamma_d/ks that is tried, as such a part; d0_hat then follows within some ten seconds."""
+GAINS_PER_OCTAVE = 3
+"""Of the grid of ks. More takes time, fewer leaves margin unused before it is refined."""
+GAIN_OCTAVES = 7
+"""ks is tried over so many octaves around what crosses over at the fastest k1."""
+ZOOMS = 3
+"""Passes around the best, each with a third of the step before. Fewer leave some per cent of error,
+more takes time."""
+SPARE_DEG, SPARE_GAIN = 0.2, 1.005
+"""Margin beyond what is asked [degrees, 1] that the search keeps, for it interpolates between
+frequencies and what is written is rounded. Less may fall short of what is asked, more gives error
+away."""
+AS_GOOD = 0.02
+"""Errors that differ by so little count as equal; the larger phase margin decides. Smaller gives
+margin away for an error that no prediction is sure of, larger gives error away."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Gains that keep what was asked, and what they would do."""
+
+    gains: LoopGains
+    phase_deg: float
+    gain: float
+    """By which factor the loop gain may grow."""
+    prediction: Prediction
+
+
+@dataclass(frozen=True)
+class GainChoice:
+    """The chosen gains, and everything that was tried on the first grid."""
+
+    chosen: Candidate
+    margins: LoopMargins
+    """Of the chosen gains, computed exactly."""
+    tried: tuple[Candidate, ...]
+    """Stable gains of the first grid, whatever their margins and noise."""
+    bound_by: str
+    """Which limit keeps the gains from going further, in words."""
+
+
+def choose_gains(
+    loop: RecordedLoop,
+    wanted: MarginsWanted,
+    progress: Callable[[str, float], None],
+) -> GainChoice:
+    """Return the gains of least predicted eF among those that keep the margins.
+
+    Stable at every corner of the bounds, with the margins at the plant as it was identified, no
+    more noise in the command than is wanted, and d0_hat within its bound.
+
+    Parameters
+    ----------
+    loop
+        What a log tells of the axis' loop.
+    wanted
+        The margins, and the noise that the amplifier may see.
+    progress
+        Told what is being done, and the share of it that is.
+
+    Returns
+    -------
+    GainChoice
+        The choice, its margins, and what else was tried.
+
+    Raises
+    ------
+    RunError
+        No gains that were tried keep all of it; the message says which limit is in the way.
+    """
+    search = _Search(loop, wanted)
+    found = search.first_pass(lambda share: progress("trying gains", share))
+    kept = [candidate for candidate in found if search.keeps(candidate)]
+    if not kept:
+        raise RunError(search.why_none(found))
+    best = _best(kept)
+    step = 1.0 / ZEROS_PER_DECADE
+    for number in range(ZOOMS):
+        progress("refining gains", number / ZOOMS)
+        step /= 3.0
+        best = _best([best, *search.near(best.gains, step)])
+    margins = margins_of(loop.plant, best.gains, loop.period_s)
+    return GainChoice(best, margins, tuple(found), search.bound_by(best))
+
+
+def margins_of(plant: PlantEstimate, gains: LoopGains, period_s: float) -> LoopMargins:
+    """Return the exact margins of some gains around the plant as it was identified."""
+    return loop_margins(
+        plant.theta1,
+        plant.theta2,
+        k1_1_s=gains.k1_1_s,
+        ks_v_s_m=gains.ks_v_s_m,
+        gamma_d=gains.gamma_d,
+        period_s=period_s,
+        delay_s=plant.delay_s,
+        lag_s=plant.lag_s,
+    )
+
+
+def _best(candidates: list[Candidate]) -> Candidate:
+    """Return the one of least error; of those that are as good, that of the largest margin."""
+    least = min(candidate.prediction.eF_m for candidate in candidates)
+    good = [c for c in candidates if c.prediction.eF_m <= (1.0 + AS_GOOD) * least]
+    return max(good, key=lambda candidate: candidate.phase_deg)
+
+
+class _Search:
+    def __init__(self, loop: RecordedLoop, wanted: MarginsWanted) -> None:
+        self._loop, self._wanted = loop, wanted
+        self._kept = replace(
+            wanted, phase_deg=wanted.phase_deg + SPARE_DEG, gain=wanted.gain * SPARE_GAIN
+        )
+        plant = loop.plant
+        self._shapes = LoopShapes(plant.nominal(loop.period_s), plant.corners(loop.period_s))
+        self._predictor = Predictor(loop)
+        self._nyquist = math.pi / loop.period_s
+
+    def first_pass(self, progress: Callable[[float], None]) -> list[Candidate]:
+        """Try the whole grid; return what is stable, whatever its margins."""
+        k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
+        k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
+        middle = self._loop.plant.theta1 * FASTEST_K1 * self._nyquist
+        octaves = np.arange(-GAIN_OCTAVES * GAINS_PER_OCTAVE, 2 * GAINS_PER_OCTAVE + 1)
+        ks = middle * 2.0 ** (octaves / GAINS_PER_OCTAVE)
+        found: list[Candidate] = []
+        for number, k1 in enumerate(k1s):
+            progress(number / len(k1s))
+            for k2 in k2s[k2s <= k1 * (1.0 + 1e-9)]:
+                found += self._stable(float(k1), float(k2), ks)
+        return found
+
+    def near(self, gains: LoopGains, decades: float) -> list[Candidate]:
+        """Try gains around some; return those that keep everything."""
+        k2 = gains.gamma_d / gains.ks_v_s_m
+        steps = 10.0 ** (decades * np.arange(-2, 3))
+        ks = gains.ks_v_s_m * 10.0 ** (decades * np.linspace(-2.0, 2.0, 13))
+        found: list[Candidate] = []
+        for k1_by in steps:
+            for k2_by in steps:
+                found += self._stable(float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks)
+        return [candidate for candidate in found if self.keeps(candidate)]
+
+    def keeps(self, candidate: Candidate) -> bool:
+        """Return whether a stable candidate keeps everything that is wanted."""
+        return not self._broken(candidate)
+
+    def bound_by(self, best: Candidate) -> str:
+        """Say which limits gains a little larger would break."""
+        words: list[str] = []
+        for k1_by, ks_by, k2_by in ((1.0, 1.1, 1.0), (1.1, 1.0, 1.0), (1.0, 1.0, 1.1)):
+            gains = LoopGains(
+                best.gains.k1_1_s * k1_by,
+                best.gains.ks_v_s_m * ks_by,
+                best.gains.gamma_d * ks_by * k2_by,
+            )
+            k2 = gains.gamma_d / gains.ks_v_s_m
+            further = self._stable(gains.k1_1_s, k2, np.array([gains.ks_v_s_m]))
+            words += self._broken(further[0]) if further else [self._corner_words(gains)]
+        return ", ".join(dict.fromkeys(words)) or "nothing: further gains would not lower the error"
+
+    def why_none(self, found: list[Candidate]) -> str:
+        """Say why no gains keep everything."""
+        wanted, loop = self._wanted, self._loop
+        begin = (
+            f"axis {loop.axis}: no gains keep a phase margin of {wanted.phase_deg:g} degrees, a "
+            f"gain margin of {20.0 * math.log10(wanted.gain):.3g} dB and "
+            f"{wanted.command_noise_v:.3g} V rms of noise in the command"
+        )
+        if not found:
+            low, high = loop.plant.theta1_bounds
+            return (
+                f"{begin}: none are stable at every corner of the bounds, inertia {low:g} to "
+                f"{high:g} V*s^2/m; narrower bounds allow more: `motorctl refine` writes what a "
+                "recording tells"
+            )
+        widest = max(candidate.phase_deg for candidate in found)
+        calmest = min(candidate.prediction.command_noise_v for candidate in found)
+        return (
+            f"{begin}: of {len(found)} stable ones the best phase margin is {widest:.3g} degrees, "
+            f"the least noise {calmest:.3g} V; ask for less, or lower the delay of "
+            f"{loop.plant.delay_s * 1e3:.3g} ms"
+        )
+
+    def _stable(self, k1: float, k2: float, ks: Array) -> list[Candidate]:
+        shape = self._shapes.shape(k1, k2, ks)
+        found = []
+        for index in shape.keeping(MarginsWanted(0.0, 1.0, math.inf)):
+            gains = shape.gains(int(index))
+            if self._shapes.stable_everywhere(gains):
+                found.append(
+                    Candidate(
+                        gains,
+                        float(shape.phase_deg[index]),
+                        float(min(shape.gain[index], shape.reduction[index])),
+                        self._predictor.predict(gains),
+                    )
+                )
+        return found
+
+    def _broken(self, candidate: Candidate) -> list[str]:
+        """Name what a stable candidate does not keep."""
+        wanted, told = self._kept, candidate.prediction
+        broken = []
+        if candidate.phase_deg < wanted.phase_deg:
+            broken.append("the phase margin")
+        if candidate.gain < wanted.gain:
+            broken.append("the gain margin")
+        if told.command_noise_v > wanted.command_noise_v:
+            broken.append("the noise of the command")
+        if told.d0_hat_v > self._loop.d_hat_max_v:
+            broken.append("d_hat_max_v")
+        return broken
+
+    def _corner_words(self, gains: LoopGains) -> str:
+        plant = self._loop.plant
+        corners = [(a, b) for a in plant.theta1_bounds for b in plant.theta2_bounds]
+        unstable = [corners[number][0] for number in self._shapes.unstable_corners(gains)]
+        if not unstable:
+            return "stability"
+        return f"stability with inertia at its bound, {unstable[0]:g} V*s^2/m"
+
+
+def _log_grid(low: float, high: float, per_decade: int) -> Array:
+    steps = math.ceil(per_decade * math.log10(high / low))
+    return np.geomspace(low, high, steps + 1)

@@ -1,0 +1,59 @@
+"""A tuning as the rows of a table, and what it rests on in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from motorctl.config.analysis import LoopMargins
+from motorctl.tune.tuning import Tuning
+
+NONE = "–"
+
+
+def rows(tuning: Tuning) -> Iterator[tuple[str, ...]]:
+    """Yield the rows: what it is, before, tuned."""
+    loop, before, after = tuning.loop, tuning.before, tuning.gains
+    told, tried = tuning.chosen.prediction, tuning.tried_out
+    yield "k1 [1/s]", f"{before.k1_1_s:.4g}", f"{after.k1_1_s:.4g}"
+    yield "ks [V s/m]", f"{before.ks_v_s_m:.4g}", f"{after.ks_v_s_m:.4g}"
+    yield "gamma_d [V/m]", f"{before.gamma_d:.4g}", f"{after.gamma_d:.4g}"
+    pair = (tuning.before_margins, tuning.margins)
+    yield "phase margin", *map(_phase, pair)
+    yield "gain may grow by", *(_db(margins.gain_margin) for margins in pair)
+    yield "gain may shrink by", *(_db(_inverse(margins.gain_reduction)) for margins in pair)
+    noise = (tuning.before_prediction.command_noise_v, told.command_noise_v)
+    yield "noise of the command [V rms]", *(f"{value:.3g}" for value in noise)
+    yield "eF predicted [µm]", NONE, f"{told.eF_m * 1e6:.3g}"
+    measured = NONE if tried is None else f"{tried.eF_m * 1e6:.3g}"
+    yield "eF measured [µm]", f"{loop.eF_m * 1e6:.3g}", measured
+
+
+def footnotes(tuning: Tuning) -> Iterator[str]:
+    """Yield what the figures rest on, and which limit binds."""
+    loop, plant = tuning.loop, tuning.loop.plant
+    yield (
+        f"loop from {loop.source}: inertia {plant.theta1:.4g} V*s^2/m, viscous friction "
+        f"{plant.theta2:.3g} V*s/m, delay {plant.delay_s * 1e3:.3g} ms"
+        + (f", lag {plant.lag_s * 1e3:.3g} ms" if plant.lag_s else "")
+    )
+    yield f"what keeps the gains from going further: {tuning.bound_by}"
+    if tuning.before_prediction.d0_hat_v >= loop.d_hat_max_v:
+        yield (
+            f"d0_hat reached its bound, {loop.d_hat_max_v:g} V, in this log: the prediction is "
+            "rough; a larger d_hat_max_v leaves the fast adaptation more to take"
+        )
+
+
+def _phase(margins: LoopMargins) -> str:
+    if not margins.stable:
+        return "unstable"
+    return NONE if margins.phase_margin_deg is None else f"{margins.phase_margin_deg:.1f} deg"
+
+
+def _db(factor: float | None) -> str:
+    return "any" if factor is None else f"{20.0 * math.log10(factor):.1f} dB"
+
+
+def _inverse(factor: float | None) -> float | None:
+    return None if factor is None else 1.0 / factor
