@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.recording_argument import WholeRun
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
@@ -51,6 +52,7 @@ def _tune(
             "axis' voltage limit.",
         ),
     ] = None,
+    whole_run: WholeRun = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where the picture and the logs go.")
     ] = None,
@@ -59,45 +61,47 @@ def _tune(
     """Choose k1, ks and gamma_d: least error over the program, at margins that are asked for.
 
     Inertia, friction and delay are fitted to the log. The loop is stable at every corner of the
-    parameters' bounds. Where the machine can be simulated the gains are tried out before they are
+    parameters' bounds. Where the program is simulated, the gains are tried out before they are
     written.
     """
     from motorctl.cli.progress import showing_stages
-    from motorctl.config import load
     from motorctl.errors import UsageError
+    from motorctl.identify.refine.refinement import load_machine
+    from motorctl.identify.refine.written_beside import put_in_place
     from motorctl.log import read_recording
     from motorctl.tune.document import tuning_document
     from motorctl.tune.margins_wanted import margins_wanted
     from motorctl.tune.picture import draw_tuning
-    from motorctl.tune.tuning import record_program, try_out, tune, write_checked
+    from motorctl.tune.tuning import record_program, require_tunable, try_out, tune, write_beside
 
     wanted = margins_wanted(margin, command_noise)
     if not out.parent.is_dir():
         raise UsageError(f"{out}: there is no folder {out.parent}")
-    if out.suffix.lower() not in (".yaml", ".yml"):
+    if out.suffix.lower() not in (".yaml", ".yml") or out.is_dir():
         raise UsageError(f"{out}: a configuration is a .yaml file")
-    machine = load(config)
+    machine, hardware = load_machine(config)
+    require_tunable(machine, axis, out)
     with tempfile.TemporaryDirectory() as scratch, showing_stages(lines=True) as progress:
         folder = Path(scratch) if report is None else report
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
-        read = (
-            read_recording(recording, gaps="keep")
-            if recording
-            else record_program(machine, folder / "before.parquet", progress)
-        )
-        tuning = tune(read, machine, axis, out, wanted, progress)
-        candidate = write_checked(tuning, out)
+        if recording:
+            read = read_recording(recording, gaps="keep", whole_run=whole_run)
+        else:
+            read = record_program(machine, axis, folder / f"tuning_{axis}_before.parquet", progress)
+        tuning = tune(read, machine, axis, wanted, progress)
+        beside = write_beside(machine, axis, tuning.gains, out, hardware=hardware)
         try:
             if not recording:
-                tuning = try_out(tuning, candidate, folder / "tuned.parquet", progress)
+                log = folder / f"tuning_{axis}_after.parquet"
+                tuning = try_out(tuning, beside, log, progress)
+            picture = None if report is None else draw_tuning(tuning, report / f"tuning_{axis}.png")
         except BaseException:
-            candidate.unlink()
+            beside.unlink()
             raise
-        candidate.replace(out)
-        picture = None if report is None else draw_tuning(tuning, report / f"tuning_{axis}.png")
+        put_in_place(beside, out)
     if as_json:
         files = [str(out), *([] if picture is None else [str(picture)])]
         say(json.dumps(tuning_document(tuning) | {"files": files}))

@@ -35,8 +35,8 @@ class MarginsWanted:
     """Phase margin [degrees]."""
     gain: float
     """The loop gain may grow and shrink by this factor."""
-    command_noise_v: float
-    """Noise of the command at rest, at most [V rms]."""
+    command_noise_v: float | None = None
+    """Noise of the command at rest, at most [V rms]; None: any."""
 
 
 @dataclass(frozen=True)

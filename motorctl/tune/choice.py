@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -27,7 +28,7 @@ SLOWEST_K2 = 5e-5
 """Lowest gamma_d/ks that is tried, as such a part; d0_hat then follows within some ten seconds."""
 GAINS_PER_OCTAVE = 3
 """Of the grid of ks. More takes time, fewer leaves margin unused before it is refined."""
-GAIN_OCTAVES = 7
+GAIN_OCTAVES = 10
 """ks is tried over so many octaves around what crosses over at the fastest k1."""
 ZOOMS = 3
 """Passes around the best, each with a third of the step before. Fewer leave some per cent of error,
@@ -36,6 +37,14 @@ SPARE_DEG, SPARE_GAIN = 0.2, 1.005
 """Margin beyond what is asked [degrees, 1] that the search keeps, for it interpolates between
 frequencies and what is written is rounded. Less may fall short of what is asked, more gives error
 away."""
+DIGITS = 4
+"""Significant digits of the gains that are written. Fewer move the margins, more pretend."""
+STEP_BACK, MOST_STEPS_BACK = 0.995, 20
+"""Factor on ks and gamma_d while rounded gains do not keep exactly what is asked, and how often. A
+smaller factor gives error away, fewer steps refuse what is nearly right."""
+WORTH = 0.005
+"""Part of the error that a step must win for its limit to count as what binds. Larger finds nothing
+in the way, smaller names limits beyond which nothing is won."""
 AS_GOOD = 0.02
 """Errors that differ by so little count as equal; the larger phase margin decides. Smaller gives
 margin away for an error that no prediction is sure of, larger gives error away."""
@@ -48,7 +57,7 @@ class Candidate:
     gains: LoopGains
     phase_deg: float
     gain: float
-    """By which factor the loop gain may grow."""
+    """By which factor the loop gain may grow, and shrink."""
     prediction: Prediction
 
 
@@ -60,7 +69,7 @@ class GainChoice:
     margins: LoopMargins
     """Of the chosen gains, computed exactly."""
     tried: tuple[Candidate, ...]
-    """Stable gains of the first grid, whatever their margins and noise."""
+    """Stable gains, whatever their margins and noise."""
     bound_by: str
     """Which limit keeps the gains from going further, in words."""
 
@@ -99,14 +108,14 @@ def choose_gains(
     kept = [candidate for candidate in found if search.keeps(candidate)]
     if not kept:
         raise RunError(search.why_none(found))
-    best = _best(kept)
     step = 1.0 / ZEROS_PER_DECADE
     for number in range(ZOOMS):
         progress("refining gains", number / ZOOMS)
         step /= 3.0
-        best = _best([best, *search.near(best.gains, step)])
+        kept += search.near(min(kept, key=_error).gains, step)
+    best = search.as_written(_best(kept))
     margins = margins_of(loop.plant, best.gains, loop.period_s)
-    return GainChoice(best, margins, tuple(found), search.bound_by(best))
+    return GainChoice(best, margins, (*found, *kept), search.bound_by(best))
 
 
 def margins_of(plant: PlantEstimate, gains: LoopGains, period_s: float) -> LoopMargins:
@@ -125,9 +134,13 @@ def margins_of(plant: PlantEstimate, gains: LoopGains, period_s: float) -> LoopM
 
 def _best(candidates: list[Candidate]) -> Candidate:
     """Return the one of least error; of those that are as good, that of the largest margin."""
-    least = min(candidate.prediction.eF_m for candidate in candidates)
-    good = [c for c in candidates if c.prediction.eF_m <= (1.0 + AS_GOOD) * least]
+    least = min(map(_error, candidates))
+    good = [c for c in candidates if _error(c) <= (1.0 + AS_GOOD) * least]
     return max(good, key=lambda candidate: candidate.phase_deg)
+
+
+def _error(candidate: Candidate) -> float:
+    return candidate.prediction.eF_m
 
 
 class _Search:
@@ -166,9 +179,35 @@ class _Search:
                 found += self._stable(float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks)
         return [candidate for candidate in found if self.keeps(candidate)]
 
+    def as_written(self, best: Candidate) -> Candidate:
+        """Return the gains as they are written, rounded; a little lower until exactly all is kept.
+
+        Raises RunError where that does not help.
+        """
+        gains = best.gains
+        for _ in range(MOST_STEPS_BACK):
+            rounded = LoopGains(*(float(f"{value:.{DIGITS}g}") for value in vars(gains).values()))
+            told = margins_of(self._loop.plant, rounded, self._loop.period_s)
+            if told.stable and self._shapes.stable_everywhere(rounded):
+                exact = Candidate(
+                    rounded,
+                    told.phase_margin_deg or 0.0,
+                    min(told.gain_margin or math.inf, 1.0 / (told.gain_reduction or 1e-9)),
+                    self._predictor.predict(rounded),
+                )
+                if not self._broken(exact, self._wanted):
+                    return exact
+            gains = replace(
+                gains, ks_v_s_m=gains.ks_v_s_m * STEP_BACK, gamma_d=gains.gamma_d * STEP_BACK
+            )
+        raise RunError(
+            f"axis {self._loop.axis}: gains near {best.gains} do not keep the margins exactly; ask "
+            "for a little less"
+        )
+
     def keeps(self, candidate: Candidate) -> bool:
         """Return whether a stable candidate keeps everything that is wanted."""
-        return not self._broken(candidate)
+        return not self._broken(candidate, self._kept)
 
     def bound_by(self, best: Candidate) -> str:
         """Say which limits gains a little larger would break."""
@@ -180,8 +219,12 @@ class _Search:
                 best.gains.gamma_d * ks_by * k2_by,
             )
             k2 = gains.gamma_d / gains.ks_v_s_m
+            if self._predictor.predict(gains).eF_m > (1.0 - WORTH) * _error(best):
+                continue  # nobody would go there
             further = self._stable(gains.k1_1_s, k2, np.array([gains.ks_v_s_m]))
-            words += self._broken(further[0]) if further else [self._corner_words(gains)]
+            words += (
+                self._broken(further[0], self._kept) if further else [self._corner_words(gains)]
+            )
         return ", ".join(dict.fromkeys(words)) or "nothing: further gains would not lower the error"
 
     def why_none(self, found: list[Candidate]) -> str:
@@ -190,7 +233,7 @@ class _Search:
         begin = (
             f"axis {loop.axis}: no gains keep a phase margin of {wanted.phase_deg:g} degrees, a "
             f"gain margin of {20.0 * math.log10(wanted.gain):.3g} dB and "
-            f"{wanted.command_noise_v:.3g} V rms of noise in the command"
+            f"{wanted.command_noise_v or math.inf:.3g} V rms of noise in the command"
         )
         if not found:
             low, high = loop.plant.theta1_bounds
@@ -201,16 +244,19 @@ class _Search:
             )
         widest = max(candidate.phase_deg for candidate in found)
         calmest = min(candidate.prediction.command_noise_v for candidate in found)
+        stillest = min(candidate.prediction.d0_hat_v for candidate in found)
+        in_the_way = Counter(words for each in found for words in self._broken(each, self._kept))
         return (
-            f"{begin}: of {len(found)} stable ones the best phase margin is {widest:.3g} degrees, "
-            f"the least noise {calmest:.3g} V; ask for less, or lower the delay of "
-            f"{loop.plant.delay_s * 1e3:.3g} ms"
+            f"{begin}, and d0_hat within {loop.d_hat_max_v:g} V: of {len(found)} stable ones most "
+            f"fail by {in_the_way.most_common(1)[0][0]}; the best phase margin is {widest:.3g} "
+            f"degrees, the least noise {calmest:.3g} V, the least d0_hat {stillest:.3g} V. The "
+            f"command is {loop.plant.delay_s * 1e3:.3g} ms late; ask for less"
         )
 
     def _stable(self, k1: float, k2: float, ks: Array) -> list[Candidate]:
         shape = self._shapes.shape(k1, k2, ks)
         found = []
-        for index in shape.keeping(MarginsWanted(0.0, 1.0, math.inf)):
+        for index in shape.keeping(MarginsWanted(0.0, 1.0)):
             gains = shape.gains(int(index))
             if self._shapes.stable_everywhere(gains):
                 found.append(
@@ -223,15 +269,16 @@ class _Search:
                 )
         return found
 
-    def _broken(self, candidate: Candidate) -> list[str]:
+    def _broken(self, candidate: Candidate, wanted: MarginsWanted) -> list[str]:
         """Name what a stable candidate does not keep."""
-        wanted, told = self._kept, candidate.prediction
+        told = candidate.prediction
         broken = []
         if candidate.phase_deg < wanted.phase_deg:
             broken.append("the phase margin")
         if candidate.gain < wanted.gain:
             broken.append("the gain margin")
-        if told.command_noise_v > wanted.command_noise_v:
+        most_v = wanted.command_noise_v
+        if most_v is not None and told.command_noise_v > most_v:
             broken.append("the noise of the command")
         if told.d0_hat_v > self._loop.d_hat_max_v:
             broken.append("d_hat_max_v")
@@ -240,10 +287,14 @@ class _Search:
     def _corner_words(self, gains: LoopGains) -> str:
         plant = self._loop.plant
         corners = [(a, b) for a in plant.theta1_bounds for b in plant.theta2_bounds]
-        unstable = [corners[number][0] for number in self._shapes.unstable_corners(gains)]
+        unstable = [corners[number] for number in self._shapes.unstable_corners(gains)]
         if not unstable:
             return "stability"
-        return f"stability with inertia at its bound, {unstable[0]:g} V*s^2/m"
+        theta1, theta2 = unstable[0]
+        return (
+            f"stability with parameters at their bounds, inertia {theta1:g} V*s^2/m and viscous "
+            f"friction {theta2:g} V*s/m"
+        )
 
 
 def _log_grid(low: float, high: float, per_decade: int) -> Array:

@@ -23,6 +23,7 @@ def tuning_document(tuning: Tuning) -> dict[str, Any]:
                 "gains": asdict(tuning.before),
                 "margins": asdict(tuning.before_margins),
                 "eF_m": loop.eF_m,
+                "eF_predicted_m": tuning.before_prediction.eF_m,
                 "command_noise_v": tuning.before_prediction.command_noise_v,
             },
             "after": {
@@ -35,6 +36,7 @@ def tuning_document(tuning: Tuning) -> dict[str, Any]:
                 "eF_tried_out_m": None if tuning.tried_out is None else tuning.tried_out.eF_m,
             },
             "bound_by": tuning.bound_by,
+            "notes": list(loop.notes),
             "trade_off": {
                 "phase_margin_deg": tuning.curves.phase_deg.tolist(),
                 "eF_at_phase_margin_m": tuning.curves.at_phase_m.tolist(),

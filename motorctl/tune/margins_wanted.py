@@ -24,7 +24,7 @@ def margins_wanted(text: str, command_noise_v: float | None) -> MarginsWanted:
     text
         Phase margin in degrees and gain margin in dB.
     command_noise_v
-        Noise of the command at rest, at most [V rms]; None: the axis' usual share, as NaN.
+        Noise of the command at rest, at most [V rms]; None: not told.
 
     Returns
     -------
@@ -50,5 +50,4 @@ def margins_wanted(text: str, command_noise_v: float | None) -> MarginsWanted:
         )
     if command_noise_v is not None and not 0.0 < command_noise_v < math.inf:
         raise UsageError(f"--command-noise {command_noise_v:g}: should be a voltage above 0")
-    noise_v = math.nan if command_noise_v is None else command_noise_v
-    return MarginsWanted(phase_deg, 10.0 ** (gain_db / 20.0), noise_v)
+    return MarginsWanted(phase_deg, 10.0 ** (gain_db / 20.0), command_noise_v)

@@ -110,7 +110,7 @@ def _draw_noise(panel: Axes, tuning: Tuning) -> None:
     _mark(panel, before, tuning.loop.eF_m, BEFORE, "before")
     told = tuning.chosen.prediction
     _mark(panel, told.command_noise_v, told.eF_m, AFTER, "tuned")
-    panel.axvline(tuning.wanted.command_noise_v, color="black", lw=0.8, ls="--")
+    panel.axvline(tuning.wanted.command_noise_v or 0.0, color="black", lw=0.8, ls="--")
     panel.set_yscale("log")
     panel.set_xscale("log")
     panel.set_xlabel("noise of the command at rest [V rms]   (dashed: at most)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,22 +12,30 @@ from motorctl.config.analysis import DelayedPlant, LoopGains
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import DataError, UsageError
-from motorctl.identify.columns.measured import with_others
+from motorctl.identify.columns.measured import Measured, with_others
 from motorctl.identify.columns.position_noise import position_noise_density, position_noise_rms
 from motorctl.identify.compare.measures import MeasuredRun, measure_axis
 from motorctl.identify.fit.declared_models import machine_of
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.log import AxisRecording, Recording
+from motorctl.log.sample import SampleFlag
+from motorctl.tune.same_loop import require_same_loop, require_sound_rows
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
-QUANTISED = 1.0 / np.sqrt(12.0)
+QUANTISED = 1.0 / math.sqrt(12.0)
 """Standard deviation of what an encoder rounds away, in counts: that of a uniform distribution."""
 BEFORE_S = 1.0
 """Rows before those that count [s], in which a filter may settle. Shorter than the slowest motion
 of the error lets the filter's start into the figures; longer takes time. Chosen by hand: a hundred
 times the time constant 1/k1 of ordinary gains."""
+DELAY_ERRORS = 2.0
+"""Standard errors of the fitted delay that the margins bear besides. Fewer trust a delay that the
+motion hardly shows, more gives error away. Convention: 95 %."""
+VAGUE_INERTIA = 0.1
+"""Standard error of the inertia, relative, from which a log does not tell the loop. Larger promises
+margins that nobody knows, smaller refuses quiet programs: a tenth is 0.8 dB of gain margin."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ class PlantEstimate:
     theta1_bounds: Range
     theta2_bounds: Range
     delay_s: float
-    """Of the command, beyond the hold [s]."""
+    """Of the command, beyond the hold, with what its standard error leaves open [s]."""
     lag_s: float
     """Of the amplifier, as the model declares it [s]."""
 
@@ -77,11 +86,18 @@ class RecordedLoop:
     """Position error (n,) [m]: the rows that count, and those in which a filter settles before."""
     d0_hat: Array
     """Fast adaptation (n,) [V] of the same rows."""
+    ahead: Array
+    """By how much the desired velocity of the law is ahead of the mean one over the last period
+    (n,) [m/s]: zero where it is matched, about half a period's acceleration as published."""
+    goes_round: bool
+    """Whether the rows are whole periods, so that the first one follows the last."""
     counted: int
     """Rows at the end of `error` over which eF is taken."""
     plant: PlantEstimate
     noise_rms_m: float
     """Of one measured position: no less than what the encoder rounds away [m]."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the margins should know."""
 
     @property
     def eF_m(self) -> float:
@@ -100,8 +116,8 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
     recording
         A log of this program: its configuration tells the gains.
     machine
-        The configuration whose gains are to be chosen. Its model must be the log's: what it
-        compensates besides is not in the recorded error.
+        The configuration whose gains are to be chosen. But for its gains, its loop must be the
+        log's: the recorded error is what that loop leaves.
     name
         The axis.
 
@@ -113,37 +129,34 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
     Raises
     ------
     UsageError
-        No such axis, a recording that is no log of this program, or another model's.
+        No such axis, a recording that is no log of this program, or of another loop.
     DataError
-        The log cannot tell it: no motion, no reference, or the model cannot be fitted.
+        The log cannot tell it: no motion, no reference, a fault, lost rows, or the plant is not
+        known well enough.
     """
-    axis = _axis_of(machine, name)
     if name not in recording.axes:
-        raise UsageError(
-            f"{recording.source}: no axis '{name}'; it has: {', '.join(recording.axes)}"
-        )
+        known = ", ".join(recording.axes)
+        raise UsageError(f"{recording.source}: no axis '{name}'; it has: {known}")
     logged = machine_of(recording)
     if logged is None or name not in logged.axes:
         raise UsageError(
             f"{recording.source}: the gains that it was recorded with are not known: tuning needs "
             "a log that motorctl wrote"
         )
-    before = logged.axes[name]
-    _require_same_model(recording, before, axis, machine)
+    require_same_loop(recording, logged, machine, name)
+    before, axis, data = logged.axes[name], machine.axes[name], recording.axes[name]
     run = measure_axis(recording, name)
-    data = recording.axes[name]
-    rows = _rows(run, recording.sample_rate_hz)
+    rows, goes_round = _rows(run, recording.sample_rate_hz)
+    require_sound_rows(recording, name, rows)
+    error, d0_hat, ahead = _columns(recording, data, before, logged.period_of(name), rows)
     counted = len(range(*run.last_rows.indices(len(data.position))))
-    step = before.divisor
-    error = data.following_error
-    if error is None or data.d0_hat is None or not np.isfinite(error[rows]).all():
-        raise DataError(f"{recording.source}: axis {name}: its error or d0_hat was not recorded")
-    fit = fit_axis(with_others(recording, name), before.declared)
-    place = before.declared.index_of("acceleration")
-    if place is None:
-        raise UsageError(f"axis {name}: its model has no inertia, so there is no loop to shape")
-    viscous = before.declared.index_of("velocity")
-    density = position_noise_density(with_others(recording, name))
+    used = with_others(recording, name)
+    plant, notes = _plant(used, before, axis)
+    if (share := _saturated(data, rows)) > 0.0:
+        notes += (
+            f"the command stood at its limit in {100.0 * share:.2g} % of the rows, where the "
+            "prediction does not hold",
+        )
     return RecordedLoop(
         axis=name,
         source=recording.source,
@@ -151,46 +164,84 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
         gains=LoopGains(before.gains.k1_1_s, before.gains.ks_v_s_m, before.gains.gamma_d),
         d_hat_max_v=axis.gains.d_hat_max_v,
         max_voltage_v=axis.limits.max_voltage_v,
-        error=error[rows][::step],
-        d0_hat=data.d0_hat[rows][::step],
-        counted=max(counted // step, 1),
-        plant=PlantEstimate(
-            theta1=float(fit.theta[place]),
-            theta2=0.0 if viscous is None else max(float(fit.theta[viscous]), 0.0),
-            theta1_bounds=parameter_range(axis.model, axis.estimates, "acceleration")[1:],
-            theta2_bounds=parameter_range(axis.model, axis.estimates, "velocity")[1:],
-            delay_s=max(fit.delay_s, 0.0) + before.declared.delay_s,
-            lag_s=before.declared.lag_s,
-        ),
-        noise_rms_m=_noise(data, axis, position_noise_rms(density, recording.sample_rate_hz)),
+        error=error,
+        d0_hat=d0_hat,
+        ahead=ahead,
+        goes_round=goes_round,
+        counted=max(counted // before.divisor, 1),
+        plant=plant,
+        noise_rms_m=_noise(used, axis),
+        notes=(*recording.notes, *notes),
     )
 
 
-def _axis_of(machine: Machine, name: str) -> Axis:
-    if name not in machine.axes:
-        known = ", ".join(machine.axes)
-        raise UsageError(f"{machine.source}: no axis '{name}'; it has: {known}")
-    return machine.axes[name]
-
-
-def _require_same_model(recording: Recording, logged: Axis, axis: Axis, machine: Machine) -> None:
-    """Insist that the recorded error is what this model leaves."""
-    if logged.model.names != axis.model.names or logged.gains.velocity != axis.gains.velocity:
-        raise UsageError(
-            f"{recording.source}: axis {axis.name} was recorded with the model "
-            f"{', '.join(logged.model.names)} and velocity: {logged.gains.velocity}; "
-            f"{machine.source} has {', '.join(axis.model.names)} and velocity: "
-            f"{axis.gains.velocity}: record its program with that configuration first"
-        )
-
-
-def _rows(run: MeasuredRun, sample_rate_hz: float) -> slice:
-    """Return the rows that count, and so many before as a filter needs, where there are any."""
+def _rows(run: MeasuredRun, sample_rate_hz: float) -> tuple[slice, bool]:
+    """Return the rows that count, with so many before as a filter needs, and if they go round."""
     period_s = run.period_s or BEFORE_S
-    settling = round(max(period_s, BEFORE_S) * sample_rate_hz)
-    return slice(max(run.last_rows.start - settling, run.rows.start), run.last_rows.stop)
+    settling = round(math.ceil(BEFORE_S / period_s) * period_s * sample_rate_hz)
+    first = run.last_rows.start - settling
+    whole = run.period_s is not None and first >= run.rows.start
+    return slice(max(first, run.rows.start), run.last_rows.stop), whole
 
 
-def _noise(data: AxisRecording, axis: Axis, measured_m: float) -> float:
-    resolution = data.resolution or axis.encoder.resolution_m
-    return max(measured_m, float(QUANTISED) * resolution)
+def _columns(
+    recording: Recording, data: AxisRecording, axis: Axis, period_s: float, rows: slice
+) -> tuple[Array, Array, Array]:
+    """Return error, d0_hat and how far the desired velocity is ahead, at the axis' own ticks."""
+    error, reference, velocity = data.following_error, data.reference, data.reference_velocity
+    if error is None or reference is None or velocity is None or data.d0_hat is None:
+        raise DataError(
+            f"{recording.source}: axis {data.name}: its reference or d0_hat was not recorded"
+        )
+    own = slice(rows.start, rows.stop, axis.divisor)
+    reference, velocity = reference[own], velocity[own]
+    ahead = np.zeros(len(reference))
+    if axis.gains.velocity == "published":
+        ahead[1:] = velocity[1:] - np.diff(reference) / period_s
+    columns = error[own], data.d0_hat[own], ahead
+    if not all(np.isfinite(column).all() for column in columns):
+        raise DataError(
+            f"{recording.source}: axis {data.name}: its error or d0_hat is no number in some rows"
+        )
+    return columns
+
+
+def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tuple[str, ...]]:
+    """Fit the plant; return it, and what is to be known of the fit."""
+    model = before.declared
+    fit = fit_axis(data, model)
+    place, viscous = model.index_of("acceleration"), model.index_of("velocity")
+    assert place is not None  # no configuration is valid without
+    theta1, error = float(fit.theta[place]), float(fit.std_error[place])
+    if not error <= VAGUE_INERTIA * theta1:
+        raise DataError(
+            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} V*s^2/m: margins need it "
+            f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
+        )
+    fitted_s = max(fit.delay_s, 0.0) + DELAY_ERRORS * fit.estimate.delay_std_error_s
+    plant = PlantEstimate(
+        theta1=theta1,
+        theta2=0.0 if viscous is None else max(float(fit.theta[viscous]), 0.0),
+        theta1_bounds=parameter_range(axis.model, axis.estimates, "acceleration")[1:],
+        theta2_bounds=parameter_range(axis.model, axis.estimates, "velocity")[1:],
+        delay_s=max(fitted_s, axis.adaptation.input_delay_s) + model.delay_s,
+        lag_s=model.lag_s,
+    )
+    notes = list(fit.notes)
+    low, high = plant.theta1_bounds
+    if not low <= theta1 <= high:
+        notes.append(
+            f"the fitted inertia, {theta1:.4g} V*s^2/m, is outside its bounds, {low:g} to {high:g}"
+        )
+    return plant, tuple(notes)
+
+
+def _saturated(data: AxisRecording, rows: slice) -> float:
+    if data.flags is None:
+        return 0.0
+    return float(np.mean(data.flags[rows] & int(SampleFlag.SATURATED) != 0))
+
+
+def _noise(data: Measured, axis: Axis) -> float:
+    measured_m = position_noise_rms(position_noise_density(data), data.sample_rate_hz)
+    return max(measured_m, QUANTISED * axis.encoder.resolution_m)

@@ -24,7 +24,8 @@ def rows(tuning: Tuning) -> Iterator[tuple[str, ...]]:
     yield "gain may shrink by", *(_db(_inverse(margins.gain_reduction)) for margins in pair)
     noise = (tuning.before_prediction.command_noise_v, told.command_noise_v)
     yield "noise of the command [V rms]", *(f"{value:.3g}" for value in noise)
-    yield "eF predicted [µm]", NONE, f"{told.eF_m * 1e6:.3g}"
+    predicted = (tuning.before_prediction.eF_m, told.eF_m)
+    yield "eF predicted [µm]", *(f"{value * 1e6:.3g}" for value in predicted)
     measured = NONE if tried is None else f"{tried.eF_m * 1e6:.3g}"
     yield "eF measured [µm]", f"{loop.eF_m * 1e6:.3g}", measured
 
@@ -38,6 +39,9 @@ def footnotes(tuning: Tuning) -> Iterator[str]:
         + (f", lag {plant.lag_s * 1e3:.3g} ms" if plant.lag_s else "")
     )
     yield f"what keeps the gains from going further: {tuning.bound_by}"
+    if tuning.before.gamma_d == 0.0:
+        yield "the fast adaptation was off in this log (gamma_d 0); the tuned gains switch it on"
+    yield from loop.notes
     if tuning.before_prediction.d0_hat_v >= loop.d_hat_max_v:
         yield (
             f"d0_hat reached its bound, {loop.d_hat_max_v:g} V, in this log: the prediction is "

@@ -60,11 +60,9 @@ def trade_off(tried: Sequence[Candidate], wanted: MarginsWanted, d_hat_max_v: fl
     ]
     phase, gain, noise, error = np.array(rows).reshape(-1, 4).T
     margins = np.arange(0.0, WIDEST_DEG + 0.5 * PHASE_STEP_DEG, PHASE_STEP_DEG)
-    quiet = (gain >= wanted.gain) & (noise <= wanted.command_noise_v)
+    most = wanted.command_noise_v or noise.max(initial=1e-3)
+    quiet = (gain >= wanted.gain) & (noise <= most)
     firm = (gain >= wanted.gain) & (phase >= wanted.phase_deg)
-    most = (
-        wanted.command_noise_v if math.isfinite(wanted.command_noise_v) else noise.max(initial=1.0)
-    )
     noises = np.geomspace(0.05 * most, 2.0 * most, NOISE_POINTS)
     return TradeOff(
         phase_deg=margins,

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from motorctl.config import Machine, load
 from motorctl.config.analysis import LoopGains, LoopMargins
+from motorctl.config.freeze import decode
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.refine.model_text import text_of
 from motorctl.identify.refine.refinement import moved_text
+from motorctl.identify.refine.written_beside import written_beside
 from motorctl.identify.refine.yaml_text import YamlText
 from motorctl.log import Recording, read_recording
 from motorctl.loop.simulation import simulate
+from motorctl.loop.virtual import require_virtual_time
 from motorctl.tune.candidates import MarginsWanted
 from motorctl.tune.choice import Candidate, choose_gains, margins_of
 from motorctl.tune.predicted import Prediction, Predictor
@@ -27,8 +30,8 @@ NOISE_PER_LIMIT = 0.05
 """Noise of the command at rest that is allowed unless told otherwise, as a part of the axis'
 voltage limit. More heats the motor and sounds, less holds gains down that coarse encoders could
 bear: the published gains of the shipped gantry make a fifth of it."""
-DIGITS = 4
-"""Significant digits of the gains that are written. Fewer move the margins, more pretend."""
+GAIN_KEYS = tuple(LoopGains.__dataclass_fields__)
+"""Keys of `gains` that are chosen."""
 
 
 @dataclass(frozen=True)
@@ -37,17 +40,20 @@ class Tuning:
 
     loop: RecordedLoop
     wanted: MarginsWanted
-    before: LoopGains
     before_margins: LoopMargins
     before_prediction: Prediction
+    """Of the gains of the log: its error in the band that is predicted."""
     chosen: Candidate
     margins: LoopMargins
     bound_by: str
     curves: TradeOff
-    text: str
-    """The configuration with the tuned gains."""
     tried_out: RecordedLoop | None = None
     """A run with them in virtual time; None where it was not tried out."""
+
+    @property
+    def before(self) -> LoopGains:
+        """The gains of the log."""
+        return self.loop.gains
 
     @property
     def gains(self) -> LoopGains:
@@ -55,15 +61,27 @@ class Tuning:
         return self.chosen.gains
 
 
+def require_tunable(machine: Machine, axis: str, out: Path) -> None:
+    """Insist that the axis is there, and that its gains can be changed in the text.
+
+    Raises UsageError, before anything takes time.
+    """
+    if axis not in machine.axes:
+        known = ", ".join(machine.axes)
+        raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {known}")
+    gains = machine.axes[axis].gains
+    now = LoopGains(gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
+    _text(machine, axis, now, out)
+
+
 def tune(
     recording: Recording,
     machine: Machine,
     axis: str,
-    out: Path,
     wanted: MarginsWanted,
     progress: Progress,
 ) -> Tuning:
-    """Choose the gains of an axis and return them with the text of the tuned configuration.
+    """Choose the gains of an axis.
 
     Parameters
     ----------
@@ -73,22 +91,20 @@ def tune(
         The configuration that is tuned.
     axis
         Its axis.
-    out
-        Where the tuned configuration will stand.
     wanted
-        The margins; a noise of NaN stands for `NOISE_PER_LIMIT` of the axis' voltage.
+        The margins; without a noise, `NOISE_PER_LIMIT` of the axis' voltage.
     progress
         Told what is being done, and the share of it that is.
 
     Returns
     -------
     Tuning
-        The choice; nothing is written yet.
+        The choice; nothing is written.
 
     Raises
     ------
     UsageError
-        The recording is not of this axis and model, or the text cannot be changed in place.
+        The recording is not of this axis and loop.
     DataError
         The recording does not tell the loop.
     RunError
@@ -96,38 +112,57 @@ def tune(
     """
     progress("reading the loop from the log", 0.0)
     loop = recorded_loop(recording, machine, axis)
-    if math.isnan(wanted.command_noise_v):
+    if wanted.command_noise_v is None:
         wanted = replace(wanted, command_noise_v=NOISE_PER_LIMIT * loop.max_voltage_v)
     choice = choose_gains(loop, wanted, progress)
-    predictor = Predictor(loop)
-    chosen = replace(choice.chosen, gains=_rounded(choice.chosen.gains))
-    chosen = replace(chosen, prediction=predictor.predict(chosen.gains))
     return Tuning(
         loop=loop,
         wanted=wanted,
-        before=loop.gains,
         before_margins=margins_of(loop.plant, loop.gains, loop.period_s),
-        before_prediction=predictor.predict(loop.gains),
-        chosen=chosen,
-        margins=margins_of(loop.plant, chosen.gains, loop.period_s),
+        before_prediction=Predictor(loop).predict(loop.gains),
+        chosen=choice.chosen,
+        margins=choice.margins,
         bound_by=choice.bound_by,
         curves=trade_off(choice.tried, wanted, loop.d_hat_max_v),
-        text=_text(machine, axis, chosen.gains, out),
     )
 
 
-def record_program(machine: Machine, log: Path, progress: Progress) -> Recording:
+def record_program(machine: Machine, axis: str, log: Path, progress: Progress) -> Recording:
     """Simulate the machine's programs and return the log.
 
-    Raises UsageError where a driver does not support virtual time, RunError where an axis trips.
+    Raises UsageError where the axis has no program or a driver no virtual time, RunError where an
+    axis trips.
     """
-    if not machine.followed_programs:
+    if machine.axes[axis].program is None:
         raise UsageError(
-            f"{machine.source}: no axis has a program, so there is no error to lower; name one in "
-            "the configuration, or give a log of a motion"
+            f"{machine.source}: axis {axis} has no program, so there is no error to lower; name "
+            "one in the configuration, or give a log of a motion with --recording"
         )
+    try:
+        require_virtual_time(machine)
+    except UsageError as error:
+        raise UsageError(
+            f"{error}: give a log of the axis following its program with --recording"
+        ) from error
     simulate(machine, log, progress=lambda share: progress("simulating the programs", share))
-    return read_recording(log, gaps="keep")
+    return replace(read_recording(log, gaps="keep"), source="a simulated run")
+
+
+def write_beside(
+    machine: Machine, axis: str, gains: LoopGains, out: Path, *, hardware: bool = True
+) -> Path:
+    """Write the tuned configuration beside where it shall stand, and return the file.
+
+    It is loaded, and means what the old one did but for the axis' gains. Raises ConfigError where
+    it is not valid, UsageError where it cannot be written or means anything else.
+    """
+    beside = written_beside(out, _text(machine, axis, gains, out))
+    try:
+        _require_intended(machine, axis, gains, load(beside, hardware=hardware))
+    except BaseException:
+        beside.unlink()
+        raise
+    return beside
 
 
 def try_out(tuning: Tuning, config: Path, log: Path, progress: Progress) -> Tuning:
@@ -140,45 +175,47 @@ def try_out(tuning: Tuning, config: Path, log: Path, progress: Progress) -> Tuni
     """
     axis = tuning.loop.axis
     machine = load(config)
-    done = recorded_loop(record_program(machine, log, progress), machine, axis)
+    done = recorded_loop(record_program(machine, axis, log, progress), machine, axis)
     if done.eF_m > tuning.loop.eF_m:
         raise RunError(
-            f"axis {axis}: tried out, the tuned gains have an eF of {done.eF_m * 1e6:.3g} um where "
-            f"it was {tuning.loop.eF_m * 1e6:.3g} um, so nothing was written; ask for more margin"
+            f"axis {axis}: tried out, the tuned gains have an eF of {done.eF_m * 1e6:.3g} µm where "
+            f"it was {tuning.loop.eF_m * 1e6:.3g} µm, so nothing was written; ask for more margin"
         )
     return replace(tuning, tried_out=done)
-
-
-def write_checked(tuning: Tuning, out: Path) -> Path:
-    """Write the tuned configuration beside where it shall stand, check it, and return the file.
-
-    Raises ConfigError where it is not valid, UsageError where it cannot be written.
-    """
-    beside = out.with_name(f".{out.stem}.tuning{out.suffix}")
-    try:
-        beside.write_text(tuning.text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
-    try:
-        load(beside)
-    except BaseException:
-        beside.unlink()
-        raise
-    return beside
-
-
-def _rounded(gains: LoopGains) -> LoopGains:
-    return LoopGains(*(float(f"{value:.{DIGITS}g}") for value in vars(gains).values()))
 
 
 def _text(machine: Machine, axis: str, gains: LoopGains, out: Path) -> str:
     text = YamlText(moved_text(machine, out))
     try:
-        for key, value in vars(gains).items():
-            text.replace(("axes", axis, "gains", key), text_of(value))
+        for key in GAIN_KEYS:
+            text.replace(("axes", axis, "gains", key), text_of(getattr(gains, key)))
     except KeyError as error:
-        raise UsageError(
-            f"{machine.source}: axes.{axis}.gains is written so that it cannot be changed in place "
-            "(by an alias or a merged key); write its keys out"
-        ) from error
+        raise _not_in_place(machine, axis) from error
     return text.applied()
+
+
+def _require_intended(machine: Machine, axis: str, gains: LoopGains, after: Machine) -> None:
+    """Raise UsageError where the new text means anything else than the old one with these gains."""
+    meant = _without_files(_with_gains(machine, axis, gains))
+    if _without_files(decode(after.resolved)) != meant:
+        raise _not_in_place(machine, axis)
+
+
+def _with_gains(machine: Machine, axis: str, gains: LoopGains) -> dict[str, Any]:
+    resolved: dict[str, Any] = decode(machine.resolved)
+    resolved["axes"][axis]["gains"] |= asdict(gains)
+    return resolved
+
+
+def _without_files(resolved: dict[str, Any]) -> dict[str, Any]:
+    """Leave out where files of points are: they are found from another folder."""
+    for program in resolved["programs"].values():
+        program.pop("file", None)
+    return resolved
+
+
+def _not_in_place(machine: Machine, axis: str) -> UsageError:
+    return UsageError(
+        f"{machine.source}: axes.{axis}.gains is written in a way that cannot be changed in place; "
+        "write it out without anchors, aliases and merged keys"
+    )

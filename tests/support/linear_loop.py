@@ -11,13 +11,17 @@ PERIOD = 2500
 """Rows of a period of the disturbance."""
 
 
-def followed(gains, disturbance, *, mass=MASS, delay_ticks=2, periods=8):
-    """Return error and d0_hat of the last three periods under a periodic disturbance [V]."""
+def followed(gains, disturbance, *, mass=MASS, delay_ticks=2, periods=8, ahead=None):
+    """Return error and d0_hat of the last three periods under a periodic disturbance [V].
+
+    ahead: by how much the desired velocity is ahead of the measured one, over the same period.
+    """
+    ahead = np.zeros(len(disturbance)) if ahead is None else ahead
     x = v = before = d0 = 0.0
     late = [0.0] * delay_ticks
     errors, adapted = [], []
     for k in range(periods * len(disturbance)):
-        p = (x - before) / TS + gains.k1_1_s * x
+        p = (x - before) / TS + gains.k1_1_s * x - ahead[k % len(ahead)]
         late.append(-d0 - gains.ks_v_s_m * p)
         errors.append(x)
         adapted.append(d0)
@@ -29,9 +33,11 @@ def followed(gains, disturbance, *, mass=MASS, delay_ticks=2, periods=8):
     return np.array(errors[-rows:]), np.array(adapted[-rows:])
 
 
-def loop_of(gains, disturbance, *, bounds=(0.2, 0.5), noise_m=1e-7, delay_ticks=2, limit_v=1.0):
+def loop_of(
+    gains, disturbance, *, bounds=(0.2, 0.5), noise_m=1e-7, delay_ticks=2, limit_v=1.0, ahead=None
+):
     """Return what a log of such a loop tells."""
-    error, d0_hat = followed(gains, disturbance, delay_ticks=delay_ticks)
+    error, d0_hat = followed(gains, disturbance, delay_ticks=delay_ticks, ahead=ahead)
     return RecordedLoop(
         axis="x",
         source="run.parquet",
@@ -41,6 +47,8 @@ def loop_of(gains, disturbance, *, bounds=(0.2, 0.5), noise_m=1e-7, delay_ticks=
         max_voltage_v=10.0,
         error=error,
         d0_hat=d0_hat,
+        ahead=np.zeros(len(error)) if ahead is None else np.tile(ahead, 3),
+        goes_round=True,
         counted=2 * len(disturbance),
         plant=PlantEstimate(MASS, 0.0, bounds, (0.0, 0.0), delay_ticks * TS, 0.0),
         noise_rms_m=noise_m,

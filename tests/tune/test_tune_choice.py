@@ -109,7 +109,7 @@ def test_the_loop_is_stable_at_every_corner_of_the_bounds(shaken):
 
 def test_wide_bounds_are_told_as_what_holds_the_gains_down(shaken):
     choice = choose_gains(loop_of(GENTLE, shaken, bounds=(0.05, 2.0)), WANTED, quiet)
-    assert "inertia at its bound, 0.05" in choice.bound_by
+    assert "parameters at their bounds, inertia 0.05" in choice.bound_by
 
 
 def test_less_noise_for_the_amplifier_means_lower_gains(chosen, shaken):

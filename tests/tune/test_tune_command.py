@@ -1,7 +1,10 @@
 """`motorctl tune` on the simulated gantry: tried out before it is written, or refused."""
 
+import dataclasses
 import json
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 from typer.testing import CliRunner
@@ -9,8 +12,11 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.config import load
 from motorctl.config.shipped import locate
-from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.errors import DataError, MotorctlError, RunError, UsageError
+from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
+from motorctl.tune import tuning
+from motorctl.tune.recorded_loop import recorded_loop
 
 TEXT = locate("published_gantry").read_text(encoding="utf-8")
 SHORT = TEXT.replace("cycles: 12", "cycles: 4")
@@ -80,22 +86,29 @@ def test_without_a_log_the_gains_are_tried_out_in_virtual_time(config, tmp_path)
     assert tried_m == pytest.approx(told["after"]["eF_predicted_m"], rel=0.3)
 
 
-def test_gains_that_make_it_worse_are_not_written(config, log, tmp_path, monkeypatch):
-    from motorctl.tune import tuning
+@pytest.mark.parametrize("why", ["trips", "more error"])
+def test_gains_that_trip_or_make_it_worse_are_not_written(config, log, tmp_path, monkeypatch, why):
+    runs = []
 
-    monkeypatch.setattr(tuning, "record_program", lambda *_: (_ for _ in ()).throw(
-        RunError("axis y tripped (following_error): 1.2 mm")))  # fmt: skip
+    def recorded(machine, axis, into, progress):
+        runs.append(axis)
+        if len(runs) == 2 and why == "trips":
+            raise RunError("axis y tripped (following_error): 1.2 mm")
+        return dataclasses.replace(read_recording(log, gaps="keep"), source="a simulated run")
+
+    def same_loop_later(recording, machine, axis):
+        loop = recorded_loop(recording, load(config), axis)
+        return loop if len(runs) < 2 else dataclasses.replace(loop, error=1.01 * loop.error)
+
+    monkeypatch.setattr(tuning, "record_program", recorded)
+    monkeypatch.setattr(tuning, "recorded_loop", same_loop_later)
     out = tmp_path / "tuned.yaml"
-    machine = load(config)
-    from motorctl.log import read_recording
-    from motorctl.tune.margins_wanted import margins_wanted
-
-    found = tuning.tune(read_recording(log, gaps="keep"), machine, "y", out,
-                        margins_wanted("30deg,6dB", None), lambda *_: None)  # fmt: skip
-    beside = tuning.write_checked(found, out)
-    with pytest.raises(RunError, match="tripped"):
-        tuning.try_out(found, beside, tmp_path / "tuned.parquet", lambda *_: None)
-    assert not out.exists()
+    out.write_text("mine", encoding="utf-8")
+    with pytest.raises(RunError, match="tripped" if why == "trips" else "so nothing was written"):
+        run("y", "--config", config, "--out", out)
+    assert len(runs) == 2
+    assert out.read_text(encoding="utf-8") == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["tuned.yaml"]
 
 
 @pytest.mark.parametrize(
@@ -122,13 +135,11 @@ def test_an_unknown_axis_is_refused_with_those_that_there_are(config, log, tmp_p
 def test_a_log_of_another_model_is_refused(config, log, tmp_path):
     other = tmp_path / "other.yaml"
     other.write_text(SHORT.replace("&controller C2", "&controller C1"), encoding="utf-8")
-    with pytest.raises(UsageError, match="was recorded with the model"):
+    with pytest.raises(UsageError, match="was recorded with another loop"):
         run("y", "--config", other, "--recording", log, "--out", tmp_path / "t.yaml")
 
 
 def test_a_foreign_recording_is_refused_for_it_does_not_tell_the_gains(config, log, tmp_path):
-    import pyarrow.parquet as pq
-
     table = pq.read_table(log)
     foreign = tmp_path / "foreign.parquet"
     pq.write_table(table.replace_schema_metadata(None), foreign)
@@ -136,20 +147,56 @@ def test_a_foreign_recording_is_refused_for_it_does_not_tell_the_gains(config, l
         run("y", "--config", config, "--recording", foreign, "--out", tmp_path / "t.yaml")
 
 
-def test_gains_behind_an_alias_are_refused_and_nothing_is_written(config, log, tmp_path):
-    text = SHORT.replace("gains: {k1_1_s", "gains: &g {k1_1_s", 1)
-    head, _, tail = text.rpartition("    gains: {k1_1_s")
-    aliased = tmp_path / "aliased.yaml"
-    aliased.write_text(f"{head}    gains: *g\n{tail.partition(chr(10))[2]}", encoding="utf-8")
-    out = tmp_path / "t.yaml"
-    with pytest.raises(UsageError, match="cannot be changed in place"):
-        run("y", "--config", aliased, "--recording", log, "--out", out)
-    assert list(tmp_path.glob("*t*.yaml")) == []
+def test_gains_that_axes_share_are_refused_and_nothing_is_written(config, log, tmp_path):
+    lines = SHORT.splitlines(keepends=True)
+    at = [k for k, line in enumerate(lines) if line.startswith("    gains:")]
+    lines[at[0]] = lines[at[0]].replace("gains: ", "gains: &g ")
+    lines[at[1]] = "    gains: *g\n"
+    shared = tmp_path / "shared.yaml"
+    shared.write_text("".join(lines), encoding="utf-8")
+    for axis in "xy":
+        with pytest.raises(UsageError, match="cannot be changed in place"):
+            run(axis, "--config", shared, "--recording", log, "--out", tmp_path / "t.yaml")
+    assert [path.name for path in tmp_path.iterdir()] == ["shared.yaml"]
+
+
+def test_a_log_at_another_rate_is_refused(log, tmp_path):
+    slower = tmp_path / "slower.yaml"
+    slower.write_text(SHORT.replace("rate_hz: 5000", "rate_hz: 4000"), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"period \[s\]: 0.0002, here 0.00025"):
+        run("y", "--config", slower, "--recording", log, "--out", tmp_path / "t.yaml")
+
+
+def changed_log(log, path, change):
+    table = pq.read_table(log)
+    pq.write_table(change(table), path)
+    return path
+
+
+def test_a_log_that_tripped_is_refused_with_the_time(config, log, tmp_path):
+    def trip(table):
+        k = table.column_names.index("y.fault")
+        fault = table.column(k).to_numpy().copy()
+        fault[-2000:] = 1
+        return table.set_column(k, "y.fault", pa.array(fault))
+
+    tripped = changed_log(log, tmp_path / "tripped.parquet", trip)
+    with pytest.raises(DataError, match="was off, homing or in fault at"):
+        run("y", "--config", config, "--recording", tripped, "--out", tmp_path / "t.yaml")
+
+
+def test_a_log_that_lost_rows_in_its_last_periods_is_refused(config, log, tmp_path):
+    def lose(table):
+        return pa.concat_tables([table.slice(0, len(table) - 9000), table.slice(len(table) - 8900)])
+
+    lossy = changed_log(log, tmp_path / "lossy.parquet", lose)
+    with pytest.raises(DataError, match="rows are missing at"):
+        run("y", "--config", config, "--recording", lossy, "--out", tmp_path / "t.yaml")
 
 
 def test_a_machine_without_a_program_has_nothing_to_lower(tmp_path):
     lines = [line for line in SHORT.splitlines() if not line.strip().startswith("program:")]
     still = tmp_path / "still.yaml"
     still.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(UsageError, match="no axis has a program"):
+    with pytest.raises(UsageError, match="axis y has no program"):
         run("y", "--config", still, "--out", tmp_path / "t.yaml")

@@ -31,6 +31,27 @@ def test_the_predicted_error_is_the_one_that_the_loop_makes(seed, k1, ks, k2):
     assert told.d0_hat_v == pytest.approx(np.abs(d0_hat[counted]).max(), rel=0.05)
 
 
+def test_a_desired_velocity_that_is_ahead_is_no_disturbance_that_gains_suppress():
+    rng = np.random.default_rng(4)
+    ahead, calm = 0.02 * disturbance(rng), np.zeros(2500)
+    gains = LoopGains(200.0, 130.0, 2000.0)
+    told = Predictor(loop_of(GENTLE, calm, ahead=ahead)).predict(gains)
+    error, d0_hat = followed(gains, calm, periods=24, ahead=ahead)
+    counted = slice(-2 * len(calm), None)
+    assert told.eF_m == pytest.approx(np.abs(error[counted]).max(), rel=0.03)
+    assert told.d0_hat_v == pytest.approx(np.abs(d0_hat[counted]).max(), rel=0.05)
+
+
+def test_a_fast_adaptation_that_was_off_has_to_take_what_the_error_held_against():
+    shaken = disturbance(np.random.default_rng(5)) + 0.4
+    off, gains = LoopGains(100.0, 60.0, 0.0), LoopGains(100.0, 60.0, 900.0)
+    told = Predictor(loop_of(off, shaken)).predict(gains)
+    error, d0_hat = followed(gains, shaken, periods=24)
+    counted = slice(-2 * len(shaken), None)
+    assert told.d0_hat_v == pytest.approx(np.abs(d0_hat[counted]).max(), rel=0.05)
+    assert told.eF_m == pytest.approx(np.abs(error[counted]).max(), rel=0.05)
+
+
 def test_the_gains_of_the_log_leave_its_error_as_it_is():
     loop = loop_of(GENTLE, disturbance(np.random.default_rng(1)))
     told = Predictor(loop).predict(GENTLE)

@@ -106,11 +106,13 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         else drawn_machine(place, task)
     )
     try:
-        log = record_program(machine.load(), place / "before.parquet", _quiet)
-        tuning = tune(log, machine.load(), machine.axis, place / "tuned.yaml", WANTED, _quiet)
+        log = record_program(machine.machine, machine.axis, place / "before.parquet", _quiet)
+        tuning = tune(log, machine.machine, machine.axis, WANTED, _quiet)
     except MotorctlError as error:
         return Tuned(machine.name, refused=str(error))
     best_m, runs = best_of_grid(machine, WANTED, place)
+    if not runs:
+        return Tuned(machine.name, refused="no gains of the grid keep the margins")
     true = machine.margins(tuning.gains)
     return Tuned(
         name=machine.name,
@@ -119,7 +121,7 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         predicted_m=tuning.chosen.prediction.eF_m,
         best_m=best_m,
         runs=runs,
-        phase_deg=(true.phase_margin_deg or math.nan) if true.stable else 0.0,
+        phase_deg=(true.phase_margin_deg or 0.0) if true.stable else 0.0,
         gain_db=20.0 * math.log10(true.gain_margin or math.inf),
         unstable_corners=machine.unstable_corners(tuning.gains),
     )

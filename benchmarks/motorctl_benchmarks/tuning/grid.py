@@ -47,7 +47,7 @@ def allowed_gains(machine: TunedMachine, wanted: MarginsWanted) -> Iterator[Loop
 
 def run_with(machine: TunedMachine, gains: LoopGains, folder: Path) -> float:
     """Return the eF of a run with these gains [m]; inf where it trips."""
-    ready = machine.load()
+    ready = machine.machine
     axis = ready.axes[machine.axis]
     changed = axis.gains.model_copy(update=dataclasses.asdict(gains))
     axes = {**ready.axes, machine.axis: axis.model_copy(update={"gains": changed})}

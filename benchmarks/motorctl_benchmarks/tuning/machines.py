@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,9 @@ class TunedMachine:
     plant: dict[str, Any]
     """The simulator's options of the axis."""
 
-    def load(self) -> Machine:
-        """Return the machine."""
+    @cached_property
+    def machine(self) -> Machine:
+        """The machine."""
         return load(self.config)
 
     def margins(self, gains: LoopGains) -> LoopMargins:
@@ -45,14 +47,14 @@ class TunedMachine:
             k1_1_s=gains.k1_1_s,
             ks_v_s_m=gains.ks_v_s_m,
             gamma_d=gains.gamma_d,
-            period_s=self.load().period_s,
+            period_s=self.machine.period_s,
             delay_s=self._time_s("input_delay"),
             lag_s=self._time_s("input_lag"),
         )
 
     def unstable_corners(self, gains: LoopGains) -> int:
         """Return at how many corners of the declared bounds the loop is unstable."""
-        machine = self.load()
+        machine = self.machine
         axis = machine.axes[self.axis]
         found = 0
         for theta1 in parameter_range(axis.model, axis.estimates, "acceleration")[1:]:

@@ -103,7 +103,20 @@ class DelayedPlant:
 
 
 def is_stable(plant: DelayedPlant, gains: LoopGains) -> bool:
-    """Return whether the closed loop's eigenvalues lie inside the unit circle."""
+    """Return whether the closed loop's eigenvalues lie inside the unit circle.
+
+    Parameters
+    ----------
+    plant
+        The sampled plant.
+    gains
+        Of the law around it.
+
+    Returns
+    -------
+    bool
+        Whether the loop is stable.
+    """
     return bool(np.abs(np.linalg.eigvals(_closed_loop(plant, gains))).max() < 1.0)
 
 

@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.refine.axis import AxisRefinement, current_model, keep_axis, refine_axis
 from motorctl.identify.refine.header import header_lines, with_header
 from motorctl.identify.refine.model_text import text_of, write_model
+from motorctl.identify.refine.written_beside import put_in_place, written_beside
 from motorctl.identify.refine.yaml_text import YamlText
 from motorctl.located_yaml import read_document
 
@@ -48,12 +49,7 @@ class Refinement:
 
     def write(self) -> Path:
         """Put the configuration in place, whole or not at all. Raises UsageError where it can't."""
-        written = _beside(self.out, self.text)
-        try:
-            written.replace(self.out)
-        except OSError as error:
-            raise UsageError(f"{self.out}: cannot be written: {error.strerror}") from error
-        return self.out
+        return put_in_place(written_beside(self.out, self.text), self.out)
 
 
 def refine_config(
@@ -142,7 +138,7 @@ def _with_models(text: str, machine: Machine, axes: Mapping[str, AxisRefinement]
 
 def _models_in(text: str, out: Path) -> dict[str, Any]:
     """Return what stands in the text as the model of each axis."""
-    written = _beside(out, text)
+    written = written_beside(out, text)
     try:
         axes = read_document(written).at(("axes",))
     finally:
@@ -205,7 +201,7 @@ def _without_nulls(model: Mapping[str, Any]) -> dict[str, Any]:
 
 def _checked(text: str, source: Path, out: Path, hardware: bool) -> Machine:
     """Load a text as if it stood at `out`; its problems are told as those of what is written."""
-    written = _beside(out, text)
+    written = written_beside(out, text)
     try:
         return load(written, hardware=hardware)
     except ConfigError as error:
@@ -215,19 +211,6 @@ def _checked(text: str, source: Path, out: Path, hardware: bool) -> Machine:
         ) from error
     finally:
         written.unlink()
-
-
-def _beside(path: Path, text: str) -> Path:
-    """Write a text into a new file beside `path`."""
-    written = path.with_name(f".{path.stem}-{os.getpid()}.yaml")
-    try:
-        with written.open("w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror}") from error
-    return written
 
 
 def _not_in_place(source: Path, axis: str) -> UsageError:
