@@ -48,6 +48,7 @@ def _diagnose(
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
     from motorctl.cli.progress import showing_stages
     from motorctl.config.chosen_code import allowed_by
+    from motorctl.identify.columns.measured import read_measured
     from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.json_document import diagnosis_document
     from motorctl.identify.diagnose.report.next_steps import next_steps, write_programs
@@ -60,15 +61,14 @@ def _diagnose(
         untried_effects,
     )
     from motorctl.identify.same_axis import check_belongs, declared_inertias
-    from motorctl.log import read_recording
     from motorctl.model.catalog import failed_effects
 
     may_run = allowed_by(allow_code or ())
     config = model if is_file(model) else None
     with showing_stages() as progress:
         progress("reading", 0.0)
-        read = read_recording(recording, gaps="keep", whole_run=whole_run)
-        test = None if evaluate is None else read_recording(evaluate, gaps="keep")
+        read = read_measured(recording, whole_run=whole_run)
+        test = None if evaluate is None else read_measured(evaluate)
         machine = machine_of(read, model, may_run)
         models = declared_models(read, model, axis, may_run, machine)
         if machine is not None:

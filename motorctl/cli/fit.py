@@ -49,17 +49,17 @@ def _fit(
     """Identify the declared model: parameters, standard errors, input delay and error."""
     from motorctl.cli.progress import showing_work
     from motorctl.config.chosen_code import allowed_by
+    from motorctl.identify.columns.measured import read_measured
     from motorctl.identify.fit.declared_models import declared_models
     from motorctl.identify.fit.recording import fit_recording
     from motorctl.identify.fit.report import fit_document, print_fit
     from motorctl.identify.fit.settings import load_settings
-    from motorctl.log import read_recording
 
     may_run = allowed_by(allow_code or ())
     options = None if settings is None else load_settings(settings)
     with showing_work("reading") as progress:
-        read = read_recording(recording, gaps="keep", whole_run=whole_run)
-        other = None if evaluate is None else read_recording(evaluate, gaps="keep")
+        read = read_measured(recording, whole_run=whole_run)
+        other = None if evaluate is None else read_measured(evaluate)
         models = declared_models(read, model, axis, may_run)
         found = fit_recording(
             read,

@@ -48,12 +48,12 @@ def _refine(
     """
     from motorctl.cli.progress import showing_stages
     from motorctl.errors import UsageError
+    from motorctl.identify.columns.measured import read_measured
     from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.page import write_report
     from motorctl.identify.refine.json_document import refinement_document
     from motorctl.identify.refine.refinement import load_machine, refine_config
     from motorctl.identify.same_axis import declared_inertias, require_same_machine
-    from motorctl.log import read_recording
 
     if not out.parent.is_dir():
         raise UsageError(f"{out}: there is no folder {out.parent}")
@@ -62,7 +62,7 @@ def _refine(
     machine, _ = load_machine(config)
     with showing_stages() as progress:
         progress("reading", 0.0)
-        read = read_recording(recording, gaps="keep", whole_run=whole_run)
+        read = read_measured(recording, whole_run=whole_run)
         names = list(read.axes) if axis is None else [axis]
         require_same_machine(read, machine, names)
         models = {name: machine.axes[name].declared for name in names}

@@ -49,20 +49,31 @@ class Table(ABC):
     def read(self, names: Iterable[str]) -> dict[str, Array]:
         """Read columns as float64, all equally long.
 
-        Raises DataError where one is missing, is not made of numbers or differs in length.
+        A recorder that is stopped between two columns leaves some one row longer: that row is left
+        out, and `notes` tell. Raises DataError where a column is missing, is not made of numbers or
+        differs more in length.
         """
         wanted = list(dict.fromkeys(names))
         for name in wanted:
             self.require(name)
         columns = self._load(wanted)
         lengths = {name: len(values) for name, values in columns.items()}
-        first = wanted[0]
-        for name, length in lengths.items():
-            if length != lengths[first]:
-                raise DataError(
-                    f"{self.path}: column '{name}' has {length} rows, "
-                    f"but '{first}' has {lengths[first]}"
-                )
+        first, rows = wanted[0], min(lengths.values())
+        if max(lengths.values()) - rows > 1:
+            name = next(name for name in wanted if lengths[name] != lengths[first])
+            raise DataError(
+                f"{self.path}: column '{name}' has {lengths[name]} rows, "
+                f"but '{first}' has {lengths[first]}"
+            )
+        longer = [name for name in wanted if lengths[name] > rows]
+        if longer:
+            shorter = next(name for name in wanted if lengths[name] == rows)
+            note = (
+                f"column '{shorter}' has {rows} rows, and '{longer[0]}' {rows + 1}: the last row "
+                "of the longer ones was left out"
+            )
+            self.notes = tuple(dict.fromkeys((*self.notes, note)))
+            columns |= {name: columns[name][:rows] for name in longer}
         return columns
 
     def require(self, name: str) -> None:

@@ -48,6 +48,21 @@ def test_a_log_gives_every_signal_and_what_it_says_of_itself(tmp_path):
     assert (x.resolution, y.resolution) == (5e-7, None)
 
 
+def test_of_a_log_no_more_than_the_signals_asked_for_is_read(tmp_path):
+    log = write_log(tmp_path / "a.parquet", make_rows(N))
+    whole = read_recording(log)
+    part = read_recording(log, signals=("state", "lateness_s"))
+    np.testing.assert_array_equal(part.time_s, whole.time_s)
+    np.testing.assert_array_equal(part.lateness_s, whole.lateness_s)
+    assert part.turnaround_s is None
+    assert list(part.axes) == ["x", "y"]
+    for name, axis in part.axes.items():
+        for field in ("position", "command", "state"):
+            np.testing.assert_array_equal(getattr(axis, field), getattr(whole.axes[name], field))
+        assert (axis.reference, axis.velocity, axis.flags) == (None, None, None)
+        assert axis.theta_hat == {}
+
+
 def test_arrays_cannot_be_changed_by_accident(tmp_path):
     recording = read_recording(write_log(tmp_path / "a.parquet", make_rows(N)))
     axis = recording.axes["x"]

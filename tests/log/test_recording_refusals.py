@@ -147,6 +147,23 @@ def test_columns_of_text_or_of_another_length_are_refused(tmp_path):
         read_recording(tmp_path / "a.mat")
 
 
+@pytest.mark.parametrize("short", ["time_s", "slide.command_v"])
+def test_of_columns_one_row_unlike_in_length_the_longer_ones_lose_their_last(tmp_path, short):
+    table = columns() | {short: columns()[short][:-1]}
+    np.savez(tmp_path / "a.npz", **table)
+    np.savez(tmp_path / "b.npz", **{name: column[:63] for name, column in columns().items()})
+    cut, whole = read_recording(tmp_path / "a.npz"), read_recording(tmp_path / "b.npz")
+    np.testing.assert_array_equal(cut.time_s, whole.time_s)
+    for field in ("position", "command", "reference"):
+        of = (getattr(each.axes["slide"], field) for each in (cut, whole))
+        np.testing.assert_array_equal(*of)
+    longer = "slide.position_m" if short == "time_s" else "time_s"
+    assert cut.notes == (
+        f"column '{short}' has 63 rows, and '{longer}' 64: the last row of the longer ones was "
+        "left out",
+    )
+
+
 def read_or_refuse(path):
     """Read; where that is refused, give the message."""
     try:

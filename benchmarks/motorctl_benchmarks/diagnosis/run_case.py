@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from motorctl.identify.columns.measured import read_measured
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.fit.declared_models import declared_models
-from motorctl.log import Recording, read_recording
+from motorctl.log import Recording
 from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
 from motorctl_benchmarks.diagnosis.cases import Case, plain
 from motorctl_benchmarks.diagnosis.closed_loop import ClosedLoop, close_loop
@@ -86,7 +87,7 @@ def _run(task: Task, case: Case, scratch: Path) -> Outcome:
         log = record_case(case, task.logs or scratch)
         record_s = time.monotonic() - began
         began, processor = time.monotonic(), time.process_time()
-        recording = read_recording(log, gaps="keep")
+        recording = read_measured(log)
         models = declared_models(recording, None, case.axis)
         diagnosis = diagnose_recording(recording, models)
         taken = time.monotonic() - began, time.process_time() - processor

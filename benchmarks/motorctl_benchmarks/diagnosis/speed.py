@@ -16,11 +16,11 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from motorctl.identify.columns.measured import read_measured
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress
-from motorctl.log import read_recording
 from motorctl_benchmarks.diagnosis.cases import Case, draw_case
 from motorctl_benchmarks.diagnosis.configuration import with_motion
 from motorctl_benchmarks.diagnosis.motions import DURATION_S
@@ -113,7 +113,7 @@ def _in_a_process(log: Path, axis: str | None) -> Cost:
 def cost_of(log: Path, axis: str | None) -> Cost:
     """Diagnose one axis of a log, or all of them, in this process."""
     wall, processor = time.monotonic(), time.process_time()
-    recording = read_recording(log, gaps="keep")
+    recording = read_measured(log)
     diagnose_recording(recording, declared_models(recording, None, axis))
     return Cost(time.monotonic() - wall, time.process_time() - processor, peak_memory_gb())
 

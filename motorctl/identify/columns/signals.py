@@ -9,7 +9,7 @@ are tried, from smoothed signals at the rate of the rows, which is quicker and n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -181,11 +181,18 @@ class Signals(Rows[Spectrum]):
         undo is the path of the command that is taken back: what the command has to give so much
         earlier.
         """
-        parts: list[Array] = []
-        for (spectrum, rows), kept in zip(formed, self.kept, strict=True):
-            filtered = fft.irfft(spectrum * self._gain(rows, undo), rows, axis=1)
-            parts.append(filtered[:, : len(kept)][:, kept])
-        return np.asarray(np.concatenate(parts, axis=1))
+        parts = (self._rows(each, kept, undo) for each, kept in zip(formed, self.kept, strict=True))
+        return np.concatenate(list(parts), axis=1)
+
+    def filtered_apart(self, columns: Iterable[Array], formed_at: int = 1) -> Iterator[Array]:
+        """Yield filtered columns of one stretch after the other, (p, m_k), as by `filtered`."""
+        for part, kept in zip(columns, self.kept, strict=True):
+            yield self._rows(self.formed(part, formed_at), kept, AT_ONCE)
+
+    def _rows(self, formed: Spectrum, kept: NDArray[np.bool_], undo: CommandPath) -> Array:
+        spectrum, rows = formed
+        filtered = fft.irfft(spectrum * self._gain(rows, undo), rows, axis=1)
+        return np.asarray(filtered[:, : len(kept)][:, kept])
 
     @property
     def motion_step(self) -> int:

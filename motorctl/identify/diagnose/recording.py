@@ -21,6 +21,7 @@ from motorctl.identify.columns.measured import (
 from motorctl.identify.columns.pieces import shortened, without
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.usual_mistakes import check_columns
+from motorctl.identify.diagnose.freed_memory import give_freed_memory_back
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.both_sides import searched
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
@@ -107,6 +108,7 @@ def diagnose_recording(
             axes[name] = diagnose_axis(data, model, tell, recording.segments, test, catalogue)
         except (DataError, UsageError) as error:
             refused[name] = str(error)
+        give_freed_memory_back()
     if not axes:
         raise DataError("\n".join(refused.values()))
     if progress is not None:

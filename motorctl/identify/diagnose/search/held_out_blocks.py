@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -126,21 +127,58 @@ def with_columns(
 ) -> BlockedRegression:
     """Add columns (p2, m) to the right side, before the left one; `tied` is (p2,)."""
     extra = problem.blocks.split(added)
-    cross = problem.columns @ extra.swapaxes(1, 2)
-    own = extra @ extra.swapaxes(1, 2)
+    gram = _gram_with(problem.gram, problem.columns, extra)
     n, p2 = problem.size, len(added)
-    old, new = slice(n), slice(n, n + p2)
-    gram = np.empty((len(own), n + p2 + 1, n + p2 + 1))
-    gram[:, old, old] = problem.gram[:, :n, :n]
-    gram[:, old, -1] = gram[:, -1, old] = problem.gram[:, :n, n]
-    gram[:, -1, -1] = problem.gram[:, n, n]
-    gram[:, old, new], gram[:, -1, new] = cross[:, :n], cross[:, n]
-    gram[:, new, old], gram[:, new, -1] = cross[:, :n].swapaxes(1, 2), cross[:, n]
-    gram[:, new, new] = own
     parts = (problem.columns[:, :n], extra, problem.columns[:, n:])
     held = np.concatenate([problem.soft, np.full(p2, soft)])
     ratios = np.concatenate([problem.tied, np.full(p2, np.nan) if tied is None else tied])
     return BlockedRegression(problem.blocks, parts, gram, held, ratios)
+
+
+def total_with(problem: BlockedRegression, added: Iterable[Array]) -> Array:
+    """Return the products over all blocks with columns added as by `with_columns`, (q, q).
+
+    Parameters
+    ----------
+    problem
+        To whose right side they are added.
+    added
+        The columns of the first rows, (p2, m_1), of those after them, (p2, m_2), and so on: of a
+        long recording many columns need not be there at once.
+    """
+    length, grams, first = problem.blocks.length, [], 0
+
+    def multiplied(rows: Array) -> int:
+        blocks = Blocks(-(-rows.shape[1] // length), length)
+        here = slice(first, first + blocks.count)
+        grams.append(_gram_with(problem.gram[here], problem.columns[here], blocks.split(rows)))
+        return blocks.count
+
+    waiting = np.zeros((0, 0))
+    for part in added:
+        waiting = np.concatenate([waiting, part], axis=1) if waiting.size else part
+        whole = waiting.shape[1] // length * length
+        if whole:
+            first += multiplied(waiting[:, :whole])
+            waiting = waiting[:, whole:].copy()
+    if waiting.size:
+        multiplied(waiting)
+    return np.asarray(np.concatenate(grams).sum(axis=0))
+
+
+def _gram_with(gram: Array, columns: Array, extra: Array) -> Array:
+    """Return the products of columns (b, n + 1, q) and of extra ones (b, p2, q) before the last."""
+    cross, own = columns @ extra.swapaxes(1, 2), extra @ extra.swapaxes(1, 2)
+    n, p2 = gram.shape[1] - 1, extra.shape[1]
+    old, new = slice(n), slice(n, n + p2)
+    every = np.empty((len(own), n + p2 + 1, n + p2 + 1))
+    every[:, old, old] = gram[:, :n, :n]
+    every[:, old, -1] = every[:, -1, old] = gram[:, :n, n]
+    every[:, -1, -1] = gram[:, n, n]
+    every[:, old, new], every[:, -1, new] = cross[:, :n], cross[:, n]
+    every[:, new, old], every[:, new, -1] = cross[:, :n].swapaxes(1, 2), cross[:, n]
+    every[:, new, new] = own
+    return every
 
 
 @dataclass(frozen=True)

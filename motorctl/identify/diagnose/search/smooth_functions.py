@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,15 @@ class SmoothFunctions:
     def columns(self, name: str) -> Array:
         """Return the filtered columns of a rival, (p, m)."""
         return self.signals.kept_rows(("smooth", name), lambda: self._formed(name))
+
+    def columns_apart(self, names: Sequence[str]) -> Iterator[Array]:
+        """Yield the columns of some rivals together, (p, m_k), one stretch after the other.
+
+        Those of a long recording take gigabytes at once; none are kept.
+        """
+        stretches, d = self.signals.stretches, self.signals.decimation
+        over = (np.vstack([self._of(name, s, d) for name in names]) for s in stretches)
+        return self.signals.filtered_apart(over, d)
 
     def powers_of_position(self, count: int) -> Array:
         """Return the filtered powers 1 to count of the position, (count, m).

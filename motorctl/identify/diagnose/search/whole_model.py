@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.diagnose.search.held_out_blocks import RIDGE, SMOOTHING, with_columns
+from motorctl.identify.diagnose.search.held_out_blocks import RIDGE, SMOOTHING, total_with
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.parameters import robust_covariance, values_of
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
@@ -151,14 +151,15 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
         The declared model alone.
     """
     smooth = SmoothFunctions(base.regressors.signals)
-    columns = np.vstack([smooth.columns(name) for name in NUISANCES])
-    problem = with_columns(base.problem, columns, soft=True)
-    lengths = np.sqrt(np.maximum(problem.total.diagonal(), TINY))
-    gram = problem.total / np.outer(lengths, lengths)
-    two, others = np.array([0, problem.size]), np.arange(1, problem.size)
-    ridge = np.diag(np.where(problem.soft, SMOOTHING, RIDGE))[1:, 1:]
+    total = total_with(base.problem, smooth.columns_apart(NUISANCES))
+    lengths = np.sqrt(np.maximum(total.diagonal(), TINY))
+    gram = total / np.outer(lengths, lengths)
+    size = len(total) - 1
+    two, others = np.array([0, size]), np.arange(1, size)
+    ridge = np.full(size, SMOOTHING)
+    ridge[: base.problem.size] = np.where(base.problem.soft, SMOOTHING, RIDGE)
     beside, cross = gram[np.ix_(others, others)], gram[np.ix_(others, two)]
-    by = np.linalg.solve(beside + ridge, cross)
+    by = np.linalg.solve(beside + np.diag(ridge[1:]), cross)
     # Of what is left as it is: the ridge would leave a part of what the others explain.
     rest = gram[np.ix_(two, two)] - by.T @ cross - cross.T @ by + by.T @ beside @ by
     right, both, left = rest[0, 0], rest[0, 1], rest[1, 1]
