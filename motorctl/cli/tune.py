@@ -80,7 +80,7 @@ def _tune(
     if out.suffix.lower() not in (".yaml", ".yml") or out.is_dir():
         raise UsageError(f"{out}: a configuration is a .yaml file")
     machine, hardware = load_machine(config)
-    require_tunable(machine, axis, out)
+    require_tunable(machine, axis, out, hardware=hardware)
     with tempfile.TemporaryDirectory() as scratch, showing_stages(lines=True) as progress:
         folder = Path(scratch) if report is None else report
         try:

@@ -227,7 +227,8 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
         delay_s=max(fitted_s, axis.adaptation.input_delay_s) + model.delay_s,
         lag_s=model.lag_s,
     )
-    notes = list(fit.notes)
+    told = (model.parameter_names[place], "delay")
+    notes = [note for note in fit.notes if any(name in note for name in told)]
     low, high = plant.theta1_bounds
     if not low <= theta1 <= high:
         notes.append(

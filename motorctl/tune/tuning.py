@@ -30,6 +30,9 @@ NOISE_PER_LIMIT = 0.05
 """Noise of the command at rest that is allowed unless told otherwise, as a part of the axis'
 voltage limit. More heats the motor and sounds, less holds gains down that coarse encoders could
 bear: the published gains of the shipped gantry make a fifth of it."""
+SLIGHTLY = 0.999
+"""Factor on gains that only try whether the text can be changed. Nearer to 1 is lost in the digits
+that are written, further from it may be no valid configuration."""
 GAIN_KEYS = tuple(LoopGains.__dataclass_fields__)
 """Keys of `gains` that are chosen."""
 
@@ -61,8 +64,8 @@ class Tuning:
         return self.chosen.gains
 
 
-def require_tunable(machine: Machine, axis: str, out: Path) -> None:
-    """Insist that the axis is there, and that its gains can be changed in the text.
+def require_tunable(machine: Machine, axis: str, out: Path, *, hardware: bool = True) -> None:
+    """Insist that the axis is there, and that its gains alone can be changed in the text.
 
     Raises UsageError, before anything takes time.
     """
@@ -70,8 +73,8 @@ def require_tunable(machine: Machine, axis: str, out: Path) -> None:
         known = ", ".join(machine.axes)
         raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {known}")
     gains = machine.axes[axis].gains
-    now = LoopGains(gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
-    _text(machine, axis, now, out)
+    other = LoopGains(*(SLIGHTLY * getattr(gains, key) for key in GAIN_KEYS))
+    write_beside(machine, axis, other, out, hardware=hardware).unlink()
 
 
 def tune(

@@ -86,6 +86,7 @@ def test_without_a_log_the_gains_are_tried_out_in_virtual_time(config, tmp_path)
     assert tried_m == pytest.approx(told["after"]["eF_predicted_m"], rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("why", ["trips", "more error"])
 def test_gains_that_trip_or_make_it_worse_are_not_written(config, log, tmp_path, monkeypatch, why):
     runs = []
