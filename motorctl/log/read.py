@@ -195,7 +195,15 @@ def _read_described(path: Path, description: Description) -> Recording:
             if column not in table.names:
                 key = f"axes.{name}.{signal}.column"
                 raise DataError(f"{path}: {key}: {table.missing(column)}")
-    columns, together = brought_together(table.read(wanted), description)
+    read = table.read(wanted)
+    for name, axis in description.axes.items():
+        for signal, column in axis.columns.items():
+            if column in table.in_seconds:
+                raise DataError(
+                    f"{path}: axes.{name}.{signal}.column: column '{column}' of {file} has times "
+                    "where numbers are needed"
+                )
+    columns, together = brought_together(read, description)
     described = [axis.motion.column for axis in description.axes.values()]
     sound, wild = _without_wild(table, columns, described)
     sound, turns = _with_turns_counted(table, sound, description)
@@ -205,7 +213,8 @@ def _read_described(path: Path, description: Description) -> Recording:
         grid = grid_of_rate(table, rows, description.sample_rate_hz)
     else:
         motion = [sound[name] for name in described]
-        time_s = sound[clock.column] * clock.seconds
+        unit_s = 1.0 if clock.column in table.in_seconds else clock.seconds
+        time_s = sound[clock.column] * unit_s
         grid = grid_of_time(table, clock.column, time_s, motion=motion)
     for part, span in description.segments.given.items():
         _require_within(path, part, span, grid)

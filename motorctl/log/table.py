@@ -30,6 +30,8 @@ class Table(ABC):
     kind: str
     notes: tuple[str, ...] = ()
     """What a reader of results should know of the file."""
+    in_seconds: frozenset[str] = frozenset()
+    """Columns of dates or times of day that were read as seconds."""
 
     def __init__(
         self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None

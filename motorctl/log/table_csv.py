@@ -13,7 +13,8 @@ import pyarrow.csv
 from motorctl.errors import DataError
 from motorctl.log.table import Array, Table
 from motorctl.log.text_head import read_head
-from motorctl.log.text_lines import BLANKS, COMMENTS, EMPTY
+from motorctl.log.text_lines import BLANKS, COMMENTS, EMPTY, all_cells, first_lines, is_remark
+from motorctl.log.text_times import is_time, seconds_since_first
 
 
 class CsvTable(Table):
@@ -57,16 +58,44 @@ class CsvTable(Table):
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
         if self._head.delimiter == BLANKS:
             return self._between_blanks(names)
+        times: frozenset[str] = frozenset()
         try:
             table = self._parse(names, threads=True)
         except (pa.ArrowException, OSError, ValueError):
+            times = self._times_among(names)
             try:  # the parser knows the row only where it works in one thread
-                table = self._parse(names, threads=False)
+                table = self._parse(names, threads=False, times=times)
             except (pa.ArrowException, OSError, ValueError) as error:
                 raise DataError(self._cause(str(error))) from error
-        return {name: np.array(table.column(name).to_numpy()) for name in names}
+        return {
+            name: self._seconds(name, table.column(name).to_pylist())
+            if name in times
+            else np.array(table.column(name).to_numpy())
+            for name in names
+        }
 
-    def _parse(self, names: Sequence[str], threads: bool) -> pa.Table:
+    def _times_among(self, names: Sequence[str]) -> frozenset[str]:
+        """Return which columns have dates or times of day in the first row."""
+        lines = first_lines(self.path, self._head.lines + 1, self._head.encoding)
+        row = next((line for line in lines[self._head.lines :] if not is_remark(line)), "")
+        cells = dict(zip(self.names, all_cells(row, self._head.delimiter), strict=False))
+        return frozenset(name for name in names if is_time(cells.get(name, "")))
+
+    def _seconds(self, name: str, cells: list[str | None]) -> Array:
+        """Return the seconds of a column of times, and tell of it."""
+        seconds, wrong = seconds_since_first(cells)
+        if wrong is not None:
+            raise DataError(
+                f"{self.path}: {self.row(wrong)}: column '{name}' is not a time like the first: "
+                f"'{str(cells[wrong])[:40]}'"
+            )
+        self.in_seconds |= {name}
+        self.notes += (f"column '{name}' has times, the first {cells[0]}: seconds from there",)
+        return seconds
+
+    def _parse(
+        self, names: Sequence[str], threads: bool, times: frozenset[str] = frozenset()
+    ) -> pa.Table:
         return pa.csv.read_csv(
             self.path,
             read_options=pa.csv.ReadOptions(
@@ -78,7 +107,7 @@ class CsvTable(Table):
             parse_options=pa.csv.ParseOptions(delimiter=self._head.delimiter),
             convert_options=pa.csv.ConvertOptions(
                 include_columns=list(names),
-                column_types=dict.fromkeys(names, pa.float64()),
+                column_types={n: pa.string() if n in times else pa.float64() for n in names},
                 null_values=list(EMPTY),
                 decimal_point=self._head.decimal_point,
             ),

@@ -5,8 +5,6 @@ What each machine is was found by an analysis apart from `diagnose` (docs/real_m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from motorctl_benchmarks.real_machines.arm_readers import (
     ar5,
     joint_friction,
@@ -76,7 +74,6 @@ from motorctl_benchmarks.real_machines.motor_readers import (
     two_arms,
 )
 from motorctl_benchmarks.real_machines.readers import (
-    Read,
     actuator,
     arm,
     bare_motor,
@@ -101,6 +98,7 @@ from motorctl_benchmarks.real_machines.readers import (
     wam,
     wheel,
 )
+from motorctl_benchmarks.real_machines.real_axis import RealAxis
 from motorctl_benchmarks.real_machines.stage_readers import (
     STIFF,
     STIFF_LATER,
@@ -120,22 +118,16 @@ from motorctl_benchmarks.real_machines.walker_readers import (
     light_elbow,
     walking_hip,
 )
-
-
-@dataclass(frozen=True)
-class RealAxis:
-    """One axis of a recording, and what may be said of it."""
-
-    name: str
-    read: Read
-    """Returns its columns from the folder of all recordings."""
-    unit: str
-    may_name: tuple[str, ...] = ()
-    """Effects that the machine has; none other may be named."""
-    position_unit: str = "rad"
-    scale: int = 1
-    """Of the command; -1 where its sign is known to be the other one."""
-
+from motorctl_benchmarks.real_machines.workshop_readers import (
+    DRIVE_RUNS,
+    GEARS,
+    excavator,
+    geared_tool,
+    joint_drive,
+    learnt_arm,
+    light_arm,
+    printed_gear,
+)
 
 LIN_A = actuator("LinA/data/pp-sine-sweep-10mm-0.5Hz.txt")
 LIN_B = actuator("LinB/data/no-load-square-wave-half-travel-3Hz.txt")
@@ -242,6 +234,12 @@ COURSE_SINE = "part2_Sine_1_2026-01-31_19-10/Sine_Raw.mat"
 SHAFT_RANDOM = "futek_test_06_05_2021_14-21-05.csv"
 SHAFT_HELD = "futek_test_13_05_2021_18-10-31.csv"
 NO_BRAKE = "speed_test_13_02_2021_13-53-46.csv"
+ON_A_BENCH = ("flexible_mode",)
+"""Position over torque is least at 10 Hz, and in phase from 15 Hz on."""
+HELD_OUTPUT = ("position_force", "presliding", "backlash")
+"""The gear is a spring with play and hysteresis between the motor and what holds the output."""
+VALVES = (*LATE_MOTION, "dead_zone")
+"""A valve that gives a speed, 100 to 170 ms later, and none around its middle."""
 TABLE_RUNS = {"chirp": "chirpFi1Ff9", "square": "SquareA5F08", "random": "RandomA05F01"}
 FAIRINO_3 = joint_friction("FAIRINO Robot/verify_robot_S_slow_processed.csv")
 FRANKA_2 = joint_friction("Franka Robot/case3_high.csv")
@@ -482,4 +480,19 @@ AXES: tuple[RealAxis, ...] = (
     ),
     RealAxis("bare motor with a rod", bare_rod("id_data/1"), "V"),
     RealAxis("thin link", thin_link, "V", BENDING, "deg"),
+    *(RealAxis(f"joint drive, {run}", joint_drive(run), "A", ON_A_BENCH) for run in DRIVE_RUNS),
+    *(
+        RealAxis(f"held gear, {kind}", printed_gear(kind), "A", HELD_OUTPUT, "turn")
+        for kind in GEARS
+    ),
+    *(RealAxis(f"LWR joint {k}", light_arm(k), "N*m", CARRIED) for k in range(1, 8)),
+    *(
+        RealAxis(f"excavator's {name.lower()}", excavator(name), "%", VALVES, "mm")
+        for name in ("Boom", "Stick", "Bucket", "Swing")
+    ),
+    *(
+        RealAxis(f"geared tool, move {run}.{k}", geared_tool(run, k), "%", LATE_MOTION, "deg")
+        for run, k in (("06", 0), ("07", 2))
+    ),
+    *(RealAxis(f"learnt arm, {run}", learnt_arm(run), "N*m") for run in ("e", "v3")),
 )

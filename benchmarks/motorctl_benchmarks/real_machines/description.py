@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from motorctl_benchmarks.real_machines.axes import RealAxis
 from motorctl_benchmarks.real_machines.readers import Columns
+from motorctl_benchmarks.real_machines.real_axis import RealAxis
 
 
 def described(axis: RealAxis, columns: Columns, folder: Path) -> Path:

@@ -88,6 +88,12 @@ REACTION_WHEEL = "sachinumans/IntegrationProject2022"
 PENDULUM_WHEEL = "jackh1nes/Integration_Project"
 BARE_ROD = "chewy441014/mae277_assign2"
 THIN_LINK = "gleylaz/Optimal_SysID"
+JOINT_DRIVE = "mmaag01/Actuator-Net"
+PRINTED_GEAR = "JelmerV/Anti-Backlash-Cycloidal-Actuator"
+LIGHT_ARM = "kjyv/FloBaRoID"
+EXCAVATOR = "mitchallain/BeagleBone-excavator"
+GEARED_TOOL = "gramaziokohler/integral_timber_joints"
+LEARNT_ARM = "Cambridge-Control-Lab/Passive_lifted_FIR_filters_for_nonlinear_system_identification"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -171,6 +177,12 @@ REPOSITORIES = (
     PENDULUM_WHEEL,
     BARE_ROD,
     THIN_LINK,
+    JOINT_DRIVE,
+    PRINTED_GEAR,
+    LIGHT_ARM,
+    EXCAVATOR,
+    GEARED_TOOL,
+    LEARNT_ARM,
 )
 """On GitHub."""
 COMMITS = {
@@ -179,6 +191,10 @@ COMMITS = {
     CRANE: "adf4a81b4a2389b1dff19aad86cbc33450f59e54",
     BELT_CART: "89b023a2117fcd8a74efc22a287523423317abdf",
     SCHUNK: "3897268a9545555f8010b2b7ed913645fb87fc13",
+    JOINT_DRIVE: "07b1c87367dc0e1ec8c997cf8749f150f2d6c4d6",
+    PRINTED_GEAR: "39055cd060f2dc5ee879736050a97bd66ba0adcc",
+    LIGHT_ARM: "4e2e5a2992f2175aa4e494c0d827590435a969a8",
+    GEARED_TOOL: "ff4e975575192240cff803e6feb1aca075ab48c2",
 }
 """Of those whose newest commit has not the recordings."""
 

@@ -17,10 +17,11 @@ from motorctl.identify.fit.declared_models import controller_list
 from motorctl.log import Recording, read_recording
 from motorctl.model.sign_function import slope_of
 from motorctl_benchmarks.diagnosis.answer import Answer, answer_of, in_one_line
-from motorctl_benchmarks.real_machines.axes import AXES, RealAxis
+from motorctl_benchmarks.real_machines.axes import AXES
 from motorctl_benchmarks.real_machines.description import described
 from motorctl_benchmarks.real_machines.peer_models import peer_errors
 from motorctl_benchmarks.real_machines.readers import Columns
+from motorctl_benchmarks.real_machines.real_axis import RealAxis
 
 FITTED = 2.0 / 3.0
 """Part of a recording that is fitted. Convention."""

@@ -82,6 +82,10 @@ FAR_BEYOND_NOISE = 100.0
 """Way over what counts as rest behind the encoder's noise, from which an axis that hardly ever
 moves did move at times. Larger calls short moves noise, smaller calls noise a move. Chosen by
 hand: drift reaches ten times, the moves of axes that rest ten thousand."""
+STANDS = 1e-3
+"""Part of its way by which a position may change from row to row where it stands still. Larger
+takes slow travel for rest, smaller what resampling leaves of rest for motion. Chosen by hand: a
+hobby servo's count is twice as much."""
 MOST_GAINS = 64
 """Filters kept ready, one for each length and path of the command. Larger takes memory, smaller
 forms them again. Chosen by hand."""
@@ -352,6 +356,15 @@ def low_pass_response(band_hz: float) -> Response:
     return response
 
 
+def _stands_still(data: Measured) -> bool:
+    """Return whether a position stands still in most rows, so that what moves it is no noise.
+
+    Where rows come slowly, a move of a few rows counts as noise.
+    """
+    used = data.position[data.usable]
+    return bool(np.median(np.abs(np.diff(used))) < STANDS * np.ptp(used))
+
+
 def make_signals(
     data: Measured,
     band_hz: float | None = None,
@@ -404,7 +417,7 @@ def make_signals(
     moving = sum(int(k.sum()) for k in kept)
     if enough >= FEWEST_ROWS and moving < FEWEST_ROWS:
         moved = float(np.ptp(data.position[data.usable]))
-        if moved > FAR_BEYOND_NOISE * REST_RANGE * rms:
+        if moved > FAR_BEYOND_NOISE * REST_RANGE * rms or _stands_still(data):
             raise DataError(
                 f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "
                 f"but rests nearly all of the time: in motion are {moving} rows below "

@@ -10,6 +10,8 @@ from fit_plant import C1
 from other_plant import OtherPlant
 from tiers import few_of
 
+from motorctl.errors import DataError
+from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import slow_reversal, spans_of
 from motorctl.identify.columns.stretches import Stretch, sticks
@@ -142,3 +144,23 @@ def test_what_is_wrong_at_the_ends_of_a_stretch_does_not_reach_the_rows():
         part[:, :5] += 1e3
         part[:, -5:] -= 1e3
     assert np.array_equal(slow.filtered(wrong), slow.filtered(sound))
+
+
+def test_a_servo_that_is_logged_slowly_rests_and_is_not_noise():
+    """Moves of a third of a second, ten rows a second, counts of a hobby servo."""
+    t = np.arange(0.0, 30.0, 0.1)
+    way = np.clip((t % 8.0 - 2.0) / 0.3, 0.0, 1.0) - np.clip((t % 8.0 - 6.0) / 0.3, 0.0, 1.0)
+    count = 2.0 * np.pi / 4096.0
+    servo = Measured(
+        source="servo.csv",
+        axis="x",
+        sample_rate_hz=10.0,
+        time_s=t,
+        position=np.round(0.6 * way / count) * count,
+        command=30.0 * np.gradient(way, t),
+        usable=np.ones(len(t), dtype=np.bool_),
+        position_unit="rad",
+        command_unit="%",
+    )
+    with pytest.raises(DataError, match=r"it moves over 0\.6.* rests nearly all of the time"):
+        make_signals(servo)

@@ -33,6 +33,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     GIVES,
     OF_INERTIA,
     InertiaRange,
+    can_move,
     friction_power,
     inertia_of,
     inertia_off,
@@ -64,9 +65,9 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     notes: list[str] = []
     final = found.final
     asked = (None,) if held_out is None else (None, held_out)
-    yardstick, name = _yardstick(found)
-    others = [(rows, position_of_declared(yardstick, rows)) for rows in asked if final.added]
     known = known_inertias(found.base) if final.added else ()
+    yardstick, name = _yardstick(found, known)
+    others = [(rows, position_of_declared(yardstick, rows)) for rows in asked if final.added]
     while final.added:
         forbidden = beyond_physics(final)
         allowed = forbidden and physical(final, forbidden[0].name)
@@ -79,7 +80,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
         refuted = refuted or next(filter(None, worse), None)
         if held_out is not None:
-            refuted = refuted or moves_no_nearer(final, held_out)
+            refuted = refuted or moves_no_nearer(final, held_out, known)
         if refuted is None:
             break
         effect, why = refuted
@@ -100,17 +101,20 @@ def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
     return None
 
 
-def moves_no_nearer(final: Hypothesis, held_out: Rows) -> tuple[Effect, str] | None:
+def moves_no_nearer(
+    final: Hypothesis, held_out: Rows, known: Sequence[InertiaRange] = ()
+) -> tuple[Effect, str] | None:
     """Return the effect that brings the simulated motion no nearer to the recorded one, and why.
 
     Of each effect that moves the axis, beside all others: of position and velocity on rows held
-    out, over windows of all lengths. Where the model without it cannot move, nothing is asked.
+    out, over windows of all lengths. Where the model without it cannot move, or is too heavy to,
+    nothing is asked.
     """
     after = simulated_motion(final, held_out)
     found: dict[str, float] = {}
     for effect in final.added:
         rest = final.without(effect.name).refreshed()
-        if effect.kind == "measurement" or float(rest.b[0]) <= 0.0:
+        if effect.kind == "measurement" or not can_move(rest, known):
             continue
         pairs = zip(simulated_motion(rest, held_out), after, strict=True)
         ratios = [ratio for pair in pairs for ratio in ratios_of(*pair).values()]
@@ -193,17 +197,18 @@ def led_at_its_end(found: Found) -> tuple[str, ...]:
     )
 
 
-def _yardstick(found: Found) -> tuple[Hypothesis, str]:
+def _yardstick(found: Found, known: Sequence[InertiaRange]) -> tuple[Hypothesis, str]:
     """Return the model whose own motion no other may be further from, the declared one, and a name.
 
-    Where its inertia is negative it cannot be simulated: then that with the one effect which takes
-    most away and lets it move, as a weight does. What was found beside that one is measured by it.
+    Where its inertia is negative it cannot be simulated, and where it is far heavier than what is
+    seen it does not move: then that with the one effect which takes most away and lets it move, as
+    a weight does. What was found beside that one is measured by it.
     """
     base, added = found.base, found.final.added
-    if float(base.b[0]) > 0.0:
+    if not added or can_move(base, known):
         return base, "the declared one"
     alone = [base.plus(effect).refreshed() for effect in added if effect.kind == "state"]
-    able = [each for each in alone if float(each.b[0]) > 0.0 and beyond_physics(each) is None]
+    able = [each for each in alone if can_move(each, known) and beyond_physics(each) is None]
     best = min(able, key=lambda each: each.held_out, default=base)
     return best, "the one with " + " and ".join(effect.name for effect in best.added) + " alone"
 

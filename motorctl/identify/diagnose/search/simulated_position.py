@@ -18,6 +18,7 @@ from scipy.stats import gmean
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.whole_model import InertiaRange, can_move
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -103,13 +104,15 @@ def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[
     return _motion_missed(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
 
 
-def position_of_declared(base: Hypothesis, held: Rows | None = None) -> Missed:
+def position_of_declared(
+    base: Hypothesis, held: Rows | None = None, known: Sequence[InertiaRange] = ()
+) -> Missed:
     """Return what the declared model misses of the position, that any other is compared with.
 
-    Nothing where its inertia would be negative, as beside a weight that outweighs it: such a model
-    cannot be simulated.
+    Nothing where its inertia would be negative, as beside a weight that outweighs it, or far beyond
+    what is `known`: such a model cannot be simulated, or does not move.
     """
-    return simulated_position(base, held) if float(base.b[0]) > 0.0 else {}
+    return simulated_position(base, held) if can_move(base, known) else {}
 
 
 def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:

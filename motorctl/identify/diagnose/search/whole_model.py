@@ -8,6 +8,7 @@ the command does its work.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -176,6 +177,16 @@ def inertia_of(model: Hypothesis) -> float:
     """Return a model's inertia in units of the command; infinite where none acted in motion."""
     per_command = float(model.b[0])
     return 1.0 / per_command if per_command else math.inf
+
+
+def can_move(model: Hypothesis, known: Sequence[InertiaRange]) -> bool:
+    """Return whether a model has an inertia with which its command can move it.
+
+    One that is far heavier than what is known goes on as it goes, whatever acts on it: over a short
+    window of a slow motion nothing comes nearer, and that says nothing of any force.
+    """
+    inertia = inertia_of(model)
+    return 0.0 < inertia < math.inf and all(inertia <= FAR_OFF * by.high for by in known)
 
 
 def inertia_off(model: Hypothesis, known: InertiaRange) -> float:

@@ -16,8 +16,8 @@ from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.search.forms import all_lines
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedRegression,
+    blocks_out_of_step,
     held_out_sse,
-    make_blocks,
     make_problem,
     solve,
     with_columns,
@@ -44,12 +44,12 @@ hand."""
 LASTS_S = 0.05
 """Time that a speed of a motion one way lasts at least [s]. Larger misses quick changes, smaller
 counts ripple. Chosen by hand: the ripple of a geared joint is a fifth of that."""
-REVERSED = 0.4
+REVERSED = 0.5
 """The part that acceleration and friction must explain for their signs to be called reversed, or to
 count without a force of the place. Larger misses reversed commands of loaded axes, smaller accuses
 motion that the command hardly drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link
-that others drag 0.26, the angle that a servo is sent to 0.26; single moves of a real arm 0.5 to
-0.98."""
+that others drag 0.26, a joint of an arm whose joints all move in step 0.44, the angle that a servo
+is sent to 0.26; single moves of a real arm 0.5 to 0.98."""
 INERTIA_SEEN = 0.1
 """Part of the command that inertia must ask for, for its sign to count. Larger judges by friction
 alone, smaller by an inertia that unknown forces make. Chosen by hand."""
@@ -230,7 +230,7 @@ def _of_command(signals: Signals, model: EffectList) -> tuple[Hypothesis, Array,
 
     The energy is that beside its mean, which no motion has to explain.
     """
-    blocks = make_blocks(signals.rows, signals.row_period_s)
+    blocks = blocks_out_of_step(signals.picked(lambda s: s.v), signals.row_period_s)
     motion = Hypothesis(Regressors(signals, model, blocks, "command")).refreshed()
     command = motion.problem.joined(signals.rows)[-1]
     return motion, command, max(float(np.sum((command - command.mean()) ** 2)), 1e-300)

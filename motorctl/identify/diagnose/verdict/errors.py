@@ -29,6 +29,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     simulated_position,
 )
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
+from motorctl.identify.diagnose.search.whole_model import known_inertias
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -153,8 +154,10 @@ def model_error(found: Found, split: Split, final: BlockedRegression, unit: str)
     floor = min(floor_of(found), after, before)
     regressors = found.final.regressors
     command = final.columns[:, regressors.command_column].ravel()[: regressors.signals.rows][held]
-    missed = position_of_declared(found.base, held), simulated_position(found.final, held)
-    simulated = judge_by_simulation(regressors.signals, *missed)
+    known = known_inertias(found.base) if found.final.added else ()
+    declared = position_of_declared(found.base, held, known)
+    missed = simulated_position(found.final, held)
+    simulated = judge_by_simulation(regressors.signals, declared, missed)
     return ModelError(
         unit=unit,
         held_out_before_rms=before,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -189,7 +190,7 @@ def check_explains(
             raise coarse
         raise UnexplainedMotionError(
             f"{data.place}: the command explains none of the acceleration, and the motion "
-            f"{100.0 * max(share, 0.0):.0f} % of the command (at least "
+            f"{math.floor(100.0 * max(share, 0.0))} % of the command (at least "
             f"{100.0 * MOVED_ENOUGH:.0f} % are needed): are these the position and the command "
             "of the same axis, in time with each other? Where other axes load this one, as in an "
             "arm, record them beside it",

@@ -24,6 +24,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     position_of_declared,
     simulated_position,
 )
+from motorctl.identify.diagnose.search.whole_model import known_inertias
 from motorctl.identify.diagnose.verdict.errors import REPORT_HZ, explained, per_command
 from motorctl.model.sign_function import slope_of
 
@@ -60,7 +61,7 @@ def error_on(test: Measured, found: Found, error: ModelError) -> tuple[ModelErro
             moved = _shifted(moved, shift)
     simulated = judge_by_simulation(
         moved,
-        position_of_declared(found.base.on(moved)),
+        position_of_declared(found.base.on(moved), known=known_inertias(found.base)),
         simulated_position(found.final.on(moved)),
     )
     gain = abs(float(found.final.b[0]))
