@@ -108,8 +108,8 @@ class RecordedLoop:
 def recorded_loop(recording: Recording, machine: Machine, name: str) -> RecordedLoop:
     """Return what a log tells of the loop of an axis.
 
-    Inertia, friction and delay are fitted to the log; a lag and a delay that the model declares
-    come on top of the delay.
+    Inertia, friction and delay are fitted to the log. A lag that the model declares is taken out of
+    the delay; one that it does not declare counts as delay, which leaves more margin than is told.
 
     Parameters
     ----------
@@ -218,13 +218,14 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
             f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} V*s^2/m: margins need it "
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
         )
-    fitted_s = max(fit.delay_s, 0.0) + DELAY_ERRORS * fit.estimate.delay_std_error_s
+    # The fitted delay is all by which the command is late, a declared lag and delay included.
+    fitted_s = fit.delay_s + DELAY_ERRORS * fit.estimate.delay_std_error_s - model.lag_s
     plant = PlantEstimate(
         theta1=theta1,
         theta2=0.0 if viscous is None else max(float(fit.theta[viscous]), 0.0),
         theta1_bounds=parameter_range(axis.model, axis.estimates, "acceleration")[1:],
         theta2_bounds=parameter_range(axis.model, axis.estimates, "velocity")[1:],
-        delay_s=max(fitted_s, axis.adaptation.input_delay_s) + model.delay_s,
+        delay_s=max(fitted_s, model.delay_s, axis.adaptation.input_delay_s),
         lag_s=model.lag_s,
     )
     told = (model.parameter_names[place], "delay")

@@ -201,3 +201,18 @@ def test_a_machine_without_a_program_has_nothing_to_lower(tmp_path):
     still.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(UsageError, match="axis y has no program"):
         run("y", "--config", still, "--out", tmp_path / "t.yaml")
+
+
+@pytest.mark.slow
+def test_a_lag_that_the_model_declares_counts_once(tmp_path):
+    parts = SHORT.rpartition(
+        "      em_cubic: {initial: -0.0003, bounds: [-0.001, 0], covariance: 0.005}\n"
+    )
+    lagging = tmp_path / "lagging.yaml"
+    lag = "      input_lag: {time_s: 490.0e-6}\n"
+    lagging.write_text(parts[0] + parts[1] + lag + parts[2], encoding="utf-8")
+    log = tmp_path / "lagging.parquet"
+    simulate(load(lagging), log)
+    loop = recorded_loop(read_recording(log, gaps="keep"), load(lagging), "y")
+    assert loop.plant.lag_s == pytest.approx(490e-6)
+    assert loop.plant.delay_s + loop.plant.lag_s == pytest.approx(490e-6, abs=120e-6)
