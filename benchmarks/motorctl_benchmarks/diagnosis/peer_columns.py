@@ -25,7 +25,8 @@ from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.search import ranked, whitened
+from motorctl.identify.diagnose.search.ranking import ranked
+from motorctl.identify.diagnose.search.search import whitened
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.log import Recording

@@ -12,12 +12,12 @@ from motorctl.identify.diagnose.search.acceptance import gain
 from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.option_ranges import at_bound
+from motorctl.identify.diagnose.search.ranking import ranked
 from motorctl.identify.diagnose.search.search import (
     LONGEST_SEARCH_S,
     Found,
     InputInstead,
     physical_form,
-    ranked,
     whitened,
 )
 from motorctl.model.sign_function import sign_of

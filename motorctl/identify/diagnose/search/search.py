@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,9 @@ from motorctl.identify.diagnose.search.acceptance import (
     in_step,
 )
 from motorctl.identify.diagnose.search.forms import (
-    NEAR,
     Form,
-    all_lines,
-    best_form,
     candidates,
     measure,
-    refined,
 )
 from motorctl.identify.diagnose.search.held_out_blocks import (
     Blocks,
@@ -46,9 +43,12 @@ from motorctl.identify.diagnose.search.mending import (
 )
 from motorctl.identify.diagnose.search.noise_twins import largest_gain
 from motorctl.identify.diagnose.search.option_ranges import at_bound
+from motorctl.identify.diagnose.search.parting import parted
 from motorctl.identify.diagnose.search.physics import physical
+from motorctl.identify.diagnose.search.plain_friction import Whiten, plain_friction
+from motorctl.identify.diagnose.search.ranking import ranked
 from motorctl.identify.diagnose.search.settling import settled
-from motorctl.identify.diagnose.search.simpler import freedom, instead_of, simplest_first
+from motorctl.identify.diagnose.search.simpler import freedom, instead_of
 from motorctl.identify.diagnose.search.smooth_functions import VARIABLES, SmoothFunctions
 from motorctl.identify.diagnose.search.whitening import (
     force_noise_density,
@@ -74,12 +74,6 @@ neighbours. Chosen by hand."""
 MOST_ROUNDS = 8
 """Effects that are added, at most. Larger takes time and names small ones, smaller leaves real
 machines unexplained. Chosen by hand."""
-REFINED = 5
-"""Forms that are looked at for refining in each round: the best by the scan, and those that come
-near. More takes time, fewer may miss one whose scan was coarse. Chosen by hand."""
-PARTLY_SEEN = 2.0
-"""Factor on `NEAR` for effects of which a scan shows only a part. Larger takes time, smaller misses
-them. Chosen by hand."""
 PLAIN_GAIN = 600.0
 """Beyond this gain no noise twin of any machine has come: below, the machine's own twins are asked.
 Larger takes time, smaller lets false names pass unasked. Chosen by hand on the simulated
@@ -183,6 +177,21 @@ def whitened(
     return Regressors(white, declared, blocks, side, catalogue), noise
 
 
+def sharply_whitened(
+    signals: Signals,
+    declared: EffectList,
+    added: tuple[Effect, ...],
+    catalogue: Catalogue | None = None,
+) -> tuple[Regressors, float]:
+    """Return the same with the noise estimated behind the filter of a first estimate.
+
+    That takes a part of the position's noise, which is all at high frequencies, for noise of the
+    force; so rows say less of slow forces, such as friction's, than they could.
+    """
+    first, _ = whitened(signals, declared, added, "acceleration", catalogue)
+    return whitened(first.signals, declared, added, "acceleration", catalogue)
+
+
 def plain_model(
     signals: Signals,
     declared: EffectList,
@@ -242,6 +251,7 @@ def search(
     spans = spans_of(signals)
     tell = progress or (lambda _: None)
     added: tuple[Effect, ...] = ()
+    given, recorded = declared, signals
     steps: list[Step] = []
     regressors, noise = whitened(signals, declared, added, side, catalogue)
     hypothesis = Hypothesis(regressors).refreshed()
@@ -258,7 +268,11 @@ def search(
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
-        better = mended(hypothesis, forms, noise, spans, least)
+        whiten = partial(sharply_whitened, signals, declared, catalogue=catalogue)
+        plain = None
+        if side == "acceleration":
+            plain = plain_friction(hypothesis, forms, least, spans, whiten)
+        better = None if plain else mended(hypothesis, forms, noise, spans, least)
         if better is not None:
             if better.taken is not None:
                 steps.append(Step(better.tried, better.shape, better.taken))
@@ -274,7 +288,8 @@ def search(
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
         fit = (f for f in near if acceptable(hypothesis, f, noise, spans, least))
-        taken = next(filter(None, (physical_form(hypothesis, f) for f in fit)), None)
+        physicals = (physical_form(hypothesis, f) for f in fit)
+        taken = plain or next(filter(None, physicals), None)
         steps.append(Step(tuple(forms), hypothesis, taken, ended))
         if taken is None:
             break
@@ -288,12 +303,37 @@ def search(
         hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, sign, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, sign)
+        hypothesis = told_apart(hypothesis, spans, sign, steps)
         hypothesis = backward(hypothesis, noise, spans)
         if {e.name for e in hypothesis.added} == {e.name for e in added if e is not taken.effect}:
             break  # what was just taken was dropped again, and would be for ever
         added = hypothesis.added
+    if side == "acceleration" and declared is not given:
+        whiten = partial(sharply_whitened, recorded, given, catalogue=catalogue)
+        with_shape = hypothesis
+        hypothesis = _of_declared_shape(hypothesis, given, spans, steps, whiten)
+        if hypothesis is not with_shape:
+            regressors, noise = whitened(recorded, given, hypothesis.added, side, catalogue)
+            hypothesis = settled(Hypothesis(regressors, hypothesis.added).refreshed(), spans)
     base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
+
+
+def _of_declared_shape(
+    mended: Hypothesis, declared: EffectList, spans: Spans, steps: list[Step], whiten: Whiten
+) -> Hypothesis:
+    """Return the model with an effect of friction in the place of the shape that was mended.
+
+    Asked once all else was found: beside what was missing, the shape may have stood for it.
+    """
+    before = Hypothesis(mended.regressors.with_declared(declared), mended.added).refreshed()
+    classes = [cls for cls in candidates(before, spans) if "friction" in cls.groups]
+    forms = ranked(before, classes, spans, sign_of(declared.effects))
+    taken = plain_friction(before, forms, LEAST_GAIN, spans, whiten)
+    if taken is None:
+        return mended
+    steps.append(Step(tuple(forms), before, taken))
+    return before.plus(taken.effect)
 
 
 def nothing_sought(signals: Signals, declared: EffectList) -> Found:
@@ -322,50 +362,12 @@ def over_all(found: Found, signals: Signals, catalogue: Catalogue | None) -> Fou
     return replace(found, base=base, final=final, force_noise=noise, rival_gains=rival_gains(final))
 
 
-def ranked(
-    hypothesis: Hypothesis, classes: list[type[Effect]], spans: Spans, sign: Sign | None
-) -> list[Form]:
-    """Return the best form of every effect, best first; those in front refined."""
-    scanned = [best_form(hypothesis, cls, spans, sign) for cls in classes]
-    forms = sorted((f for f in scanned if f is not None), key=lambda f: f.held_out)
-    if not forms:
-        return []
-    best = gain(hypothesis, forms[0].held_out)
-    front = [0]
-    for k, form in enumerate(forms[1:], 1):
-        waves, partly = "wave_over_position" in form.effect.groups, form.effect.scan_shows_part
-        if partly and _shown_of_rare_events(hypothesis, form) > max(best, LEAST_GAIN) / NEAR:
-            front.append(k)
-            continue
-        if best <= LEAST_GAIN / 2.0 or (k >= REFINED and not waves):
-            continue
-        near = NEAR * (PARTLY_SEEN if partly else 1.0)
-        shown = gain(hypothesis, form.held_out)
-        if shown <= best / near and waves:
-            shown = gain(hypothesis, all_lines(hypothesis, type(form.effect), spans))
-        if shown > best / near:
-            front.append(k)
-    improved = [refined(hypothesis, forms[k], spans) for k in front]
-    rest = [form for k, form in enumerate(forms) if k not in front]
-    by_error = sorted([*improved, *rest], key=lambda f: f.held_out)
-    return simplest_first(hypothesis, by_error, spans)
-
-
 def _led_at_its_end(hypothesis: Hypothesis, forms: Sequence[Form], spans: Spans) -> Form | None:
     """Return the best form where it gains enough for a name and has come to an end of its range."""
     best = next(iter(forms), None)
     if best is None or gain(hypothesis, best.held_out) < LEAST_GAIN:
         return None
     return best if at_bound(best.effect, spans) else None
-
-
-def _shown_of_rare_events(hypothesis: Hypothesis, form: Form) -> float:
-    """Return the gain of a form on the rows that it is fitted to.
-
-    A rough form may fit a rare event well, and yet say nothing of the next.
-    """
-    left = form.sse / max(hypothesis.solution.sse, 1e-300)
-    return gain(hypothesis, hypothesis.held_out * left)
 
 
 def sideways(
@@ -434,6 +436,18 @@ def merged(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Hypothesi
     if freedom(forms[0].effect, spans) > sum(freedom(effect, spans) for effect in forces):
         return hypothesis  # with orders enough a wave draws anything
     return settled(rest.plus(forms[0].effect), spans)
+
+
+def told_apart(
+    hypothesis: Hypothesis, spans: Spans, sign: Sign | None, steps: list[Step]
+) -> Hypothesis:
+    """Take a shorter wave and a slow force for a wave too long for the travel, where these do."""
+    both = parted(hypothesis, spans, sign)
+    if both is None:
+        return hypothesis
+    forms = ranked(both.before, candidates(both.before, spans), spans, sign)
+    steps.append(Step(tuple(forms), both.before, both.slow))
+    return settled(both.before.plus(both.slow.effect), spans)
 
 
 def backward(hypothesis: Hypothesis, noise: float, spans: Spans) -> Hypothesis:

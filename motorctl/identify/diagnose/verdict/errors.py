@@ -61,6 +61,11 @@ Chosen by hand on the simulated campaign."""
 SAME = 0.02
 """Forms whose squared residuals differ by less than this part of it cannot be told apart. Larger
 doubts clear names, smaller gives one of two by chance. Chosen by hand."""
+HALF_AS_GOOD = 2.0
+"""Squared residual above the noise that a delay leaves over what a lag does, or the reverse, below
+which the two cannot be told apart: what neither describes is no noise, and bends each its own way.
+Larger doubts clear ones, smaller names the wrong one of the two. Chosen by hand on the simulated
+campaign: wrong ones had 1.1 and 1.4, right ones beside no other effect 3 and more."""
 
 MOST_AHEAD = 10.0
 """Gain of a rival over that of the effect named, beyond which more says nothing, as where the
@@ -182,6 +187,7 @@ def explained(before: float, after: float, floor: float) -> float:
 def ambiguous_with(found: Found, effect: Effect) -> list[str]:
     """Return the effects that could stand in an effect's place as well, the others being there."""
     same = []
+    noise = found.final.noise_sse(found.force_noise)
     for step in reversed(found.steps):
         if step.taken is None or step.taken.effect.name != effect.name:
             continue
@@ -198,11 +204,14 @@ def ambiguous_with(found: Found, effect: Effect) -> list[str]:
             other = by_simplex(rest, other, found.spans, RIVAL_STEPS)
             if draws_any_form(other.effect, effect):
                 continue
-            if other.held_out <= found.final.held_out * (1.0 + SAME):
+            most = found.final.held_out * (1.0 + SAME)
+            if other.effect.groups & effect.groups and effect.kind == "command":
+                floor = min(noise, found.final.held_out)
+                most = max(most, floor + HALF_AS_GOOD * (found.final.held_out - floor))
+            if other.held_out <= most:
                 same.append(name)
         if effect.kind == "command":
             # what the feedback makes of the encoder's noise looks like either
-            noise = found.final.noise_sse(found.force_noise)
             faint = rest.held_out < FAINT * noise
             # and below this a lag takes too little off the gain to be told from a delay
             time_s = effect.lag_s + effect.delay_s
