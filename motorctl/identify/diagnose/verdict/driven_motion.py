@@ -45,11 +45,16 @@ LASTS_S = 0.05
 """Time that a speed of a motion one way lasts at least [s]. Larger misses quick changes, smaller
 counts ripple. Chosen by hand: the ripple of a geared joint is a fifth of that."""
 REVERSED = 0.5
-"""The part that acceleration and friction must explain for their signs to be called reversed, or to
-count without a force of the place. Larger misses reversed commands of loaded axes, smaller accuses
-motion that the command hardly drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link
-that others drag 0.26, a joint of an arm whose joints all move in step 0.44, the angle that a servo
-is sent to 0.26; single moves of a real arm 0.5 to 0.98."""
+"""The part that acceleration and friction must explain for their signs to be called reversed.
+Larger misses reversed commands of loaded axes, smaller accuses motion that the command hardly
+drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link that others drag 0.26, a joint
+of an arm whose joints all move in step 0.44, the angle that a servo is sent to 0.26; single moves
+of a real arm 0.5 to 0.98."""
+BELIEVED = 0.4
+"""The part that acceleration and friction must explain to count without a force of the place, which
+knows nothing of places that held-out rows alone pass. Larger refuses single moves of an arm,
+smaller takes motion that others drive for the command's. Chosen by hand: a link that others drag
+has 0.26, a real joint's third move of its own 0.4 to 0.5."""
 INERTIA_SEEN = 0.1
 """Part of the command that inertia must ask for, for its sign to count. Larger judges by friction
 alone, smaller by an inertia that unknown forces make. Chosen by hand."""
@@ -188,7 +193,7 @@ def moved_by(signals: Signals) -> tuple[float, bool]:
     told = share - of_place > REVERSED and share - around > REVERSED * (1.0 - around)
     backwards = told and _drives_back(signals, motion, best, one_way)
     of_motion = 1.0 - float(held_out_sse(motion.problem).sum()) / whole
-    believed = of_motion > max(share, REVERSED)
+    believed = of_motion > max(share, BELIEVED)
     if believed and not _drives_back(signals, motion, motion.problem, one_way):
         share = of_motion
     return share, backwards and command_changes(signals.data)
