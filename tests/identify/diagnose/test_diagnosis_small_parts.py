@@ -26,12 +26,6 @@ def test_a_magnet_pitch_under_a_spring_and_a_lag_is_no_wave_of_a_long_pitch(tmp_
     assert set(names(found)) == {"cogging", "position_force", "input_lag"}
 
 
-@pytest.mark.parametrize("key", ["one:900084", "weak:910029"])
-def test_stribeck_friction_is_no_other_shape_of_dry_friction(tmp_path, key):
-    found = of_campaign(key, tmp_path)
-    assert (names(found), found.mended) == (["stribeck"], ())
-
-
 def test_a_weak_resonance_that_leaves_noise_alone_is_named(tmp_path):
     (effect,) = of_campaign("weak:910041", tmp_path).effects
     assert effect.name == "flexible_mode"

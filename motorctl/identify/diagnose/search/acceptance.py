@@ -160,7 +160,7 @@ def _leaves_noise(before: Hypothesis, form: Form, noise: float) -> bool:
     """Return whether an effect takes a good part of what is left and leaves noise alone.
 
     What is left of a wrong shape is never quite described, so that this is none, however small.
-    Friction is asked beside its other shapes (`plain_friction`).
+    Friction has other shapes, which its own remainder may fit as well.
     """
     if "friction" in form.effect.groups or before.regressors.side == "command":
         return False

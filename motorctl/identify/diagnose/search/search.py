@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,6 @@ from motorctl.identify.diagnose.search.noise_twins import largest_gain
 from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.identify.diagnose.search.parting import parted
 from motorctl.identify.diagnose.search.physics import physical
-from motorctl.identify.diagnose.search.plain_friction import Whiten, plain_friction
 from motorctl.identify.diagnose.search.ranking import ranked
 from motorctl.identify.diagnose.search.settling import settled
 from motorctl.identify.diagnose.search.simpler import freedom, instead_of
@@ -177,21 +175,6 @@ def whitened(
     return Regressors(white, declared, blocks, side, catalogue), noise
 
 
-def sharply_whitened(
-    signals: Signals,
-    declared: EffectList,
-    added: tuple[Effect, ...],
-    catalogue: Catalogue | None = None,
-) -> tuple[Regressors, float]:
-    """Return the same with the noise estimated behind the filter of a first estimate.
-
-    That takes a part of the position's noise, which is all at high frequencies, for noise of the
-    force; so rows say less of slow forces, such as friction's, than they could.
-    """
-    first, _ = whitened(signals, declared, added, "acceleration", catalogue)
-    return whitened(first.signals, declared, added, "acceleration", catalogue)
-
-
 def plain_model(
     signals: Signals,
     declared: EffectList,
@@ -251,7 +234,6 @@ def search(
     spans = spans_of(signals)
     tell = progress or (lambda _: None)
     added: tuple[Effect, ...] = ()
-    given, recorded = declared, signals
     steps: list[Step] = []
     regressors, noise = whitened(signals, declared, added, side, catalogue)
     hypothesis = Hypothesis(regressors).refreshed()
@@ -268,11 +250,7 @@ def search(
         least = LEAST_GAIN
         if LEAST_GAIN < best < PLAIN_GAIN:
             least = max(least, TWINS_GAIN * largest_gain(hypothesis, spans, sign))
-        whiten = partial(sharply_whitened, signals, declared, catalogue=catalogue)
-        plain = None
-        if side == "acceleration":
-            plain = plain_friction(hypothesis, forms, least, spans, whiten)
-        better = None if plain else mended(hypothesis, forms, noise, spans, least)
+        better = mended(hypothesis, forms, noise, spans, least)
         if better is not None:
             if better.taken is not None:
                 steps.append(Step(better.tried, better.shape, better.taken))
@@ -288,8 +266,7 @@ def search(
             continue
         near = [form for form in forms if gain(hypothesis, form.held_out) >= AS_GOOD[side] * best]
         fit = (f for f in near if acceptable(hypothesis, f, noise, spans, least))
-        physicals = (physical_form(hypothesis, f) for f in fit)
-        taken = plain or next(filter(None, physicals), None)
+        taken = next(filter(None, (physical_form(hypothesis, f) for f in fit)), None)
         steps.append(Step(tuple(forms), hypothesis, taken, ended))
         if taken is None:
             break
@@ -308,32 +285,8 @@ def search(
         if {e.name for e in hypothesis.added} == {e.name for e in added if e is not taken.effect}:
             break  # what was just taken was dropped again, and would be for ever
         added = hypothesis.added
-    if side == "acceleration" and declared is not given:
-        whiten = partial(sharply_whitened, recorded, given, catalogue=catalogue)
-        with_shape = hypothesis
-        hypothesis = _of_declared_shape(hypothesis, given, spans, steps, whiten)
-        if hypothesis is not with_shape:
-            regressors, noise = whitened(recorded, given, hypothesis.added, side, catalogue)
-            hypothesis = settled(Hypothesis(regressors, hypothesis.added).refreshed(), spans)
     base = Hypothesis(hypothesis.regressors).refreshed()
     return Found(base, hypothesis, tuple(steps), spans, noise, rival_gains(hypothesis))
-
-
-def _of_declared_shape(
-    mended: Hypothesis, declared: EffectList, spans: Spans, steps: list[Step], whiten: Whiten
-) -> Hypothesis:
-    """Return the model with an effect of friction in the place of the shape that was mended.
-
-    Asked once all else was found: beside what was missing, the shape may have stood for it.
-    """
-    before = Hypothesis(mended.regressors.with_declared(declared), mended.added).refreshed()
-    classes = [cls for cls in candidates(before, spans) if "friction" in cls.groups]
-    forms = ranked(before, classes, spans, sign_of(declared.effects))
-    taken = plain_friction(before, forms, LEAST_GAIN, spans, whiten)
-    if taken is None:
-        return mended
-    steps.append(Step(tuple(forms), before, taken))
-    return before.plus(taken.effect)
 
 
 def nothing_sought(signals: Signals, declared: EffectList) -> Found:
