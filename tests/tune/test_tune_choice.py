@@ -71,6 +71,7 @@ def test_the_chosen_gains_keep_the_margins_that_were_asked_for(chosen):
     assert chosen.chosen.prediction.command_noise_v <= 0.5
 
 
+@pytest.mark.slow
 def test_no_gains_of_a_grid_that_keep_them_do_better_by_a_tenth(chosen, shaken):
     best = math.inf
     for k1 in np.geomspace(20.0, 600.0, 9):
@@ -101,6 +102,7 @@ def test_no_gains_of_a_grid_that_keep_them_do_better_by_a_tenth(chosen, shaken):
     assert np.abs(error[-2 * len(shaken) :]).max() <= 1.1 * best
 
 
+@pytest.mark.slow
 def test_the_loop_is_stable_at_every_corner_of_the_bounds(shaken):
     loop = loop_of(GENTLE, shaken, bounds=(0.05, 2.0))
     gains = choose_gains(loop, WANTED, quiet).chosen.gains
@@ -112,6 +114,7 @@ def test_wide_bounds_are_told_as_what_holds_the_gains_down(shaken):
     assert "parameters at their bounds, inertia 0.05" in choice.bound_by
 
 
+@pytest.mark.slow
 def test_less_noise_for_the_amplifier_means_lower_gains(chosen, shaken):
     noise = 0.4 * chosen.chosen.prediction.command_noise_v
     calm = choose_gains(
