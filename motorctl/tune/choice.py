@@ -63,7 +63,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class GainChoice:
-    """The chosen gains, and everything that was tried on the first grid."""
+    """The chosen gains, and everything that was tried."""
 
     chosen: Candidate
     margins: LoopMargins
@@ -285,8 +285,7 @@ class _Search:
         return broken
 
     def _corner_words(self, gains: LoopGains) -> str:
-        plant = self._loop.plant
-        corners = [(a, b) for a in plant.theta1_bounds for b in plant.theta2_bounds]
+        corners = self._loop.plant.at_bounds
         unstable = [corners[number] for number in self._shapes.unstable_corners(gains)]
         if not unstable:
             return "stability"

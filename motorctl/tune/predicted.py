@@ -147,8 +147,7 @@ class Predictor:
 
     def _published(self, gains: LoopGains) -> ComplexArray:
         """Return what a desired velocity that is ahead does to the error, before feedback."""
-        feedback = gains.ks_v_s_m + gains.gamma_d * self._at.integral
-        result: ComplexArray = feedback * self._plant * self._ahead[1:]
+        result: ComplexArray = gains.feedback_of_p(self._at) * self._plant * self._ahead[1:]
         return result
 
     def _followed(self, gains: LoopGains, error: ComplexArray) -> ComplexArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,11 +64,12 @@ class PlantEstimate:
 
     def corners(self, period_s: float) -> tuple[DelayedPlant, ...]:
         """Return the sampled plants at the corners of the bounds."""
-        return tuple(
-            self.at(theta1, theta2, period_s)
-            for theta1 in self.theta1_bounds
-            for theta2 in self.theta2_bounds
-        )
+        return tuple(self.at(*parameters, period_s) for parameters in self.at_bounds)
+
+    @property
+    def at_bounds(self) -> tuple[tuple[float, float], ...]:
+        """Inertia and viscous friction at each corner of the bounds."""
+        return tuple(product(self.theta1_bounds, self.theta2_bounds))
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from motorctl.config import Machine, load
 from motorctl.config.analysis import LoopGains, LoopMargins
-from motorctl.config.freeze import decode
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.refine.model_text import text_of
-from motorctl.identify.refine.refinement import moved_text
+from motorctl.identify.refine.refinement import meaning_of, moved_text
 from motorctl.identify.refine.written_beside import written_beside
 from motorctl.identify.refine.yaml_text import YamlText
 from motorctl.log import Recording, read_recording
@@ -199,22 +197,10 @@ def _text(machine: Machine, axis: str, gains: LoopGains, out: Path) -> str:
 
 def _require_intended(machine: Machine, axis: str, gains: LoopGains, after: Machine) -> None:
     """Raise UsageError where the new text means anything else than the old one with these gains."""
-    meant = _without_files(_with_gains(machine, axis, gains))
-    if _without_files(decode(after.resolved)) != meant:
+    meant = meaning_of(machine)
+    meant["axes"][axis]["gains"] |= asdict(gains)
+    if meaning_of(after) != meant:
         raise _not_in_place(machine, axis)
-
-
-def _with_gains(machine: Machine, axis: str, gains: LoopGains) -> dict[str, Any]:
-    resolved: dict[str, Any] = decode(machine.resolved)
-    resolved["axes"][axis]["gains"] |= asdict(gains)
-    return resolved
-
-
-def _without_files(resolved: dict[str, Any]) -> dict[str, Any]:
-    """Leave out where files of points are: they are found from another folder."""
-    for program in resolved["programs"].values():
-        program.pop("file", None)
-    return resolved
 
 
 def _not_in_place(machine: Machine, axis: str) -> UsageError:

@@ -55,9 +55,12 @@ class LoopGains:
         ndarray
             The response at each of them.
         """
-        result: ComplexArray = (self.ks_v_s_m + self.gamma_d * at.integral) * (
-            at.difference + self.k1_1_s
-        )
+        result: ComplexArray = self.feedback_of_p(at) * (at.difference + self.k1_1_s)
+        return result
+
+    def feedback_of_p(self, at: Frequencies) -> ComplexArray:
+        """Return its transfer from p = de/dt + k1 e to minus the command [V s/m]."""
+        result: ComplexArray = self.ks_v_s_m + self.gamma_d * at.integral
         return result
 
 

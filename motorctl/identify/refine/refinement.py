@@ -173,9 +173,17 @@ def moved_text(machine: Machine, out: Path) -> str:
     return changes.applied()
 
 
+def meaning_of(machine: Machine) -> dict[str, Any]:
+    """Return what a configuration means, wherever it stands: without where files of points are."""
+    meaning: dict[str, Any] = decode(machine.resolved)
+    for program in meaning["programs"].values():
+        program.pop("file", None)
+    return meaning
+
+
 def _require_intended(before: Machine, after: Machine, axes: Mapping[str, AxisRefinement]) -> None:
     """Raise UsageError where the new text means anything else than what was intended."""
-    old, new = decode(before.resolved), decode(after.resolved)
+    old, new = meaning_of(before), meaning_of(after)
     for name in before.axes:
         model = old["axes"][name].pop("model")
         refined = axes.get(name)
@@ -185,9 +193,6 @@ def _require_intended(before: Machine, after: Machine, axes: Mapping[str, AxisRe
                 old["axes"][name]["adaptation"]["input_delay_s"] = 0.0
         if _without_nulls(new["axes"][name].pop("model")) != _without_nulls(model):
             raise _not_in_place(before.source, name)
-    for machine in (old, new):  # files of points have moved
-        for program in machine["programs"].values():
-            program.pop("file", None)
     if old != new:
         raise _not_in_place(before.source, ", ".join(before.axes))
 
