@@ -47,11 +47,11 @@ def is_old(settings: Any, elapsed: int, behind: int) -> bool:
     elapsed counts the axis' periods since its last tick, behind the loop's by which the read ended
     too late.
     """
-    if settings.exchange:
-        # After skipped periods one exchange a period brings what was sampled before them.
-        return elapsed > 1
     # A pause between waking and reading: nobody knows when in it the sample was taken.
-    return behind >= settings.divisor  # type: ignore[no-any-return]
+    if behind >= settings.divisor:
+        return True
+    # After skipped periods one exchange a period brings what was sampled before them.
+    return settings.exchange and elapsed > 1  # type: ignore[no-any-return]
 
 
 @inner_kernel

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 import typer
 from latency_device import Device
-from loop_bench import gantry, with_sim
+from loop_bench import gantry, with_axes, with_sim
 from typer.testing import CliRunner
 
 from motorctl.cli.latency import register
 from motorctl.config import load
 from motorctl.config.keys import LateSamples
+from motorctl.config.machine import Machine
 from motorctl.errors import RunError, UsageError
 from motorctl.latency import LatencyOptions, measure_latency
 from motorctl.latency.cyclictest import INSTALL
@@ -27,6 +28,17 @@ from motorctl.log.sample import AxisState
 
 def _ignore(_share: float) -> None:
     pass
+
+
+def _on_metal(machine: Machine) -> Machine:
+    """Return the machine on a device that is no simulation, forgiving whatever a pause does."""
+    machine = with_axes(machine, limits={"following_error": {"filter_time_s": 1e3}})
+    late = LateSamples(hold_ticks=1000)
+    drivers = {
+        name: dataclasses.replace(setup, cls=Device, late=late)
+        for name, setup in machine.drivers.items()
+    }
+    return dataclasses.replace(machine, drivers=drivers)
 
 
 def _command(*arguments: str) -> str:
@@ -117,12 +129,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_runs(tmp_
 @pytest.mark.parametrize("move", [False, True])
 def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, monkeypatch, move):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    machine = load("published_gantry")
-    drivers = {
-        n: dataclasses.replace(d, cls=Device, late=LateSamples(hold_ticks=1000))
-        for n, d in machine.drivers.items()
-    }
-    machine = dataclasses.replace(machine, drivers=drivers)
+    machine = _on_metal(load("published_gantry"))
     assert Device.supports_virtual_time  # which says nothing of what moves
     log = tmp_path / "ticks.parquet"
     options = LatencyOptions(0.5, log, beside_cyclictest=False, move_devices=move)
@@ -145,13 +152,9 @@ def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatc
     message = (
         r"^axis y tripped: the amplifier reports a fault, at .* s; .*; every axis was stopped$"
     )
-    machine = with_sim(gantry(), faults=[fault])
-    drivers = {
-        n: dataclasses.replace(d, cls=Device, late=LateSamples(hold_ticks=1000))
-        for n, d in machine.drivers.items()
-    }
+    machine = _on_metal(with_sim(gantry(), faults=[fault]))
     with pytest.raises(RunError, match=message):
-        measure_latency(dataclasses.replace(machine, drivers=drivers), options, _ignore)
+        measure_latency(machine, options, _ignore)
     axes = read_recording(log, gaps="keep").axes
     tripped = int(np.argmax(axes["y"].state == AxisState.FAULT))
     assert (axes["y"].state[tripped:] == AxisState.FAULT).all()

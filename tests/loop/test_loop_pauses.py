@@ -53,10 +53,13 @@ class Watched(SimDriver):
     watchdog_s: float | None = DOG_TICKS * TS
     report: ClassVar[int] = 0
     exchanges: ClassVar[bool] = False
+    """Whether what a read brings was sampled at the last write."""
+    obeys_later: ClassVar[bool] = False
+    """Whether it samples when it is read, and obeys a command a period later: SYNC does both."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.exchange_delay_periods = float(self.exchanges)
+        self.exchange_delay_periods = float(self.exchanges or self.obeys_later)
         self.tripped = False
         self.broken = 0
         """What it reports whatever its watchdog does."""
@@ -274,3 +277,14 @@ def test_the_ends_of_a_beam_do_not_jump_in_a_pause(exchanges, stalled):
         read_late(hand, stalled)
         hand.steps(50)
         assert cause_of(hand) is FaultCause.NONE
+
+
+@pytest.mark.parametrize("device", ["exchanges", "obeys_later", "asks"])
+@pytest.mark.parametrize("stalled", [3, 20, 60, 95])
+def test_a_pause_between_waking_and_asking_is_no_jump_of_the_encoder(device, stalled):
+    kind = {} if device == "asks" else {device: True}
+    with moving(on(with_sim(gantry()), 0, hold_ticks=250, **kind)) as hand:
+        read_late(hand, stalled)
+        hand.steps(50)
+        assert cause_of(hand) is FaultCause.NONE
+        assert abs(hand.row()["velocity_m_s"] - 0.5) < 0.05
