@@ -181,7 +181,9 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
             fullest_m_s2 = parts.fullest_acceleration_m_s2()
             yield from check_guards(parts.guards, limits, encoder, rate_hz, fullest_m_s2)
         yield from check_ramps(limits, parts.least_inertia_v_s2_m())
-        yield from check_overspeed(limits, parts.least_inertia_v_s2_m())
+        if encoder and rate_hz:
+            least_inertia = parts.least_inertia_v_s2_m()
+            yield from check_overspeed(limits, encoder, rate_hz, least_inertia)
         if parts.model and adaptation:
             yield from check_monotonicity(
                 parts.model,

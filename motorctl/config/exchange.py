@@ -45,6 +45,14 @@ def has_own_clock(delay_periods: float) -> bool:
     return delay_periods != round(delay_periods)
 
 
+def is_one_exchange(delay_periods: float) -> bool:
+    """Return whether one exchange a period carries command and sample, by the exchange delay.
+
+    After skipped periods what it brings first may have been sampled before them.
+    """
+    return delay_periods >= 1.0
+
+
 def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: float) -> Exchange:
     """Ask a driver about its exchange; no I/O. Raises UsageError where it fails to answer."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -116,7 +117,8 @@ class HostFrozen(Disables):
     time_s: Annotated[float, Field(gt=0, le=10)] | None = Field(
         default=None,
         description="null: 0.1 s, or three periods of the axis if that is more; at most the "
-        "watchdog of the device, which has switched off by then",
+        "watchdog of the device, which has switched off by then, and, where samples come in one "
+        "exchange a period, late.hold_ticks: the first one after a pause is older than it",
     )
 
 
@@ -216,7 +218,7 @@ class Guards(Keys):
             return 0.0
         return self.encoder_stuck.distance_m or following_error_minimum_m
 
-    def frozen_s(self, period_s: float, watchdog_s: float | None = None) -> float:
+    def frozen_s(self, period_s: float, watchdog_s: float | None, held_s: float) -> float:
         """Return for how long the computer may stand still [s].
 
         Parameters
@@ -226,6 +228,9 @@ class Guards(Keys):
         watchdog_s
             How long its device goes on without a command [s]; None where nobody knows. Beyond that
             its amplifier is off, also where the device has no way to tell.
+        held_s
+            How long the axis may be led without a sample of after the pause [s]; infinite where the
+            first tick after it brings one.
         """
         time_s = self.host_frozen.time_s or max(FROZEN_S, FROZEN_PERIODS * period_s)
-        return time_s if watchdog_s is None else min(time_s, watchdog_s)
+        return min(time_s, math.inf if watchdog_s is None else watchdog_s, held_s)

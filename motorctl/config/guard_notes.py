@@ -2,22 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 
+from motorctl.config.count_limits import too_fast_m_s
 from motorctl.config.guard_keys import ORDINARY_PAUSE_S
+from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import Axis, Machine
 
+FAR_OUT = 0.1
+"""A part of the travel: soft limits so far outside it are noted. Larger lets them lie behind the
+end stops unsaid; smaller notes axes whose following error is that of their travel. By hand."""
+COARSE = 2.0
+"""Times the top speed: overspeed that trips only there is noted. Larger says less of coarse
+encoders, smaller, down to 1.2, notes every one. By hand."""
 
-def notes_on_guards(machine: Machine) -> Iterator[str]:
-    """Yield where a guard comes late or early, or a ramp is more than the motor has at theta(0)."""
+
+def notes_on_guards(machine: Machine, watchdogs_s: Mapping[str, float | None]) -> Iterator[str]:
+    """Yield where a guard comes late or early, or a ramp is more than the motor has at theta(0).
+
+    Parameters
+    ----------
+    machine
+        A checked machine.
+    watchdogs_s
+        How long each driver's device goes on without a command [s]; None where nobody knows.
+
+    Yields
+    ------
+    str
+        A sentence with the axis, the key and the numbers.
+    """
+    yield from _late_ticks(machine.loop)
     for name, axis in machine.axes.items():
+        period_s, watchdog_s = machine.period_of(name), watchdogs_s[axis.driver]
         yield from _ramps(axis)
         yield from _following_error(axis)
+        yield from _soft_limits(axis)
+        yield from _overspeed(axis, period_s)
         yield from _break_away(axis)
-        if machine.loop.without_realtime == "degrade":
-            yield from _short_pause(axis)
         late = machine.drivers[axis.driver].late
-        yield from _blind_way(axis, late.hold_ticks, machine.period_of(name))
+        if machine.loop.without_realtime == "degrade":
+            yield from _short_pause(axis, watchdog_s)
+        yield from _blind_way(axis, late.hold_ticks, period_s)
+        if watchdog_s is not None and not machine.drivers[axis.driver].cls.simulated:
+            yield from _left_alone(axis, watchdog_s)
+
+
+def _late_ticks(loop: LoopSettings) -> Iterator[str]:
+    if loop.without_realtime != "degrade":
+        return
+    at_once = loop.overrun_policy == "stop"
+    if at_once or (loop.overrun_policy == "leaky_bucket" and loop.bucket_size == 1):
+        key = "overrun_policy: stop" if at_once else "bucket_size 1"
+        yield (
+            f"loop.{key} stops the machine at the first late tick, which is usual without real "
+            "time, and loop.without_realtime degrade runs there, too"
+        )
 
 
 def _ramps(axis: Axis) -> Iterator[str]:
@@ -55,6 +96,39 @@ def _following_error(axis: Axis) -> Iterator[str]:
         )
 
 
+def _soft_limits(axis: Axis) -> Iterator[str]:
+    beyond_m = axis.limits.following_error.minimum_m
+    travel = axis.limits.travel_m[1] - axis.limits.travel_m[0]
+    if beyond_m >= FAR_OUT * travel:
+        yield (
+            f"axis {axis.name}: guards.soft_limit trips limits.following_error.minimum_m "
+            f"{beyond_m:g} m outside limits.travel_m, {FAR_OUT:.0%} of it or more: is there so "
+            "much room before the end stops?"
+        )
+
+
+def _overspeed(axis: Axis, period_s: float) -> Iterator[str]:
+    fastest, count_m = axis.limits.max_velocity_m_s, axis.encoder.resolution_m
+    trips_m_s = too_fast_m_s(fastest, count_m, period_s)
+    if trips_m_s >= COARSE * fastest:
+        yield (
+            f"axis {axis.name}: guards.overspeed trips only at {trips_m_s:.3g} m/s, for a top "
+            f"speed of {fastest:g} m/s: a count of {count_m:g} m in a period of {period_s:g} s is "
+            f"{count_m / period_s:.3g} m/s already"
+        )
+
+
+def _left_alone(axis: Axis, watchdog_s: float) -> Iterator[str]:
+    limits = axis.limits
+    fastest, travel = limits.max_velocity_m_s, limits.travel_m[1] - limits.travel_m[0]
+    if watchdog_s * fastest >= 0.5 * travel:
+        yield (
+            f"axis {axis.name}: where the computer dies, its device goes on with the last command "
+            f"for the {watchdog_s:g} s of its watchdog, {watchdog_s * fastest:.3g} m at "
+            f"{fastest:g} m/s: half of its travel of {travel:g} m or more"
+        )
+
+
 def _break_away(axis: Axis) -> Iterator[str]:
     """Note limits that friction alone takes the axis beyond where it begins to move slowly.
 
@@ -78,8 +152,15 @@ def _break_away(axis: Axis) -> Iterator[str]:
             )
 
 
-def _short_pause(axis: Axis) -> Iterator[str]:
+def _short_pause(axis: Axis, watchdog_s: float | None) -> Iterator[str]:
     frozen_s = axis.guards.host_frozen.time_s
+    if watchdog_s is not None and watchdog_s < min(frozen_s or math.inf, ORDINARY_PAUSE_S):
+        yield (
+            f"axis {axis.name}: guards.host_frozen trips after {watchdog_s:g} s, its device's "
+            f"watchdog, and without real time an ordinary computer pauses for up to "
+            f"{ORDINARY_PAUSE_S:g} s now and then; loop.without_realtime degrade runs there, too"
+        )
+        return
     if frozen_s is not None and frozen_s < ORDINARY_PAUSE_S:
         yield (
             f"axis {axis.name}: guards.host_frozen.time_s {frozen_s:g} trips on what is usual "

@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator
 
 from motorctl.config.axis_keys import Encoder, Limits
+from motorctl.config.count_limits import too_fast_m_s
 from motorctl.config.guard_keys import (
     NO_QUICK_STOP,
+    OVERSPEED_COUNTS,
     OVERSPEED_RATIO,
     STALLED_S,
     Guards,
@@ -68,7 +70,9 @@ def check_ramps(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Finding
         )
 
 
-def check_overspeed(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Finding]:
+def check_overspeed(
+    limits: Limits, encoder: Encoder, rate_hz: float, least_inertia_v_s2_m: float
+) -> Iterator[Finding]:
     """Check that the axis can become so fast on its travel that its speed trips it.
 
     With its full voltage, and once more as much for what pulls it: more could not be held.
@@ -76,15 +80,16 @@ def check_overspeed(limits: Limits, least_inertia_v_s2_m: float) -> Iterator[Fin
     low, high = limits.travel_m
     if not (low < high and least_inertia_v_s2_m > 0.0):
         return
-    full, trips_m_s = limits.max_voltage_v, OVERSPEED_RATIO * limits.max_velocity_m_s
+    full = limits.max_voltage_v
+    trips_m_s = too_fast_m_s(limits.max_velocity_m_s, encoder.resolution_m, 1.0 / rate_hz)
     fastest = math.sqrt(2.0 * (2.0 * full / least_inertia_v_s2_m) * (high - low))
     if trips_m_s >= fastest:
         yield (
             ("limits", "max_velocity_m_s"),
             f"found {limits.max_velocity_m_s:g}, guards.overspeed can never trip: it would at "
-            f"{OVERSPEED_RATIO:g} times as much, {trips_m_s:g} m/s, and twice max_voltage_v "
-            f"{full:g} V bring the axis to no more than {fastest:.3g} m/s within its travel of "
-            f"{high - low:g} m; should be less",
+            f"{OVERSPEED_RATIO:g} times as much and {OVERSPEED_COUNTS} counts a period, "
+            f"{trips_m_s:.4g} m/s, and twice max_voltage_v {full:g} V bring the axis to no more "
+            f"than {fastest:.3g} m/s within its travel of {high - low:g} m; should be less",
         )
 
 

@@ -20,7 +20,7 @@ from motorctl.config.analysis import (
 )
 from motorctl.config.axis_keys import Limits
 from motorctl.config.dual_drive_rules import skew_margins
-from motorctl.config.exchange import ask_exchange
+from motorctl.config.exchange import ask_exchange, is_one_exchange
 from motorctl.config.groups import notes_on_groups
 from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
@@ -68,7 +68,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
     """
     drivers = dict(_drivers(machine))
     axes = {
-        n: _axis(axis, machine.period_of(n), machine.loop, drivers[axis.driver]["watchdog_s"])
+        n: _axis(axis, machine.period_of(n), machine.loop, drivers[axis.driver])
         for n, axis in machine.axes.items()
     }
     summary = {
@@ -87,7 +87,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "recording": recording_summary(machine.recording, recording_rate_of(machine)),
         "notes": [
             *notes_on_groups(machine),
-            *notes_on_guards(machine),
+            *notes_on_guards(machine, {n: driver["watchdog_s"] for n, driver in drivers.items()}),
             *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(
@@ -141,7 +141,7 @@ def _drivers(machine: Machine) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _axis(
-    axis: Axis, period_s: float, loop: LoopSettings, watchdog_s: float | None
+    axis: Axis, period_s: float, loop: LoopSettings, driver: Mapping[str, Any]
 ) -> dict[str, Any]:
     return {
         "driver": axis.driver,
@@ -152,7 +152,7 @@ def _axis(
         "effect_options": {e.name: e.options.model_dump(mode="json") for e in axis.model.effects},
         "encoder": axis.encoder.model_dump(),
         "limits": _limits(axis.limits),
-        "guards": _guards(axis, period_s, loop, watchdog_s),
+        "guards": _guards(axis, period_s, loop, driver),
         "gains": axis.gains.model_dump(),
         "parameters": dict(_parameters(axis)),
         "adaptation": axis.adaptation.model_dump(),
@@ -181,7 +181,7 @@ def _limits(limits: Limits) -> dict[str, Any]:
 
 
 def _guards(
-    axis: Axis, period_s: float, loop: LoopSettings, watchdog_s: float | None
+    axis: Axis, period_s: float, loop: LoopSettings, driver: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The keys as they are, with the numbers that null stands for, and what the loop adds."""
     guards = axis.guards
@@ -191,7 +191,10 @@ def _guards(
             axis.limits.following_error.minimum_m
         )
     # No time of a machine that waits for its computer is missing.
-    frozen_s = math.inf if loop.waits else guards.frozen_s(period_s, watchdog_s)
+    held_s = math.inf
+    if is_one_exchange(round(driver["delay_s"] / period_s, 6)):
+        held_s = driver["late"]["hold_ticks"] * period_s
+    frozen_s = math.inf if loop.waits else guards.frozen_s(period_s, driver["watchdog_s"], held_s)
     told["host_frozen"]["time_s"] = frozen_s
     told["supervisor_lost"]["time_s"] = loop.patience_s
     return told

@@ -155,8 +155,11 @@ def axis_inputs(
         lose_sight(settings, axis, elapsed)
     elif status & STALE or old:
         axis.held_status |= status
+        # The device has answered, and a new sample is a tick away: whether the loop was stalled for
+        # too long is `check_pause`'s to say.
+        only_stalled = settings.exchange and not (status & STALE or axis.held_ticks)
         hold_position(feedforward, settings, axis, law, elapsed, t)
-        if not is_off(axis):
+        if not (is_off(axis) or only_stalled):
             check_freshness(settings, axis, elapsed, t)
     else:
         if status & DEVICE_FAULTS == 0:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from motorctl.config.exchange import has_own_clock
+from motorctl.config.exchange import has_own_clock, is_one_exchange
 from motorctl.config.machine import Axis, DriverSetup
 from motorctl.config.motor_heat import heat_kept
 from motorctl.control import fill_by_name
@@ -198,7 +198,7 @@ def fill_axis_settings(
     period_s = tick_s * axis.divisor
     record["period_s"] = period_s
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
-    record["exchange"] = exchange_delay >= 1.0
+    record["exchange"] = is_one_exchange(exchange_delay)
     record["asked"] = not has_own_clock(exchange_delay)
     mass = axis.model.index_of("acceleration")
     assert mass is not None  # no configuration is valid without
@@ -247,7 +247,9 @@ def fill_guards(record: np.void, axis: Axis, period_s: float, watchdog_s: float 
     if guards.thermal:
         record["continuous_voltage_v"] = guards.thermal.continuous_voltage_v
         record["heat_kept"] = heat_kept(guards.thermal.time_constant_s, period_s)
-    frozen_ticks = max(1, round(guards.frozen_s(period_s, watchdog_s) / period_s))
+    held_ticks = record["hold_ticks"] if record["exchange"] else math.inf
+    frozen_s = guards.frozen_s(period_s, watchdog_s, held_ticks * period_s)
+    frozen_ticks = max(1 if held_ticks else 0, round(frozen_s / period_s))
     if watchdog_s is None:
         patience_ticks = int(record["hold_ticks"])
     elif math.isfinite(watchdog_s):

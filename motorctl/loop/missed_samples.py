@@ -51,7 +51,7 @@ def is_old(settings: Any, elapsed: int, behind: int) -> bool:
     if behind >= settings.divisor:
         return True
     # After skipped periods one exchange a period brings what was sampled before them.
-    return settings.exchange and elapsed > 1  # type: ignore[no-any-return]
+    return settings.exchange and elapsed > 1
 
 
 @inner_kernel

@@ -136,7 +136,8 @@ class Tick:
             fill_dual_drive(axes[i], self.settings[i], *own)
         self.watch = np.zeros(1, WATCH)
         if not virtual:
-            self.watch["silent_limit"] = round(machine.loop.patience_s * machine.rate_hz)
+            silent_limit = round(machine.loop.patience_s * machine.rate_hz)
+            self.watch["silent_limit"] = max(silent_limit, 1)  # 0 would be nobody to wait for
             policy = machine.loop.overrun_policy
             sizes = {"count": 0, "leaky_bucket": machine.loop.bucket_size, "stop": 1}
             self.watch["bucket_size"] = sizes[policy]

@@ -242,3 +242,58 @@ def test_a_pause_that_is_usual_without_real_time_is_noted_where_it_trips(tmp_pat
     (note,) = told(0.001)
     assert "guards.host_frozen.time_s 0.001" in note
     assert "0.01 s" in note
+
+
+@pytest.mark.parametrize(
+    ("loop", "key"),
+    [
+        ({"overrun_policy": "stop"}, "loop.overrun_policy: stop"),
+        ({"overrun_policy": "leaky_bucket", "bucket_size": 1}, "loop.bucket_size 1"),
+    ],
+)
+def test_late_ticks_that_stop_the_machine_at_the_first_are_noted_without_real_time(
+    tmp_path, loop, key
+):
+    def told(**more):
+        changes = {f"loop__{key}": value for key, value in {**loop, **more}.items()}
+        return noted(tmp_path, "first late tick", **changes)
+
+    (note,) = told()
+    assert key in note
+    assert told(without_realtime="refuse") == []
+    assert noted(tmp_path, "first late tick", loop__overrun_policy="leaky_bucket") == []
+
+
+def test_soft_limits_far_outside_the_travel_are_noted(tmp_path):
+    def told(minimum_m):
+        return noted(
+            tmp_path, "guards.soft_limit", axes__x__limits__following_error__minimum_m=minimum_m
+        )
+
+    low, high = MACHINE["axes"]["x"]["limits"]["travel_m"]
+    assert told(0.099 * (high - low)) == []
+    (note,) = told(0.1 * (high - low))
+    assert "10% of it or more" in note
+
+
+def test_an_overspeed_that_a_coarse_encoder_makes_far_too_late_is_noted(tmp_path):
+    # Two counts a period at 2 kHz: 0.8 m/s are 0.2 mm.
+    def told(resolution_m):
+        return noted(
+            tmp_path, "guards.overspeed trips only", axes__x__encoder__resolution_m=resolution_m
+        )
+
+    assert told(0.199e-3) == []
+    (note,) = told(0.2e-3)
+    assert "only at 2 m/s, for a top speed of 1 m/s" in note
+
+
+@pytest.mark.parametrize(("watchdog_s", "notes"), [(0.3, 2), (0.05, 0)])
+def test_a_watchdog_within_which_an_axis_crosses_half_of_its_travel_is_noted(
+    tmp_path, watchdog_s, notes
+):
+    data = yaml.safe_load(shipped_config("canopen_gantry").read_text())
+    data["drivers"]["gantry"]["watchdog_s"] = 1.5 * watchdog_s  # a heartbeat may be under way
+    data["drivers"]["gantry"]["sync"]["wait_s"] = 1.4e-3
+    told = summarise(load(write(tmp_path, data)))["notes"]
+    assert sum("goes on with the last command" in note for note in told) == notes

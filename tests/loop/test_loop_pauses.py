@@ -231,6 +231,31 @@ def test_a_ramp_that_the_pause_began_goes_on_until_the_device_says_that_it_is_of
             assert hand.driver.enabled is goes_on
 
 
+@pytest.mark.parametrize("exchanges", [False, True], ids=["asks", "exchanges"])
+@pytest.mark.parametrize("reaction", ["quick_stop", "disable"])
+def test_a_computer_that_stood_still_has_the_reaction_that_was_chosen_for_it_on_every_device(
+    reaction, exchanges
+):
+    """Where samples come in one exchange a period, the sample that may be missing is the limit."""
+    allowed = 40 if exchanges else 60
+    frozen = HostFrozen(time_s=60 * TS, reaction=reaction)
+    machine = with_axes(with_sim(gantry()), guards={"host_frozen": frozen})
+    machine = on(machine, 0, hold_ticks=40, exchanges=exchanges, watchdog_s=None)
+    for stalled, cause in ((allowed, FaultCause.NONE), (allowed + 1, FaultCause.OVERRUN)):
+        with moving(machine) as hand:
+            hand.step(stalled + 1)
+            assert cause_of(hand) is cause
+            assert hand.driver.enabled is (cause is FaultCause.NONE or reaction == "quick_stop")
+            hand.steps(3)
+            assert cause_of(hand) is cause
+            if cause is FaultCause.NONE:
+                continue
+            assert hand.status()["fault_limit"] == allowed
+            hand.steps(2000)
+            assert abs(hand.row()["velocity_m_s"]) < 0.01 or reaction == "disable"
+            assert not hand.driver.enabled
+
+
 @given(
     stalled=st.integers(1, 700),
     report=st.sampled_from(sorted(REPORTS)),

@@ -128,7 +128,8 @@ def test_overspeed_trips():
     push(rig, [-1.85 * TS] * 10)
     assert_tripped(rig, "x", FaultCause.OVERSPEED)
     assert rig.state("x")["fault_value"] == pytest.approx(-1.85, rel=0.01)
-    assert rig.state("x")["fault_limit"] == pytest.approx(1.8)
+    # 1.2 times the top speed, and two counts of 0.5 um a period.
+    assert rig.state("x")["fault_limit"] == pytest.approx(1.8 + 2 * 0.5e-6 / TS)
 
 
 def test_top_speed_does_not_trip_even_where_reads_are_late():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.config.count_limits import too_fast_m_s
-from motorctl.config.guard_keys import OVERSPEED_RATIO, OVERSPEED_TICKS
+from motorctl.config.guard_keys import OVERSPEED_TICKS
 from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
@@ -28,8 +28,15 @@ def still_moves(settings: Any, axis: Any) -> bool:
 @inner_kernel
 def is_too_fast(settings: Any, axis: Any) -> bool:
     """Return whether an axis that tripped on its speed still has it."""
-    fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+    fastest = _fastest_m_s(settings)
     return axis.fault == FaultCause.OVERSPEED and abs(axis.velocity_m_s) > fastest  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def _fastest_m_s(settings: Any) -> float:
+    return _too_fast_m_s(
+        settings.max_velocity_m_s, abs(settings.metres_per_count), settings.period_s
+    )
 
 
 @inner_kernel
@@ -59,12 +66,9 @@ def _tighten_soft_limits(settings: Any, axis: Any) -> None:
 def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip on speed, soft limits, limit switches and following error."""
     x, v = axis.position_m, axis.velocity_m_s
-    fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
+    fastest = _fastest_m_s(settings)
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
-        beyond = _too_fast_m_s(
-            settings.max_velocity_m_s, abs(settings.metres_per_count), settings.period_s
-        )
-        axis.fast_count = axis.fast_count + 1 if abs(v) > beyond else 0
+        axis.fast_count = axis.fast_count + 1 if abs(v) > fastest else 0
     if axis.fast_count >= OVERSPEED_TICKS:
         react(settings, axis, FaultCause.OVERSPEED, v, fastest, t)
     if axis.homed:
