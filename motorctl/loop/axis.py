@@ -26,6 +26,7 @@ from motorctl.loop.guards.encoder import (
     check_encoder,
     count_is_ambiguous,
     jump,
+    leave_unwatched,
     note_step,
     watch_noise,
 )
@@ -82,9 +83,13 @@ def locate(correct: Callable[..., float], settings: Any, axis: Any) -> None:
 def read_position(
     correct: Callable[..., float], settings: Any, axis: Any, raw: int, elapsed: int, t: float
 ) -> None:
-    """Unwrap the counter into a position and a velocity; a step too large is a fault."""
-    own = elapsed
+    """Unwrap the counter into a position and a velocity; a step too large is a fault.
+
+    After one an absolute encoder's count is taken anew from the next sample.
+    """
+    paused = axis.paused_ticks + max(elapsed - 1, 0)
     elapsed += axis.blind_ticks
+    axis.paused_ticks = 0
     if not axis.have_counts:
         axis.have_counts, axis.counts, axis.raw_counts = 1, raw, raw
         axis.velocity_m_s, axis.blind_ticks = 0.0, 0
@@ -98,7 +103,8 @@ def read_position(
         return
     step = counter_step(settings, axis.raw_counts, raw)
     if count_is_ambiguous(settings, axis, step, elapsed):
-        jump(settings, axis, step, own, t)
+        jump(settings, axis, step, elapsed, paused, t)
+        axis.have_counts = 1 - settings.absolute
     axis.blind_ticks = 0
     axis.raw_counts = raw
     axis.counts += step
@@ -112,6 +118,7 @@ def read_position(
 def lose_sight(settings: Any, axis: Any, elapsed: int) -> None:
     """Hold the last position where the count cannot be trusted, and know what that costs."""
     axis.blind_ticks += elapsed
+    axis.paused_ticks += elapsed - 1
     axis.velocity_m_s = 0.0
     if settings.absolute:
         axis.have_counts = 0
@@ -158,6 +165,7 @@ def axis_inputs(
         # The device has answered, and a new sample is a tick away: whether the loop was stalled for
         # too long is `check_pause`'s to say.
         only_stalled = settings.exchange and not (status & STALE or axis.held_ticks)
+        axis.paused_ticks += elapsed - 1 if status & STALE else elapsed
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if not (is_off(axis) or only_stalled):
             check_freshness(settings, axis, elapsed, t)
@@ -196,7 +204,7 @@ def believe(
     if just_left_out(axis):
         step = counter_step(settings, axis.doubted_raw_counts, raw)
         if unexpected and count_is_ambiguous(settings, axis, step, elapsed):
-            jump(settings, axis, step, elapsed, t)
+            jump(settings, axis, step, elapsed, elapsed - 1, t)
         y = place_of(
             correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)
         )
@@ -242,39 +250,64 @@ def axis_reference(
 
     elapsed counts the periods since the last tick: 1, or more after an overrun.
     """
-    if axis.state == State.HOMING:
+    before_m, before, rested = axis.reference_m, axis.state, False
+    if is_enabled(axis) and check_pause(settings, axis, elapsed, t):
+        begin_quick_stop(settings, axis, law, elapsed)  # the old reference leads nowhere
+        before_m = axis.reference_m
+    elif axis.state == State.HOMING:
+        if axis.homed:  # homing begins: from here on its place is not known
+            axis.homed = 0
+            move_place(correct, feedforward, advance_context, settings, axis, law_settings, law, t)
         # The index mark's count, read relative to the last raw count: it may have wrapped. Not
         # relative to the position, which may be a prediction.
         back = counter_step(settings, axis.raw_counts, raw_index)
         index_m = settings.metres_per_count * (axis.counts + back)
         index_m += settings.offset_m + axis.shift_m
         if home(settings, axis, index_m, elapsed, t):
-            before = axis.position_m
-            locate(correct, settings, axis)
-            shift = axis.position_m - before
-            shift_law(feedforward, advance_context, law_settings, law, t, before, shift)
-            axis.reference_m += shift
-            begin_watching(axis)
-            set_soft_limits(settings, axis)
+            move_place(correct, feedforward, advance_context, settings, axis, law_settings, law, t)
+            before_m = axis.reference_m
     elif axis.state == State.FOLLOWING:
         follow(settings, axis, segments, segment_counts, tick, elapsed)
-    elif is_stopping(axis) and brake(settings, axis, elapsed):
-        take(axis, Event.AT_REST)
+    elif is_stopping(axis):
+        rested = brake(settings, axis, elapsed)
     elif waits_for_power(axis):
         hold_where_it_is(axis)
     if is_enabled(axis):
-        check_pause(settings, axis, elapsed, t)
-        begin_quick_stop(settings, axis, law, elapsed)
         sampled = axis.held_ticks == 0 or just_left_out(axis)
+        not_led = elapsed if axis.held_ticks else elapsed - 1
+        leave_unwatched(axis, (axis.reference_m - before_m) * not_led / elapsed)
         check_encoder(settings, axis, sampled, t)
         check_motion(settings, axis, elapsed, t)
         check_command(settings, axis, elapsed, t)
         begin_quick_stop(settings, axis, law, elapsed)
+    if rested and axis.state == before:  # no guard has stopped it otherwise
+        take(axis, Event.AT_REST)
     if not is_enabled(axis):
         hold_where_it_is(axis)
         if axis.fault == FaultCause.ENCODER_NOISE and axis.held_ticks == 0:
             watch_noise(settings, axis)
         check_readiness(settings, axis)
+
+
+@inner_kernel
+def move_place(
+    correct: Callable[..., float],
+    feedforward: Callable[..., float],
+    advance_context: Callable[..., None],
+    settings: Any,
+    axis: Any,
+    law_settings: Any,
+    law: Any,
+    t: float,
+) -> None:
+    """Give the axis the position that its count means now, its reference and its law with it."""
+    before = axis.position_m
+    locate(correct, settings, axis)
+    shift = axis.position_m - before
+    shift_law(feedforward, advance_context, law_settings, law, t, before, shift)
+    axis.reference_m += shift
+    begin_watching(axis)
+    set_soft_limits(settings, axis)
 
 
 @inner_kernel

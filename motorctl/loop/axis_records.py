@@ -79,6 +79,7 @@ AXIS_STATE = np.dtype(
         ("have_counts", "i8"),
         ("raw_counts", "i8"),  # as last read
         ("blind_ticks", "i8"),  # since when the count cannot be trusted, or no new one came
+        ("paused_ticks", "i8"),  # of these: the loop was stalled, or a sample older than that
         ("held_ticks", "i8"),  # since when no new one came
         ("doubted_ticks", "i8"),  # of these: a sample came, and was not believed
         ("doubted_raw_counts", "i8"),  # that sample
@@ -108,7 +109,7 @@ AXIS_STATE = np.dtype(
         ("bend_counts", "i8"),  # by how much the two differ
         ("bend_m2", "f8"),  # mean square of that at rest
         ("stuck_counts", "i8"),  # where the count was when it last moved
-        ("stuck_reference_m", "f8"),  # and the reference
+        ("stuck_reference_m", "f8"),  # and the reference, without what it went while not led
         ("command_v", "f8"),  # that left in the last tick
         ("saturated_ticks", "i8"),  # since when it is at its limit
         ("heat_v2", "f8"),  # mean square of the command over the motor's time constant
@@ -125,6 +126,7 @@ AXIS_STATE = np.dtype(
         ("phase", "i8"),  # of homing
         ("phase_ticks", "i8"),
         ("seen", "i8"),  # the home switch was pressed in this phase
+        ("blurred", "i8"),  # an end's edge passed in a pause, in this phase
         ("latched_m", "f8"),
         ("status", "i8"),  # the driver's status word
     ],

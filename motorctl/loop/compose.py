@@ -61,6 +61,7 @@ JOIN = """    join_ends(
 """
 
 COMMANDS = """    supervise(watch[0], status[0], settings, axes, elapsed, overran, t)
+    stop_partners(settings, axes, t)  # of what has tripped, before a reset can hide it
     take_commands(watch[0], status, mailbox, replies, settings, axes, laws, segments, number, t)
     stop_partners(settings, axes, t)
 """

@@ -26,7 +26,7 @@ from motorctl.loop.guards.device import (
 )
 from motorctl.loop.guards.encoder import count_is_ambiguous, jump
 from motorctl.loop.guards.supervision import stalled_periods
-from motorctl.loop.homing_ends import joined_marks
+from motorctl.loop.homing_ends import find_marks, joined_marks
 from motorctl.loop.missed_samples import counter_step
 from motorctl.loop.states import is_enabled
 
@@ -51,9 +51,10 @@ def _read_end(
     """Unwrap one end's counter into its position; a step too large trips the axis.
 
     own is the bit that tells which end it is, elapsed counts the periods that the step may have
-    taken, age those since it was sampled, which the next step has besides.
+    taken, age those since it was sampled, which the next step has besides. After a step too large
+    an absolute encoder's count is taken anew from the next sample.
     """
-    ticks = elapsed + end.blind_ticks
+    ticks, paused = elapsed + end.blind_ticks, end.paused_ticks + elapsed - 1
     if not end.have_counts:
         end.have_counts, end.counts, end.velocity_m_s = 1, raw, 0.0
         span = settings.counter_span
@@ -66,12 +67,14 @@ def _read_end(
         step = counter_step(settings, end.raw_counts, raw)
         if count_is_ambiguous(settings, end, step, ticks):
             before = axis.fault
-            jump(settings, axis, step, elapsed, t)
+            jump(settings, axis, step, ticks, paused, t)
             if axis.fault != before:
                 axis.fault_status |= own
+            end.have_counts = 1 - settings.absolute
         end.counts += step
         end.velocity_m_s = settings.metres_per_count * step / (settings.period_s * ticks)
-    end.raw_counts, end.blind_ticks = raw, age
+    end.raw_counts, end.blind_ticks, end.paused_ticks = raw, age, age
+    end.step_ticks = ticks
     end.position_m = settings.metres_per_count * end.counts + settings.offset_m
 
 
@@ -118,6 +121,10 @@ def join_ends(
     if joined & NOT_READ:
         first.blind_ticks += elapsed
         second.blind_ticks += elapsed
+        first.paused_ticks += elapsed - 1
+        second.paused_ticks += elapsed - 1
+        if not joined & (ENCODER_LOST | COMMUNICATION_LOST):
+            find_marks(settings, axis, dual, raw_index, second_raw_index, status, second_status)
         if axis_settings.absolute and joined & (ENCODER_LOST | COMMUNICATION_LOST):
             _forget(dual)
         dual.status = (joined & ~MARKS) | (dual.status & HOME_SWITCH)

@@ -44,6 +44,8 @@ END_STATE = np.dtype(
         ("raw_counts", "i8"),  # as last read
         ("counts", "i8"),  # unwrapped
         ("blind_ticks", "i8"),  # since the count was last read
+        ("paused_ticks", "i8"),  # of these: the loop was stalled, or a sample older than that
+        ("step_ticks", "i8"),  # that the last step of the count took
         ("velocity_m_s", "f8"),
         ("position_m", "f8"),  # in its own coordinates
         ("pressed", "i8"),  # its home switch, now
@@ -64,6 +66,7 @@ DUAL_STATE = np.dtype(
         ("second_status", "i8"),
         ("phase", "i8"),  # of homing, as the ends last knew it; -1: none
         ("apart_from_m", "f8"),  # where the first of them was done
+        ("unchecked", "i8"),  # no sample has told yet whether it may be started
         ("squared", "i8"),  # both ends know their zero
         ("shift_m", "f8"),  # of the skew, found by homing
         ("skew_m", "f8"),
@@ -113,4 +116,4 @@ def fill_dual_drive(axis: Axis, axis_settings: np.void, settings: np.void, state
     axis_settings["metres_per_count"] = 0.5 * encoder.resolution_m
     axis_settings["counter_span"] = 0
     axis_settings["offset_m"] = 0.5 * (encoder.offset_m + second_offset_m)
-    state["phase"] = -1
+    state["phase"], state["unchecked"] = -1, 1

@@ -21,10 +21,18 @@ SETTLE = 6  # stop, then set the zero
 
 @inner_kernel
 def begin_homing(settings: Any, axis: Any) -> None:
-    """Start the sequence from rest."""
-    axis.homed = 0
-    axis.phase_ticks = 0
+    """Start the sequence from rest; the axis' next step forgets its place."""
+    axis.phase_ticks, axis.blurred = 0, 0
     axis.phase = BACK_OFF if settings.home_on_switch else LATCH_INDEX
+
+
+@inner_kernel
+def is_sharp(axis: Any) -> bool:
+    """Return whether an edge that this tick sees lies within one tick's way.
+
+    One that passed in a pause, or while no sample came, has to be met again.
+    """
+    return axis.held_ticks == 0 and axis.steps_follow != 0 and axis.blurred == 0  # type: ignore[no-any-return]
 
 
 @inner_kernel
@@ -65,6 +73,8 @@ def home(settings: Any, axis: Any, index_count_m: float, elapsed: int, t: float)
         if left_switch if search * latch < 0.0 else pressed:
             axis.latched_m = axis.position_m
             axis.phase = LATCH_INDEX if settings.home_on_index else SETTLE
+            if not (settings.home_on_index or is_sharp(axis)):
+                axis.phase = BACK_OFF
         ramp(settings, axis, latch, elapsed)
     elif axis.phase == LATCH_INDEX:
         ramp(settings, axis, latch, elapsed)

@@ -20,8 +20,11 @@ NO_PHASE = -1
 
 
 @inner_kernel
-def _find_edge(end: Any, phase: int, leaves: bool) -> None:
-    """Note whether an end is through with what this phase looks for, and where that was."""
+def _find_edge(axis: Any, end: Any, phase: int, leaves: bool) -> None:
+    """Note whether an end is through with what this phase looks for, and where that was.
+
+    An edge that passed while no sample came is blurred.
+    """
     if end.pressed:
         end.met = 1
     if end.done:
@@ -32,8 +35,22 @@ def _find_edge(end: Any, phase: int, leaves: bool) -> None:
         end.done = 1
     if end.done:
         end.latched_m = end.position_m
+        if end.step_ticks != 1:
+            axis.blurred = 1
 
 
+@inner_kernel
+def begin_phase(axis: Any, dual: Any) -> None:
+    """Let both ends look for what is new in the phase that homing is in now."""
+    if dual.phase == axis.phase:
+        return
+    dual.phase, axis.blurred = axis.phase, 0
+    if axis.phase != SETTLE:
+        dual.first.met, dual.first.done = 0, 0
+        dual.second.met, dual.second.done = 0, 0
+
+
+@inner_kernel
 @inner_kernel
 def _find_mark(settings: Any, end: Any, raw_index: int, status: int) -> None:
     """Note an end's first index mark of this phase, and where it is."""
@@ -41,6 +58,27 @@ def _find_mark(settings: Any, end: Any, raw_index: int, status: int) -> None:
         end.done = 1
         back = counter_step(settings, end.raw_counts, raw_index)
         end.latched_m = settings.metres_per_count * (end.counts + back) + settings.offset_m
+
+
+@inner_kernel
+def find_marks(
+    settings: Any,
+    axis: Any,
+    dual: Any,
+    raw_index: int,
+    second_raw_index: int,
+    status: int,
+    second_status: int,
+) -> None:
+    """Note the first mark of each end, also in a tick without a sample: a mark is told once."""
+    if axis.state != State.HOMING or axis.phase != LATCH_INDEX:
+        return
+    begin_phase(axis, dual)
+    first, second = dual.first, dual.second
+    if first.have_counts:
+        _find_mark(settings.first, first, raw_index, status)
+    if second.have_counts:
+        _find_mark(settings.second, second, second_raw_index, second_status)
 
 
 @inner_kernel
@@ -65,13 +103,9 @@ def joined_marks(
         dual.phase = NO_PHASE
         return either
     phase = axis.phase
-    if dual.phase != phase:
-        dual.phase = phase
-        if phase != SETTLE:
-            first.met, first.done, second.met, second.done = 0, 0, 0, 0
+    begin_phase(axis, dual)
     if phase == LATCH_INDEX:
-        _find_mark(settings.first, first, raw_index, status)
-        _find_mark(settings.second, second, second_raw_index, second_status)
+        find_marks(settings, axis, dual, raw_index, second_raw_index, status, second_status)
         check_apart(settings, axis, dual, True, t)
         both = first.done and second.done
         # What the axis takes for its mark's count lies half way between the two.
@@ -81,9 +115,9 @@ def joined_marks(
     if phase not in (SEARCH, RETREAT, LATCH_EDGE):
         return either
     leaves = axis_settings.search_velocity_m_s * axis_settings.latch_velocity_m_s < 0.0
-    _find_edge(first, phase, leaves)
-    _find_edge(second, phase, leaves)
-    check_apart(settings, axis, dual, phase == LATCH_EDGE, t)
+    _find_edge(axis, first, phase, leaves)
+    _find_edge(axis, second, phase, leaves)
+    check_apart(settings, axis, dual, phase == LATCH_EDGE and not axis.blurred, t)
     both = first.done and second.done
     if phase == SEARCH or (phase == LATCH_EDGE and not leaves):
         return HOME_SWITCH if both else 0

@@ -26,7 +26,9 @@ def guide_skew(
     there slowly.
     """
     settle_ends(settings, axis, dual)
-    if axis.fresh or not is_enabled(axis):
+    if not is_enabled(axis):
+        dual.unchecked = 1
+    if axis.fresh or dual.unchecked:
         dual.reference_m = dual.skew_m
         dual.error_m, dual.d_v, dual.gap_ticks = 0.0, 0.0, 0
     elif dual.squared:
@@ -35,6 +37,7 @@ def guide_skew(
     # A sample that the axis leaves out is no reason to trip either; if it is true, the next one is.
     if is_enabled(axis) and not axis.held_ticks:
         check_skew(axis_settings, settings, axis, dual, t)
+        dual.unchecked = 0
 
 
 @inner_kernel(error_model="numpy")

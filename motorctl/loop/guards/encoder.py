@@ -44,20 +44,21 @@ def longest_step_m(settings: Any, elapsed: int) -> float:
 
 
 @inner_kernel
-def jump(settings: Any, axis: Any, step: int, elapsed: int, t: float) -> None:
+def jump(settings: Any, axis: Any, step: int, elapsed: int, paused: int, t: float) -> None:
     """Note that the count went where no motion leads, or that a pause hides how far it went.
 
-    elapsed counts the axis' periods since its last tick: where the computer paused for so long that
-    motion may have carried the counter a quarter round, the pause is the cause, not the encoder.
+    elapsed counts the axis' periods since the last count that could be trusted, paused those of
+    them in which the loop was stalled: where motion may have carried the counter a quarter round in
+    these, the pause is the cause, not the encoder.
     """
     if not is_off(axis):
         fastest = OVERSPEED_RATIO * settings.max_velocity_m_s
         quarter_m = _ambiguous_counts(settings.counter_span) * abs(settings.metres_per_count)
         longest = quarter_m / (fastest * settings.period_s)
-        if settings.counter_span and elapsed > 1 and elapsed >= longest:
-            trip(axis, FaultCause.OVERRUN, elapsed - 1.0, float(int(longest)), t)
+        if settings.counter_span and paused and paused + 1 >= longest:
+            trip(axis, FaultCause.OVERRUN, float(paused), float(int(longest)), t)
         else:
-            limit_m = longest_step_m(settings, elapsed + axis.blind_ticks)
+            limit_m = longest_step_m(settings, elapsed)
             if settings.counter_span:
                 limit_m = min(limit_m, quarter_m)
             trip(axis, FaultCause.ENCODER_JUMP, step * settings.metres_per_count, limit_m, t)
@@ -72,6 +73,12 @@ def note_step(axis: Any, step: int, follows: bool) -> None:
     """
     axis.bend_counts = step - axis.step_counts if axis.steps_follow and follows else 0
     axis.step_counts, axis.steps_follow = step, follows
+
+
+@inner_kernel
+def leave_unwatched(axis: Any, moved_m: float) -> None:
+    """Let motion of the reference that the axis was not led along count for nothing."""
+    axis.stuck_reference_m += moved_m
 
 
 @inner_kernel

@@ -66,7 +66,9 @@ def supervise(
             watch.bucket = 0
             size = float(watch.bucket_size)
             for i in range(axes.size):
-                react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, size, t)
+                # A pause that is too long for an axis is its own cause: `check_pause`.
+                if elapsed // settings[i].divisor - 1 <= settings[i].frozen_ticks:
+                    react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, size, t)
 
 
 @inner_kernel
@@ -98,11 +100,15 @@ def forget_stall(axis: Any, elapsed: int, behind: int) -> None:
 
 
 @inner_kernel
-def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> None:
-    """Trip where the axis has had no tick for too long: whatever else is wrong comes of that."""
-    skipped = elapsed - 1
+def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> bool:
+    """Trip where the axis has had no tick for too long: whatever else is wrong comes of that.
+
+    Return whether it did: an axis that is being stopped for a fault goes on with that.
+    """
+    skipped, before = elapsed - 1, axis.state
     if skipped > settings.frozen_ticks:
         if settings.quick_stops >> HOST_FROZEN_BIT & 1:
             quick_stop(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)
         else:
             trip(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+    return axis.state != before  # type: ignore[no-any-return]
