@@ -86,13 +86,31 @@ class Link:
                 # python-can would spin, and a device or a kernel thread on this CPU never get it.
                 select.select(self._waited, self._none, self._none, timeout_s)
                 timeout_s = 0
-            message = self._bus.recv(timeout_s)
+            message = self._taken(timeout_s)
         except Exception as error:
             self._failed(error)
             return None
         if len(self._begun) > NOISE_CHARACTERS:
             self._forget()
         return message
+
+    def _taken(self, timeout_s: float) -> can.Message | None:
+        """Return what python-can's `recv` would, whatever happens to the wall clock meanwhile.
+
+        `recv` counts its time by that: set back, it waits for as long as the clock went back.
+        """
+        bus = self._bus
+        deadline = time.monotonic() + timeout_s if timeout_s > 0 else 0.0
+        left = timeout_s
+        while True:
+            message, filtered = bus._recv_internal(left)
+            if message is not None and (filtered or bus._matches_filters(message)):
+                return message
+            if timeout_s <= 0:
+                return None
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return None
 
     def more(self) -> bool:
         """Tell whether something is waiting after `receive` gave None."""
