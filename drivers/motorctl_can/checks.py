@@ -29,6 +29,7 @@ from motorctl_can.layout import (
 SMALLEST_SEQUENCE_BITS = 4
 LARGEST_EXACT_BITS = 53  # of a float
 ROUNDING = 1e-9  # of the product of two floats, and more
+SAME_MARK = "a mark that is passed twice in a row leaves the count of the mark as it was"
 
 
 @dataclass(frozen=True)
@@ -257,6 +258,9 @@ def _index_apart(layout: Layout) -> Iterator[Wrong]:
                 text = f"needs index_counts of axis '{axis}', which says where the mark is"
                 yield Wrong((*latched.key, "means"), str(latched.means), text)
             continue
+        if latched is None:
+            text = f"needs index_latched of axis '{axis}': {SAME_MARK}"
+            yield Wrong((*index.key, "means"), str(index.means), text)
         if counts is not None and index.place.bits != counts.place.bits:
             text = f"should be {counts.place.bits}, as wide as the counts of axis '{axis}'"
             yield Wrong((*index.key, "bits"), index.place.bits, text)

@@ -103,10 +103,17 @@ def _index_problems(key: tuple[str, str], part: ChannelMap) -> list[Problem]:
     index = part.index_counts
     if index is None and part.status.index_latched is not None:
         return [((*key, "status", "index_latched"), "needs index_counts, the count of the mark")]
+    found: list[Problem] = []
+    if index is not None and part.status.index_latched is None:
+        message = (
+            "needs status.index_latched: a mark that is passed twice in a row leaves the count of "
+            "the mark as it was"
+        )
+        found.append(((*key, "index_counts"), message))
     if index is not None and index.bits != part.counts.bits:
         message = f"found {index.bits}, expected {part.counts.bits}, as counts.bits"
-        return [((*key, "index_counts", "bits"), message)]
-    return []
+        found.append(((*key, "index_counts", "bits"), message))
+    return found
 
 
 def _claim_problems(claims: list[Claim], base: int, kind: str) -> list[Problem]:

@@ -162,6 +162,7 @@ class ModbusDriver(Driver):
             timeout_s = options.rtu.timeout_s or TIMEOUT_SHARE * self.period_s
             numbered = options.sequence is not None
             self._exchange = RtuExchange(options.unit, outputs, inputs, timeout_s, numbered)
+        self._exchange.on_late = self._take_late
         self._outputs, self._inputs = outputs, inputs
 
     def open(self) -> None:
@@ -230,7 +231,7 @@ class ModbusDriver(Driver):
             inputs.counts[:] = block.counts
             inputs.index_counts[:] = block.index_counts
             np.bitwise_or(block.status, self._latched, out=inputs.status)
-            self._tell_marks(inputs)
+            self._tell_marks(block, inputs)
             return
         if self._lost or self._line is None:
             flags = GONE
@@ -245,11 +246,14 @@ class ModbusDriver(Driver):
         np.bitwise_and(block.status, REPEATED, out=inputs.status)
         np.bitwise_or(inputs.status, flags | self._latched, out=inputs.status)
 
-    def _tell_marks(self, inputs: Inputs) -> None:
-        """Tell of a mark whose bit was in a reply that came too late or never."""
+    def _tell_marks(self, block: InputBlock, inputs: Inputs) -> None:
+        """Tell of a mark whose bit came too late, and of another one whose bit came never."""
+        passed = block.passed
         np.not_equal(inputs.index_counts, self._told_index, out=self._marks, casting="unsafe")
         np.multiply(self._marks, INDEX_LATCHED, out=self._marks)
+        np.bitwise_or(self._marks, passed, out=self._marks)
         np.bitwise_or(inputs.status, self._marks, out=inputs.status)
+        passed[:] = 0
         self._told_index[:] = inputs.index_counts
 
     def _collect(self, now_s: float) -> int:
@@ -277,12 +281,20 @@ class ModbusDriver(Driver):
         if not block.answers(registers, self._sequence):
             return REFUSED
         if not self._wrote:  # the newest request is older than one period, and so is its sample
+            block.note_marks(registers)
             return NOTHING
         if block.boot_id(registers) != self._boot_id:
             self._latched = RESTARTED
         block.decode(registers)
         self._unread = True
         return FRESH
+
+    def _take_late(self, registers: tuple[int, ...], newer: int) -> None:
+        """Take from a reply to an older request what would not be told again."""
+        block = self._inputs
+        asked = (self._sequence - 1 - newer) % 0xFFFF + 1
+        if block is not None and block.answers(registers, asked):
+            block.note_marks(registers)
 
     def _tripped(self) -> bool:
         exchange = self._exchange

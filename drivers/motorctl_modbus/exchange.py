@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 from pymodbus.framer import FramerRTU, FramerSocket
@@ -49,6 +50,8 @@ class Exchange(ABC):
         """Where in `request` the registers begin."""
         self.registers: tuple[int, ...] = ()
         self.exception_code = 0
+        self.on_late: Callable[[tuple[int, ...], int], None] | None = None
+        """Called with the registers of a reply to an older request, and how many are newer."""
         self._unpack = struct.Struct(f">{reply_registers}H").unpack_from
         self._buffer = bytearray(room)
         self._view = memoryview(self._buffer)
@@ -109,7 +112,7 @@ class TcpExchange(Exchange):
         self._sent_s = now_s
 
     def judge(self, now_s: float) -> int:
-        """Take every whole reply; the newest wins, those to older requests are thrown away."""
+        """Take every whole reply; the newest wins, of those to older requests `on_late` is told."""
         best, at, end = NOTHING, 0, self._filled
         while end - at >= HEADER.size:
             transaction, protocol, length, unit = HEADER.unpack_from(self._buffer, at)
@@ -138,11 +141,13 @@ class TcpExchange(Exchange):
         else:
             return REFUSED
         self._outstanding = age
-        if age:
-            return NOTHING
         if verdict == FRESH:
-            self.registers = self._unpack(self._buffer, at + 2)
-        return verdict
+            registers = self._unpack(self._buffer, at + 2)
+            if not age:
+                self.registers = registers
+            elif self.on_late is not None:
+                self.on_late(registers, age)
+        return NOTHING if age else verdict
 
 
 class RtuExchange(Exchange):

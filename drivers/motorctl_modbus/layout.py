@@ -95,6 +95,14 @@ class InputBlock:
         self.counts = np.zeros(len(maps), np.int64)
         self.index_counts = np.zeros(len(maps), np.int64)
         self.status = np.zeros(len(maps), np.uint32)
+        self.passed = np.zeros(len(maps), np.uint32)
+        """INDEX_LATCHED where a reply told of a mark whose counts were too old to be a sample."""
+        self._marks = [
+            (i, bit)
+            for i, (_, _, bits) in enumerate(self._plans)
+            for bit in bits
+            if bit[3] == Status.INDEX_LATCHED
+        ]
 
     def answers(self, registers: tuple[int, ...], sequence: int) -> bool:
         """Tell whether these registers show the sequence number of the request they answer."""
@@ -103,6 +111,12 @@ class InputBlock:
     def boot_id(self, registers: tuple[int, ...]) -> int:
         """Return the device's boot number; 0 where it has none."""
         return 0 if self._boot_id is None else registers[self._boot_id]
+
+    def note_marks(self, registers: tuple[int, ...]) -> None:
+        """Note the index marks that a reply tells of, in `passed`, and nothing else of it."""
+        for i, (register, mask, inverted, flag) in self._marks:
+            if (registers[register] & mask == 0) == inverted:
+                self.passed[i] = flag
 
     def decode(self, registers: tuple[int, ...]) -> None:
         """Fill `counts`, `index_counts` and `status` from the registers of a reply."""

@@ -150,6 +150,11 @@ CASES = {
         "frames.positions.signals.boot.means",
         "needs index_counts",
     ),
+    "the count of a mark that is not told when passed again": (
+        signal("positions", "boot", bits("index_counts", 52, 4, "x")),
+        "frames.positions.signals.boot.means",
+        "needs index_latched of axis 'x': a mark that is passed twice",
+    ),
     "a frame without signals": (
         edited("spare", {"id": 1, "direction": "state", "length": 0, "signals": {}}),
         "frames.spare.signals",

@@ -25,6 +25,12 @@ def changed(*path, **values):
     return result
 
 
+def with_mark(bits):
+    result = changed(0, "index_counts", address=6, bits=bits)
+    result[0].setdefault("status", {})["index_latched"] = {"address": 9, "bit": 0}
+    return result
+
+
 def without(number, key):
     result = copy.deepcopy(CHANNELS)
     del result[number][key]
@@ -111,8 +117,10 @@ def test_one_estop_may_serve_every_channel_but_no_other_status():
          "126 in a row, and one request carries at most 125"),
         ({"channels": changed(0, "status", "estop", address=1, bit=0)}, "channels.0.status.estop",
          "is on input register 1, which channels.0.counts uses already"),
-        ({"channels": changed(0, "index_counts", address=6, bits=16)},
+        ({"channels": with_mark(bits=16)},
          "channels.0.index_counts.bits", "found 16, expected 32, as counts.bits"),
+        ({"channels": changed(0, "index_counts", address=6, bits=32)},
+         "channels.0.index_counts", "needs status.index_latched: a mark that is passed twice"),
         ({"channels": changed(0, "status", "index_latched", address=9, bit=0)},
          "channels.0.status.index_latched", "needs index_counts"),
         ({"output_base": 0xFFFD}, "sequence.output",

@@ -299,19 +299,25 @@ def test_status_bits_pass_inverted_or_not_and_are_repeated_but_for_the_index():
     bench.close()
 
 
-@pytest.mark.parametrize("latched", [True, False], ids=["bit and count", "count alone"])
-def test_an_index_mark_is_told_though_the_reply_with_its_bit_was_lost_or_late(latched):
-    status = {"index_latched": {"address": 5, "bit": 3}} if latched else {}
+MARK = int(Status.INDEX_LATCHED)
+
+
+def bench_with_index():
+    """Return a bench, and what answers one of its requests."""
+    status = {"index_latched": {"address": 5, "bit": 3}}
     index = {"index_counts": {"address": 2, "bits": 32}, "status": status}
     bench = tcp_bench(n=1, channels={0: {**CHANNELS[0], **index}})
-    mark = int(Status.INDEX_LATCHED)
 
-    def answer(request, mark_at, bit=0):
-        words = [0, 1, *divmod(mark_at, 0x10000), request.sequence, bit << 3]
-        if not latched:
-            del words[5:]
+    def answer(request, mark_at, bit=0, sequence=None):
+        number = request.sequence if sequence is None else sequence
+        words = [0, 1, *divmod(mark_at, 0x10000), number, bit << 3]
         bench.peer.send(tcp_frame(request.transaction, reply_pdu(words)))
 
+    return bench, answer
+
+
+def test_another_index_mark_is_told_though_the_reply_with_its_bit_was_lost_or_late():
+    bench, answer = bench_with_index()
     bench.open(lambda: answer(bench.peer.request(), 70000))
     assert bench.read() == ([1], [0])
     answer(bench.ask(0.0, 0), 70000)
@@ -319,14 +325,43 @@ def test_an_index_mark_is_told_though_the_reply_with_its_bit_was_lost_or_late(la
     bench.ask(0.0, 0)  # whose reply, with the bit, is lost
     assert bench.read() == ([1], [STALE])
     answer(bench.ask(0.0, 0), 80000)
-    assert bench.read() == ([1], [mark])
+    assert bench.read() == ([1], [MARK])
     assert bench.inputs.index_counts[0] == 80000
     late, newest = bench.ask(0.0, 0), bench.ask(0.0, 0)
     answer(late, 90000, 1)
     assert bench.read() == ([1], [STALE])
     answer(newest, 90000)
-    assert bench.read() == ([1], [mark])
+    assert bench.read() == ([1], [MARK])
     answer(bench.ask(0.0, 0), 90000)
+    assert bench.read() == ([1], [0])
+    bench.close()
+
+
+def test_the_same_index_mark_is_told_again_though_the_reply_with_its_bit_is_late():
+    bench, answer = bench_with_index()
+    bench.open(lambda: answer(bench.peer.request(), 70000))
+    assert bench.read() == ([1], [0])
+    late, newest = bench.ask(0.0, 0), bench.ask(0.0, 0)
+    answer(late, 70000, 1)
+    assert bench.read() == ([1], [STALE])  # with the next new counts
+    answer(newest, 70000)
+    assert bench.read() == ([1], [MARK])
+    late, newest = bench.ask(0.0, 0), bench.ask(0.0, 0)
+    answer(late, 70000, 1)
+    answer(newest, 70000)
+    assert bench.read() == ([1], [MARK])  # both came in one period
+    answer(bench.ask(0.0, 0), 70000)
+    assert bench.read() == ([1], [0])
+    bench.close()
+
+
+def test_a_late_reply_without_the_number_of_its_request_tells_no_index_mark():
+    bench, answer = bench_with_index()
+    bench.open(lambda: answer(bench.peer.request(), 70000))
+    assert bench.read() == ([1], [0])
+    late, newest = bench.ask(0.0, 0), bench.ask(0.0, 0)
+    answer(late, 70000, 1, sequence=newest.sequence)
+    answer(newest, 70000)
     assert bench.read() == ([1], [0])
     bench.close()
 
