@@ -7,7 +7,14 @@ import struct
 
 import can
 
-from motorctl.hal import ENABLE_LATE, LEFT_OPERATION, Channel, Status, error_bits
+from motorctl.hal import (
+    DISABLE_LATE,
+    ENABLE_LATE,
+    LEFT_OPERATION,
+    Channel,
+    Status,
+    error_bits,
+)
 from motorctl_canopen import objects
 from motorctl_canopen.drive_states import (
     AT_REST,
@@ -97,6 +104,7 @@ class Node:
         self._going_off = False
         self._clearing = 0
         self._enabling = 0
+        self._disabling = 0
         self.to_start = False
         """It is to be started by network management."""
 
@@ -237,13 +245,19 @@ class Node:
         self._operated, self._enabling, self._going_off = False, 0, True
 
     def _down(self, drive: int, enable: bool) -> int:
-        if self._operated or self._enabling:
+        if self._operated or self._enabling or drive == OPERATING:
             self._going_off = True
         self._operated, self._enabling = False, 0
         if not enable and not self._going_off:
             self._own_fault = 0
         if self._going_off and drive in (NOT_READY, OFF, FAULT, FAULT_REACTION):
             self._going_off = False
+        if not self._going_off:
+            self._disabling = 0
+        elif not self.missing & STATE:
+            self._disabling += 1
+            if self._disabling > self._enable_periods and not self._own_fault:
+                self._own_fault = DISABLE_LATE + drive
         if self._clearing and drive in (FAULT, FAULT_REACTION) and not enable:
             self._clearing -= 1
             return FAULT_RESET if drive == FAULT else DISABLE_VOLTAGE

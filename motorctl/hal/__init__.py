@@ -16,6 +16,7 @@ from motorctl.hal.contract import (
 )
 from motorctl.hal.error_codes import (
     CODE_MASK,
+    DISABLE_LATE,
     DRIVE_STATES,
     ENABLE_LATE,
     LEFT_OPERATION,
@@ -29,6 +30,7 @@ from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
 __all__ = [
     "CODE_MASK",
+    "DISABLE_LATE",
     "DRIVE_STATES",
     "ENABLE_LATE",
     "FAULT_BITS",

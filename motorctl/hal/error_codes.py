@@ -15,6 +15,8 @@ LEFT_OPERATION = 0x0010
 """And the number of a drive's state: it went there from Operation Enabled by itself."""
 ENABLE_LATE = 0x0020
 """And the number of a drive's state: it is still there, though it was enabled long ago."""
+DISABLE_LATE = 0x0030
+"""And the number of a drive's state: it is still there, though it was disabled long ago."""
 DRIVE_STATES = (
     "Not Ready to Switch On",
     "Switch On Disabled",
@@ -146,5 +148,7 @@ def error_words(code: int) -> str:
         return f"it left {DRIVE_STATES[4]} by itself and is in {DRIVE_STATES[state]}"
     if state < len(DRIVE_STATES) and kind == ENABLE_LATE:
         return f"it was not enabled in time and is in {DRIVE_STATES[state]}"
+    if state < len(DRIVE_STATES) and kind == DISABLE_LATE:
+        return f"it was not disabled in time and is in {DRIVE_STATES[state]}"
     words = _EXACT.get(code) or _KINDS.get(code >> 8) or _KINDS.get(code >> 8 & 0xF0)
     return f"error {code:04X}h" + (f": {words}" if words else "")

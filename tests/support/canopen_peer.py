@@ -43,6 +43,8 @@ class Drive:
         """How many controlwords long a fault reaction lasts."""
         self.stuck_in: str | None = None
         """It does not go on from this state."""
+        self.stays_on = False
+        """It does not leave Operation Enabled, whatever it is told."""
         self.position, self.torque, self.inputs = 0, 0, 0
         self.controlwords: deque[int] = deque(maxlen=200)
         self.asked: deque[tuple[int, int]] = deque(maxlen=200)
@@ -185,7 +187,7 @@ class Drive:
             if rising & 0x80 and not self.stays_faulty:
                 self.state = "SWITCH ON DISABLED"
                 self.node.emcy.reset()
-        elif state == self.stuck_in and word & 2:
+        elif (self.stays_on and self.enabled) or (state == self.stuck_in and word & 2):
             pass
         elif not word & 2:
             self.state = "SWITCH ON DISABLED"

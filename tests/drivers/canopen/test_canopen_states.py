@@ -150,6 +150,57 @@ def test_a_drive_that_is_not_enabled_in_time_is_a_fault_that_names_its_state():
         assert words == "it was not enabled in time and is in Ready to Switch On"
 
 
+ON = "it was not disabled in time and is in Operation Enabled"
+
+
+@pytest.mark.parametrize("started_again", [False, True])
+def test_a_drive_that_stays_enabled_whatever_it_is_told_is_a_fault(started_again):
+    with opened(enable_timeout_s=0.05) as bench:
+        bench.enable(1.0)
+        bench.drive.stays_on = True
+        bench.ask(0.0, 0)
+        for _ in range(20):  # of 25 that it has
+            bench.period()
+            assert not bench.status & FAULT
+        if started_again:
+            bench.ask(1.0, 1)
+        bench.until(lambda: bool(bench.status & FAULT))
+        assert error_words(bench.code) == ON
+        bench.periods(5)
+        assert bench.drive.asked[-1] == (0x00, 0)
+        bench.drive.stays_on = False
+        bench.ask(0.0, 0)
+        bench.until(lambda: not bench.status & FAULT)
+        bench.enable(1.0)
+
+
+def test_a_drive_that_enables_itself_is_switched_off_and_a_fault_where_it_does_not_obey():
+    with opened(enable_timeout_s=0.05) as bench:
+        for obeys in (True, False):
+            bench.until(lambda: bench.drive.state == "READY TO SWITCH ON")
+            bench.drive.stays_on = not obeys
+            bench.drive.state = "OPERATION ENABLED"
+            for _ in range(20):
+                bench.period()
+                assert not bench.status & FAULT
+            assert bench.drive.enabled != obeys
+        bench.until(lambda: bool(bench.status & FAULT))
+        assert error_words(bench.code) == ON
+
+
+def test_a_drive_that_is_silent_while_it_is_disabled_is_stale_and_not_its_fault():
+    with opened(enable_timeout_s=0.05, sync={"wait_s": 0.005}) as bench:
+        bench.enable(1.0)
+        bench.drive.silent = True
+        bench.ask(0.0, 0)
+        for _ in range(40):  # 25 is what it has
+            bench.period()
+            assert bench.status & ~Status.CORRUPT == Status.STALE
+        bench.drive.silent = False
+        bench.until(lambda: bench.drive.state == "READY TO SWITCH ON")
+        assert not bench.status & FAULT
+
+
 def test_a_quick_stop_that_is_active_is_left_before_the_drive_is_enabled_anew():
     with opened() as bench:
         bench.drive.state = "QUICK STOP ACTIVE"
