@@ -83,17 +83,20 @@ def take(
     Returns
     -------
     int
-        ACCEPTED, DUPLICATE, BACKWARDS, or LATE: it answers an earlier SYNC, so its count is not
-        of this period.
+        ACCEPTED, DUPLICATE, BACKWARDS, or LATE: it answers an earlier SYNC, or may after a long
+        silence, so its count is not of this period.
     """
     frame = frames[number]
     step = 1
+    doubtful = False
     if _restarted(signals, frame, channels, row):
         frame.known = 0  # its counter began anew
     if frame.silent >= frame.patience:
         # Nothing for so long that the counter says nothing: it may have restarted meanwhile.
         frame.silent = 0
         frame.known = 0
+        # Nor does it say which of the SYNCs is answered that were sent in that time.
+        doubtful = phase == AFTER_SYNC and frame.owed > 1
         for channel in channels:
             if channel.needs >> number & 1 and not channel.boots:
                 channel.latched |= RESTARTED
@@ -124,9 +127,9 @@ def take(
         frame.behind, frame.answered = 0, 0
         frame.before = frame.last if frame.known else sequence
         frame.last = sequence
-    late = phase == BEFORE_SYNC
-    if phase == AFTER_SYNC:
-        late = frame.known and frame.sequence >= 0 and step < frame.owed
+    late = doubtful or phase == BEFORE_SYNC
+    if phase == AFTER_SYNC and frame.known and frame.sequence >= 0:
+        late = step < frame.owed
     if late:
         frame.owed = max(0, frame.owed - step)
     else:

@@ -226,6 +226,40 @@ def test_a_sync_without_room_is_told_and_counts_like_a_command():
             assert told == [CORRUPT, CORRUPT, CORRUPT, lost, lost]
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_after_a_long_silence_no_answer_is_taken_before_it_is_known_which_sync_it_answers(late):
+    mute, held = threading.Event(), []
+
+    def answer(k):
+        now, held[:] = held[:], []
+        if mute.is_set():
+            return []
+        (held if lags else now).append(message(state_bytes(k, k, k)))
+        return now
+
+    lags = False
+    with on_sync(answer) as (bench, device):
+        assert bench.read()[1] == [0, 0]
+        mute.set()
+        wait_s, bench.driver._wait_s = bench.driver._wait_s, 1e-3
+        for _ in range(130):
+            assert bench.read()[1] == [STALE, STALE]
+        mute.clear()
+        bench.driver._wait_s, lags = 0.02 if late else wait_s, late
+        told = []
+        for _ in range(30):
+            before = device.samples
+            counts, status = bench.read()
+            told.append(status[0])
+            assert status[0] or counts == [device.samples] * 2
+            if device.samples == before:  # no SYNC: what was held comes in this period
+                for frame in held:
+                    bench.peer.send(frame)
+                held.clear()
+        assert told[0] == STALE
+        assert set(told[6:]) == {STALE if late else 0}
+
+
 @pytest.mark.parametrize("lost", [(), (24,), (22, 24)])
 def test_after_a_wrong_number_the_right_ones_are_taken_again_at_once(lost):
     wrong = 20
