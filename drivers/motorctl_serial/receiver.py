@@ -56,6 +56,7 @@ RECEIVER = np.dtype(
         ("refused_sample", "i8"),
         ("sample", "i8"),  # of the last accepted STATE; -1: none yet
         ("watchdog", "i8"),  # 1: the device's watchdog has tripped
+        ("unheeded", "i8"),  # STATEs that told of a refused COMMAND, less those that did not
         ("counts", "i8", MOST_CHANNELS),
         ("index", "i8", MOST_CHANNELS),
         ("status", "u4", MOST_CHANNELS),
@@ -75,9 +76,11 @@ _CAPABILITIES, _ERROR, _ANSWERED = int(News.CAPABILITIES), int(News.ERROR), int(
 _TYPE_CAPABILITIES, _TYPE_STATE = int(FrameType.CAPABILITIES), int(FrameType.STATE)
 _TYPE_ERROR, _TYPE_POLL = int(FrameType.ERROR), int(FrameType.POLL)
 _NO_SESSION, _WATCHDOG = int(ErrorCode.NO_SESSION), int(StateFlag.WATCHDOG)
-_IN_FORCE = int(StateFlag.IN_FORCE)
+_IN_FORCE, _REFUSED_COMMAND = int(StateFlag.IN_FORCE), int(StateFlag.REFUSED)
 MOST_IN_FLIGHT = 4
 """Commands newer than the one under which a stream's sample was taken, at most."""
+MOST_UNHEEDED = 3
+"""So many more STATEs with a refused COMMAND than without are a box that nobody commands."""
 _INDEX_LATCHED = int(Status.INDEX_LATCHED)
 _COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)
 _STALE, _CORRUPT = int(Status.STALE), int(Status.CORRUPT)
@@ -215,6 +218,12 @@ def _take_state(rx: Any, size: int) -> int:
     rx.refused_sequence = -1
     rx.sample = sample
     rx.watchdog = 1 if body[4] & _WATCHDOG else 0
+    news = 0
+    if body[4] & _REFUSED_COMMAND:
+        news = _REFUSED
+        rx.unheeded = min(rx.unheeded + 1, MOST_UNHEEDED)
+    else:
+        rx.unheeded = max(rx.unheeded - 1, 0)
     fresh = rx.asked < 0 or int(body[2]) == rx.asked
     if rx.commanded >= 0 and body[4] & _IN_FORCE:
         # The command in force tells when a sample was taken, which a stream does not. One that
@@ -241,7 +250,7 @@ def _take_state(rx: Any, size: int) -> int:
             rx.marked[c] = 0
         if fresh:
             rx.counts[c] = _narrowed(_signed(body, at + 1), rx.counter_bits)
-    return _FRESH if fresh else 0
+    return (news | _FRESH) if fresh else news
 
 
 @njit(cache=True)
@@ -296,7 +305,7 @@ def deliver(
         bits |= _STALE
     if news & _REFUSED:
         bits |= _CORRUPT
-    if rx.watchdog != 0:
+    if rx.watchdog != 0 or rx.unheeded >= MOST_UNHEEDED:
         bits |= _COMMUNICATION_LOST
     for i in range(numbers.size):
         number = numbers[i]

@@ -90,6 +90,7 @@ class Box:
         self.name = "bench box"
         self.armed_ms: int | None = None
         self.mute = False
+        self.refuses = False  # every command, for its value
         self.delay_s = 0.0
         self.mangle: Callable[[bytes], bytes] = lambda wire: wire
         self.counts = [0] * channels
@@ -228,6 +229,11 @@ class Box:
         assert self._session is not None
         channels = self._session[0]
         assert len(body) == 3 + 2 * channels
+        if self.refuses:
+            self._refused = kind == COMMAND
+            if kind == EXCHANGE:
+                self._error(BAD_VALUE, kind, sequence, 2)
+            return
         enable, *codes = struct.unpack(f"<B{channels}h", body[2:])
         assert enable < 1 << channels
         assert -32768 not in codes
@@ -255,6 +261,8 @@ class Box:
             words.append(word)
         self.sample += 1
         flags = (1 if self._has_command else 0) | (2 if self.watchdog_tripped else 0)
+        flags |= 4 if self._refused else 0
+        self._refused = False
         body = state_body(
             self._number(), self.sample, self.counts[: self._session[0]], answers,
             self._in_force if self._has_command else 0, flags, words, marks,

@@ -62,6 +62,28 @@ def test_a_silent_device_is_stale_and_no_fault(mode):
         settled(rig, [5, 6])
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_a_box_that_refuses_every_command_is_told(mode):
+    with rig_open(mode=mode) as rig:
+        settled(rig, [3, 4])
+        rig.box.refuses = True
+        if mode == "exchange":  # an ERROR in place of the STATE
+            exchange_until(rig, Status.CORRUPT | Status.STALE)
+            return
+        # its watchdog waits for nothing while it has enabled nothing
+        counts, _ = exchange_until(rig, Status.CORRUPT | Status.COMMUNICATION_LOST)
+        assert counts == [3, 4]
+        assert not rig.box.watchdog_tripped
+        rig.box.refuses = False
+        until(lambda: exchange_once(rig) == 0)
+
+
+def exchange_once(rig):
+    rig.write(0.0, enable=0)
+    time.sleep(1e-3)
+    return rig.read()[1][0]
+
+
 def test_a_read_waits_for_a_silent_device_no_longer_than_it_may():
     with rig_open(mode="poll", wait_s=WAIT_S) as rig:
         rig.box.mute = True

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numba import njit
 from serial_bench import framed, slow_cobs, slow_uncobs, state_body
 
+from motorctl.hal import Status
 from motorctl_serial import frames, receiver
 from motorctl_serial.receiver import News
 
@@ -197,6 +198,26 @@ def test_a_duplicate_is_ignored_and_a_step_back_refused():
     assert take(rx, framed(state_body(7, 4, [9, 9]))) == News.REFUSED
     assert rx["counts"][0, :2].tolist() == [5, 5]
     assert take(rx, framed(state_body(7, 6, [6, 6]))) == News.FRESH
+
+
+def test_commands_that_are_refused_time_after_time_are_communication_lost():
+    rx, lost = session(), int(Status.COMMUNICATION_LOST)
+    numbers, told = np.arange(2), np.zeros(2, np.uint32)
+    counts, index = np.zeros(2, np.int64), np.zeros(2, np.int64)
+
+    def status(k, refused):
+        news = take(rx, framed(state_body(k, k, [k, k], flags=4 if refused else 0)))
+        assert news & News.FRESH
+        assert bool(news & News.REFUSED) == refused
+        receiver.deliver(rx, numbers, int(news), 0, counts, index, told)
+        assert counts.tolist() == [k, k]
+        return int(told[0]) & lost
+
+    # Where the two clocks drift, a STATE in between tells of no command.
+    refused = [1, 0, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1]
+    assert [status(k, bool(one)) for k, one in enumerate(refused, 1)] == [
+        lost if k in (8, 9) else 0 for k in range(1, len(refused) + 1)
+    ]
 
 
 def test_after_a_break_of_half_a_round_the_second_frame_is_taken():

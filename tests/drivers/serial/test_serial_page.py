@@ -114,7 +114,7 @@ def test_the_vectors_of_state_are_understood():
     assert int(rx["index"][0, 0]) == -256
     assert int(rx["watchdog"][0]) == 1
     rx, news = taken(single, 1)
-    assert news == News.FRESH
+    assert news == News.FRESH | News.REFUSED  # of a COMMAND, says a flag
     assert int(rx["counts"][0, 0]) == 305_419_896
     assert int(rx["status"][0, 0]) == 0x82
 
