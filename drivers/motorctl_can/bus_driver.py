@@ -12,6 +12,10 @@ from motorctl_can.link import Link
 
 SAFE_REPEATS = 3
 """So often is sent what disables."""
+SAFE_SETTLE_S = 1.5
+"""How long `safe` lets an adapter settle that it opened itself [s], at most: other drivers' outputs
+may wait for it, and the supervisor gives up after 2 s. One that needs more may lose what disables.
+"""
 CLOSED = int(Status.COMMUNICATION_LOST | Status.STALE)
 """The status of every axis on a bus that is not open."""
 
@@ -38,8 +42,8 @@ class BusDriver(Driver):
         """Return the addresses of the frames that are sent, once `prepare` is through."""
 
     @abstractmethod
-    def _linked(self) -> Link:
-        """Open the bus. Raises RunError."""
+    def _linked(self, settle_s: float) -> Link:
+        """Open the bus, and let its adapter settle for that long. Raises RunError."""
 
     @abstractmethod
     def _begin(self, link: Link) -> None:
@@ -62,7 +66,7 @@ class BusDriver(Driver):
         self.prepare()
         self._claim = self._claimed()
         try:
-            self._link = self._linked()
+            self._link = self._linked(self._bus.settle_s)
             self._begin(self._link)
         except BaseException:
             self.close()
@@ -91,11 +95,14 @@ class BusDriver(Driver):
             # What another program drives is not this one's to make safe.
             claim = None if self._claim else self._claimed()
             try:
-                link = self._linked()
+                settle_s = min(self._bus.settle_s, SAFE_SETTLE_S)
+                link = self._linked(settle_s)
                 try:
                     self._make_safe(link)
                 finally:
                     link.close()
+                if self.safe_sent and settle_s < self._bus.settle_s:
+                    self.safe_sent = None  # the adapter may not have listened yet
             finally:
                 if claim is not None:
                     claim.release()

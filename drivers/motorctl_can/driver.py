@@ -142,10 +142,10 @@ class CanDriver(BusDriver):
         self.safe()
         self._await_device(link)
 
-    def _linked(self) -> Link:
+    def _linked(self, settle_s: float) -> Link:
         wanted = [(frame.identifier, frame.extended) for frame in self._layout.states]
         options = self._can
-        return Link(options, wanted, fd=options.fd, data_bitrate=options.data_bitrate)
+        return Link(options, wanted, settle_s, fd=options.fd, data_bitrate=options.data_bitrate)
 
     def _await_device(self, link: Link) -> None:
         deadline = time.monotonic() + self._can.open_timeout_s

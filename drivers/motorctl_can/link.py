@@ -42,6 +42,7 @@ class Link:
         self,
         options: BusOptions,
         wanted: Iterable[Wanted],
+        settle_s: float = 0.0,
         *,
         fd: bool = False,
         data_bitrate: int | None = None,
@@ -54,7 +55,7 @@ class Link:
         self._claim = -1
         try:
             self._claim = _claimed(options)
-            self._bus = _open(options, wanted, fd, data_bitrate)
+            self._bus = _open(options, wanted, settle_s, fd, data_bitrate)
         except Exception as error:  # backends raise errors of their own kinds
             self._release_claim()
             hint = _hint(options, error)
@@ -248,7 +249,11 @@ def _claimed(options: BusOptions) -> int:
 
 
 def _open(
-    options: BusOptions, wanted: Iterable[Wanted], fd: bool, data_bitrate: int | None
+    options: BusOptions,
+    wanted: Iterable[Wanted],
+    settle_s: float,
+    fd: bool,
+    data_bitrate: int | None,
 ) -> can.BusABC:
     common: dict[str, Any] = {"interface": options.interface, "channel": options.channel}
     if options.interface == "socketcan":
@@ -266,7 +271,7 @@ def _open(
         **common,
         bitrate=rate,
         tty_baudrate=options.tty_baudrate,
-        sleep_after_open=options.settle_s,
+        sleep_after_open=settle_s,
         timeout=0,
         ignore_config=True,
     )

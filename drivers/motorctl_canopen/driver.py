@@ -115,8 +115,8 @@ class CanopenDriver(BusDriver):
         link.lost = link.passing = 0
         self.notes = tuple(note for opening in openings for note in opening.notes)
 
-    def _linked(self) -> Link:
-        link = self._exchange.link = Link(self._canopen, self._exchange.wanted)
+    def _linked(self, settle_s: float) -> Link:
+        link = self._exchange.link = Link(self._canopen, self._exchange.wanted, settle_s)
         return link
 
     def _leave(self, link: Link) -> None:

@@ -15,7 +15,7 @@ from can_bench import COMMAND, STATE, SYNC, bus, channels, message, options, sta
 from slcan_peer import SlcanPeer
 
 from motorctl.hal import Inputs, Outputs, RunError, Status
-from motorctl_can import CanDriver
+from motorctl_can import CanDriver, bus_driver
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
@@ -338,6 +338,24 @@ def test_safe_of_a_bus_that_is_not_open_opens_it_to_disable_every_amplifier():
         heard = [peer.recv(1.0) for _ in range(3)]
         assert [m.arbitration_id for m in heard if m] == [COMMAND] * 3
         assert all(not any(m.data[:5]) for m in heard if m)
+
+
+@pytest.mark.parametrize(("settle_s", "sent"), [(5.0, None), (0.02, True)])
+def test_safe_of_an_adapter_that_is_not_open_lets_it_settle_for_a_bounded_time(
+    monkeypatch, settle_s, sent
+):
+    monkeypatch.setattr(bus_driver, "SAFE_SETTLE_S", 0.1, raising=False)
+    with SlcanPeer(usual) as peer:
+        chosen = options(interface="slcan", channel=peer.port, settle_s=settle_s)
+        driver = CanDriver(chosen, channels(), 0.01)
+        driver.prepare()
+        start = time.monotonic()
+        driver.safe()
+        assert time.monotonic() - start < 2.0
+        while len(peer.frames) < 3 and time.monotonic() - start < 4.0:
+            time.sleep(0.01)
+        assert [identifier for identifier, _ in peer.frames] == [COMMAND] * 3
+        assert driver.safe_sent is sent
 
 
 def test_safe_tells_whether_the_bus_took_it():
