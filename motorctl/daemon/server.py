@@ -194,9 +194,13 @@ class ControlServer:
             return
         try:
             request = parse_request(line)
-            self._must_be_allowed(request, connection.role, overtaken)
         except RefusedError as no:
             connection.answer(refusal(request_id(line), no.code, no.message))
+            return
+        try:
+            self._must_be_allowed(request, connection.role, overtaken)
+        except RefusedError as no:
+            connection.answer(refusal(request.id, no.code, no.message))
             return
         if isinstance(request, StatusCommand):
             await self._answer(connection.answer, request)
