@@ -48,13 +48,13 @@ def run(
     Example: motorctl run published_gantry --log-dir logs
     """
     from motorctl.config import AllowedCode, load
-    from motorctl.daemon.journal import open_journal
+    from motorctl.daemon.journal import journal
     from motorctl.daemon.supervisor import DaemonOptions, run_daemon
 
-    open_journal()
     options = DaemonOptions(socket, group, operators, log_dir)
     allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
-    run_daemon(load(config, allowed_code=allowed), options)
+    with journal():
+        run_daemon(load(config, allowed_code=allowed), options)
 
 
 def register(app: typer.Typer) -> None:

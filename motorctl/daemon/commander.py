@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
 from motorctl.daemon.protocol import (
     AxisCommand,
@@ -88,6 +89,7 @@ class Commander:
         """Axes that were started and whose program begins when its other axes are, too."""
         self._stopping: int | None = None
         """Number of the last emergency stop that was ordered."""
+        self._stops = Stops(self._names)
         # A trajectory is written into the slot that is not in use: one writer at a time.
         self._ordering = asyncio.Lock()
 
@@ -120,6 +122,7 @@ class Commander:
             # As long as anything may move: also on the way down, when all else is refused.
             self._must_tick()
             self._waiting.clear()
+            self._stops.emergencies += 1
             await self._stop_all_at_once()
             return {"axes": self._names}
         if request.axis not in self._names:
@@ -129,21 +132,24 @@ class Commander:
             raise RefusedError(Code.STOPPING, message)
         self._must_tick()
         self._waiting.pop(request.axis, None)
+        begun = self._stops.begin(request.do)
         match request:
             case MoveCommand():
                 async with self._ordering:
-                    return await self._move(request)
+                    return await self._move(request, begun)
             case ProgramCommand():
                 async with self._ordering:
-                    return await self._program(request)
+                    return await self._program(request, begun)
             case AxisCommand(do="start"):
                 async with self._ordering:
-                    return await self._start(self._machine.axes[request.axis], request.hold)
+                    axis = self._machine.axes[request.axis]
+                    return await self._start(axis, request.hold, begun)
             case AxisCommand(do="home"):
-                return await self._home(request.axis)
+                return await self._home(request.axis, begun)
             case AxisCommand(do="reset"):
-                return await self._reset(request.axis)
+                return await self._reset(request.axis, begun)
             case AxisCommand():
+                self._stops.of_axis[request.axis] += 1
                 await self._order(Verb[request.do.upper()], request.axis)
                 return {"axis": request.axis, "state": self._state(request.axis).name.lower()}
 
@@ -162,7 +168,7 @@ class Commander:
         }
         return self._report.document([axis] if axis else self._names, motions)
 
-    async def _reset(self, name: str) -> dict[str, Any]:
+    async def _reset(self, name: str, begun: Begun) -> dict[str, Any]:
         """Clear a fault; where the driver says that its bus is gone, open it anew before.
 
         A device that keeps its own fault is asked to forget it before.
@@ -177,18 +183,20 @@ class Commander:
         if not answer.keys() & {"opened", "cleared"} or self._state(name) is AxisState.FAULT:
             if self._before_reset is not None:
                 self._before_reset()
+            begun.insist()
             await self._order(Verb.RESET, name)
         return {**answer, "state": self._state(name).name.lower(), "homed": self._homed(name)}
 
-    async def _start(self, axis: Axis, hold: bool) -> dict[str, Any]:
+    async def _start(self, axis: Axis, hold: bool, begun: Begun) -> dict[str, Any]:
         """Enable the axis; then its program, as soon as every axis of it is enabled."""
+        begun.insist(axis.name)
         own = None if hold else axis.program
         program = self._machine.programs[own] if own else None
         if program is not None and not self._homed(axis.name):
             raise self._not_homed(axis.name)
         if self._state(axis.name) is not AxisState.IDLE:
             await self._order(Verb.START, axis.name)
-            await self._until_idle(axis.name)
+            await self._until_idle(axis.name, begun)
         program = program or next((p for p in self._waiting.values() if axis.name in p.axes), None)
         if hold:
             self._waiting = {n: p for n, p in self._waiting.items() if axis.name not in p.axes}
@@ -199,22 +207,24 @@ class Commander:
             self._waiting[axis.name] = program
             answer = {"axis": axis.name, "state": "idle", "program": program.name}
             return {**answer, "waits_for": missing}
-        return await self._follow_program(axis.name, program)
+        return await self._follow_program(axis.name, program, begun)
 
-    async def _home(self, name: str) -> dict[str, Any]:
+    async def _home(self, name: str, begun: Begun) -> dict[str, Any]:
         """Look for the axis' zero; where its amplifier takes time, enable it before."""
         reply = await self._reply(self._post(Verb.HOME, name))
         if reply is Reply.NOT_POWERED:
+            begun.insist(name)
             if self._state(name) is not AxisState.IDLE:
                 await self._order(Verb.START, name)
-            await self._until_idle(name)
+            await self._until_idle(name, begun)
             reply = await self._reply(self._post(Verb.HOME, name))
         if reply is not Reply.OK:
             raise self._refusal(Verb.HOME, name, reply)
         return {"axis": name, "state": self._state(name).name.lower()}
 
-    async def _move(self, request: MoveCommand) -> dict[str, Any]:
+    async def _move(self, request: MoveCommand, begun: Begun) -> dict[str, Any]:
         name = request.axis
+        begun.insist(name)
         self._must_stand("move", name)
         try:
             trajectory = await asyncio.to_thread(
@@ -229,7 +239,7 @@ class Commander:
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {error}") from error
         motion = _Motion("move", 0, 0.0, trajectory.duration_s, None, 1)
-        await self._follow(motion, {name: trajectory})
+        await self._follow(motion, {name: trajectory}, begun)
         return {
             "axis": name,
             "state": "running",
@@ -237,7 +247,7 @@ class Commander:
             "duration_s": trajectory.duration_s,
         }
 
-    async def _program(self, request: ProgramCommand) -> dict[str, Any]:
+    async def _program(self, request: ProgramCommand, begun: Begun) -> dict[str, Any]:
         if request.document is None:
             program = self._machine.programs.get(request.name)
             if program is None:
@@ -252,11 +262,12 @@ class Commander:
             moves = ", ".join(program.axes)
             message = f"program '{program.name}' moves {moves}, not axis {request.axis}"
             raise RefusedError(Code.BAD_PROGRAM, message)
+        begun.insist(*program.axes)
         for name in program.axes:
             self._must_stand("program", name)
-        return await self._follow_program(request.axis, program)
+        return await self._follow_program(request.axis, program, begun)
 
-    async def _follow_program(self, axis: str, program: Program) -> dict[str, Any]:
+    async def _follow_program(self, axis: str, program: Program, begun: Begun) -> dict[str, Any]:
         standing = {name: self._reference(name) for name in program.axes}
         try:
             # Nothing of the program's motion is asked for here: its signs of life would wait.
@@ -266,7 +277,7 @@ class Commander:
         motion = _Motion(
             program.name, 0, plan.approach_s, plan.duration_s, plan.period_s, program.cycles
         )
-        await self._follow(motion, plan.trajectories)
+        await self._follow(motion, plan.trajectories, begun)
         return {
             "axis": axis,
             "state": "running",
@@ -276,8 +287,9 @@ class Commander:
             "duration_s": plan.duration_s,
         }
 
-    async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory]) -> None:
+    async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory], begun: Begun) -> None:
         """Let the axes follow their plans from one and the same tick on, or none of them."""
+        begun.insist(*plans)
         slots = {
             name: self._memory.load_program(self._names.index(name), plan.segments)
             for name, plan in plans.items()
@@ -331,13 +343,15 @@ class Commander:
                     raise
             await asyncio.sleep(POLL_S)
 
-    async def _until_idle(self, name: str) -> None:
+    async def _until_idle(self, name: str, begun: Begun) -> None:
         began = time.monotonic()
         while (state := self._state(name)) is not AxisState.IDLE or self._waits_for_power(name):
             allowed_s = POWER_TIMEOUT_S if state is AxisState.IDLE else REPLY_TIMEOUT_S
             if state is AxisState.FAULT or time.monotonic() > began + allowed_s:
                 raise self._refusal(Verb.START, name, Reply.WRONG_STATE)
             await asyncio.sleep(POLL_S)
+            begun.insist(name)
+        begun.insist(name)  # the loop may not have taken the stop yet
 
     async def _stop_all_at_once(self) -> None:
         """Order an emergency stop; who asks while one is on its way to the loop shares it."""

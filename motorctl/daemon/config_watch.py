@@ -1,4 +1,4 @@
-"""See whether the configuration's file is still what a running daemon has read.
+"""See whether the configuration's files are still what a running daemon has read.
 
 A running loop never changes. Whoever edits the file should be told so by the daemon, and not by a
 surprise at the next start.
@@ -9,7 +9,10 @@ from __future__ import annotations
 import hashlib
 import logging
 import threading
+from collections.abc import Iterable
 from pathlib import Path
+
+from motorctl.config.machine import Machine
 
 PERIOD_S = 2.0
 
@@ -17,19 +20,22 @@ _log = logging.getLogger("motorctl")
 
 
 class ConfigWatch:
-    """Looks at the file every now and then, in a thread of its own: its disk may hang.
+    """Looks at the files every now and then, in a thread of its own: their disk may hang.
 
     Parameters
     ----------
     source
         The file that was read.
+    named
+        Further ones that it names, as `named_files` finds them.
     """
 
-    def __init__(self, source: Path) -> None:
+    def __init__(self, source: Path, named: Iterable[Path] = ()) -> None:
         self.difference: str | None = None
-        """What became of the file since it was read, such as "was removed"; None: nothing."""
+        """What became of the file since it was read, such as "was removed"; None: nothing. Of one
+        that it names, such as "names points.csv, which was removed"."""
         self._source = source
-        self._read = _digest(source)
+        self._read = {path: _digest(path) for path in (source, *named)}
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="config-watch", daemon=True)
 
@@ -42,9 +48,8 @@ class ConfigWatch:
         self._ending.set()
 
     def look(self) -> None:
-        """Compare the file with what was read, and tell what is new."""
-        now = _digest(self._source)
-        difference = None if now == self._read else _words(now)
+        """Compare the files with what was read, and tell what is new."""
+        difference = self._first_difference()
         if difference == self.difference:
             return
         self.difference = difference
@@ -58,9 +63,28 @@ class ConfigWatch:
                 difference,
             )
 
+    def _first_difference(self) -> str | None:
+        for path, read in self._read.items():
+            now = _digest(path)
+            if now != read:
+                words = _words(now)
+                return words if path == self._source else f"names {path}, which {words}"
+        return None
+
     def _run(self) -> None:
         while not self._ending.wait(PERIOD_S):
             self.look()
+
+
+def named_files(machine: Machine) -> list[Path]:
+    """Return the files whose content a configuration takes: points of programs, tables of drivers.
+
+    A device that a driver opens is none.
+    """
+    programs = machine.programs.values()
+    holders = [*programs, *(setup.options for setup in machine.drivers.values())]
+    values = (value for held in holders for value in vars(held).values())
+    return sorted({value for value in values if isinstance(value, Path) and value.is_file()})
 
 
 def _digest(source: Path) -> bytes | str:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from motorctl.daemon.access import Role
-from motorctl.daemon.protocol import MAX_LINE_BYTES, Code, refusal
+from motorctl.daemon.protocol import MAX_LINE_BYTES, SHORT_LINE_BYTES, Code, refusal
 from motorctl.daemon.request_pace import RequestPace
 
 READ_BYTES = 64 << 10
@@ -55,6 +55,8 @@ class Connection(asyncio.BufferedProtocol):
         self.ended = False
         self._on_line, self._on_stop, self._on_end = on_line, on_stop, on_end
         self._pace = RequestPace(time.monotonic())
+        # A program is the only long request, and none of theirs.
+        self._longest = SHORT_LINE_BYTES if role is Role.OBSERVE else MAX_LINE_BYTES
         self._held = bytearray()
         self._searched = 0
         """So much of what is held has no end of a line in it."""
@@ -202,10 +204,10 @@ class Connection(asyncio.BufferedProtocol):
             return
         self._line_end = self._held.find(b"\n", self._searched)
         self._searched = len(self._held)
-        if self._line_end > MAX_LINE_BYTES or (
-            self._line_end < 0 and self._searched > MAX_LINE_BYTES
+        if self._line_end > self._longest or (
+            self._line_end < 0 and self._searched > self._longest
         ):
-            message = f"the request is longer than the limit of {MAX_LINE_BYTES} bytes"
+            message = f"the request is longer than the limit of {self._longest} bytes"
             self.hang_up(refusal(None, Code.TOO_LARGE, message))
             return
         if self._line_end >= 0:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.axis_faults import faults_of
+from motorctl.daemon.patient_stream import PatientHandler
 from motorctl.daemon.recorder import Recorder
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
@@ -25,12 +28,23 @@ class _Harmless(logging.Formatter):
         return printable(super().format(record)).replace("\n", "\n  ")
 
 
-def open_journal() -> None:
-    """Send what motorctl has to tell to standard error, a line each."""
-    handler = logging.StreamHandler(sys.stderr)
+@contextmanager
+def journal() -> Iterator[None]:
+    """Send what motorctl has to tell to standard error, a line each, as long as this lasts.
+
+    A terminal that was stopped (Ctrl-S) or a full pipe holds up nobody.
+    """
+    handler = PatientHandler(sys.stderr.fileno())
     handler.setFormatter(_Harmless("motorctl: %(message)s"))
+    level = _log.level
     _log.addHandler(handler)
     _log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        _log.removeHandler(handler)
+        _log.setLevel(level)
+        handler.close()
 
 
 class Journal:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError
@@ -22,6 +25,8 @@ class _LearnedAxis(BaseModel):
 
     controller: str
     parameters: dict[str, FiniteFloat]
+    meaning: str | None = None
+    """Digest of what gives the parameters their meaning; files of earlier versions have none."""
 
 
 class _LearnedFile(BaseModel):
@@ -73,7 +78,7 @@ def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[
         if axis.name not in file.axes:
             continue
         kept = file.axes[axis.name]
-        if problem := _problem(axis, kept):
+        if problem := _problem(machine, axis, kept):
             message = f"{path}: axis {axis.name}: learned parameters ignored: {problem}"
             remarks.append(message)
             continue
@@ -113,6 +118,7 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
                 parameters=dict(
                     zip(axis.model.parameter_names, map(float, theta[axis.name]), strict=False)
                 ),
+                meaning=_meaning(machine, axis),
             )
             for axis in keeps_learned(machine)
         },
@@ -146,10 +152,48 @@ def _aside(path: Path) -> Path:
     return path.with_name(f"{path.name}.damaged")
 
 
-def _problem(axis: Axis, kept: _LearnedAxis) -> str | None:
+def _meaning(machine: Machine, axis: Axis) -> str:
+    """Return a digest of what a volt, a metre and an effect are to an axis.
+
+    That is its driver's options, its encoder, and its effects with their options and the values
+    that they were given: who gives others has another machine in mind. Bounds and covariances are
+    none of it.
+    """
+    resolved: Any = machine.resolved
+    own, driver = resolved["axes"][axis.name], resolved["drivers"][axis.driver]
+    model = json.loads(json.dumps(own["model"]))
+    for effect in model.values():
+        _leave_out(effect, ("bounds", "covariance"))
+    meaning = {
+        "driver": {key: driver[key] for key in driver if key not in ("late", "rate_hz")},
+        **{key: own[key] for key in ("channel", "dual_drive", "encoder")},
+        "model": model,
+    }
+    return hashlib.sha256(json.dumps(meaning, sort_keys=True).encode()).hexdigest()
+
+
+def _leave_out(value: Any, keys: Collection[str]) -> None:
+    if isinstance(value, dict):
+        for key in keys:
+            value.pop(key, None)
+        for inner in value.values():
+            _leave_out(inner, keys)
+    elif isinstance(value, list):
+        for inner in value:
+            _leave_out(inner, keys)
+
+
+def _problem(machine: Machine, axis: Axis, kept: _LearnedAxis) -> str | None:
     names = axis.model.parameter_names
     if kept.controller != axis.controller or set(kept.parameters) != set(names):
         return "they belong to another model (controller or effects)"
+    if kept.meaning is None:
+        return "an earlier motorctl saved them without for which driver, encoder and model"
+    if kept.meaning != _meaning(machine, axis):
+        return (
+            "since they were learned the configuration was given another driver (or options of "
+            "it), channel, encoder or model, so they may mean something else"
+        )
     for name, estimate in zip(names, axis.estimates, strict=True):
         value = kept.parameters[name]
         if not estimate.lower <= value <= estimate.upper:

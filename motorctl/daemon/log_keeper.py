@@ -22,10 +22,33 @@ from motorctl.log.folder import Removed, Retention, remove_outdated, stored_logs
 PERIOD_S = 1.0
 TIDY_PERIOD_S = 60.0
 """How often old logs are looked for; where space is short, at every look."""
+FREED_AFTER_S = 60.0
+"""How long the disk has to show what was removed as free [s]. Shorter: more logs are removed than
+had to go, as btrfs frees with its next commit, within 30 s. Longer: where a reader keeps the file,
+or somebody else fills the disk, less is free for so long than was asked for. Twice those 30 s."""
 FORETELL_PERIOD_S = 10.0
 SECONDS_A_DAY = 86_400.0
 
 _log = logging.getLogger("motorctl")
+
+
+class FreedLater:
+    """What is free once the disk has freed what was removed."""
+
+    def __init__(self) -> None:
+        self._expected_bytes = 0.0
+        self._since_s = -math.inf
+
+    def note(self, before_bytes: float, gone_bytes: float, after_bytes: float) -> None:
+        """Note that something was removed, with the free space before and after."""
+        expected = before_bytes + gone_bytes
+        if expected - after_bytes > gone_bytes / 2:  # less is what was written meanwhile
+            self._expected_bytes, self._since_s = expected, time.monotonic()
+
+    def free(self, measured_bytes: float) -> float:
+        """Return the free space to reckon with [bytes]."""
+        waits = time.monotonic() - self._since_s < FREED_AFTER_S
+        return max(measured_bytes, self._expected_bytes) if waits else measured_bytes
 
 
 class LogKeeper:
@@ -70,6 +93,7 @@ class LogKeeper:
         )
         self._trouble: str | None = None
         self._tidied_at = self._foretold_at = -math.inf
+        self._freed_later = FreedLater()
         self._free_mb = math.nan
         """As of the last look: who asks for the status never waits for a disk."""
         self._ending = threading.Event()
@@ -185,24 +209,33 @@ class LogKeeper:
     def _tidy_in_time(self) -> None:
         free, minimum = self._free(self._directory), self._retention.min_free_bytes
         self._free_mb = free / MEGABYTE
-        short = minimum is not None and free < minimum
+        short = minimum is not None and self._freed_later.free(free) < minimum
         if short or time.monotonic() - self._tidied_at >= TIDY_PERIOD_S:
             self._tidy()
 
     def _tidy(self) -> None:
         self._tidied_at = time.monotonic()
+        limited = self._retention.min_free_bytes is not None
+        before = self._reckoned_free() if limited else 0.0
+        gone_bytes = 0
         for gone in remove_outdated(
             self._directory,
             self._machine.name,
             self._retention,
             time.time(),
-            lambda: self._free(self._directory),
+            self._reckoned_free,
         ):
+            gone_bytes += gone.size_bytes
             self.removed += 1
             self.removed_mb += gone.size_bytes / MEGABYTE
             self.last_removed = gone
             size = gone.size_bytes / MEGABYTE
             _log.info("log %s (%.3g MB) removed: %s", gone.path, size, _why(gone, self._retention))
+        if limited and gone_bytes:
+            self._freed_later.note(before, gone_bytes, self._free(self._directory))
+
+    def _reckoned_free(self) -> float:
+        return self._freed_later.free(self._free(self._directory))
 
     def _foretell(self) -> None:
         log, conversion = self.log, self.conversion

@@ -12,9 +12,21 @@ from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic_core import from_json
 
 MAX_LINE_BYTES = 4 << 20
 """Longest request: a program of as many points as the loop can follow still fits."""
+SHORT_LINE_BYTES = 16 << 10
+"""Longest request that is no program [bytes]. Larger: reading one takes longer from the signs of
+life; smaller: a long name is refused. By hand: a hundred times what a command needs."""
+MOST_PARTS = 100_000
+"""So many quotation marks, and so many values, a long request may have besides the text in it.
+More: reading it keeps the supervisor from its signs of life, which every axis is stopped without.
+Fewer: a list of as many moves as the loop can follow (8125, of ten marks each) does not fit. By
+hand; then reading takes 0.07 s at most where it was measured."""
+MOST_KEYS = 16
+"""So many keys a request may have, and so many files: each one that is wrong costs time, too. A
+program has six keys and one file."""
 
 RequestId = Annotated[int, Field(ge=-(2**63), lt=2**63)] | str | None
 PositiveFloat = Annotated[FiniteFloat, Field(gt=0)]
@@ -125,19 +137,64 @@ _ID_ONLY = TypeAdapter(_IdOnly)
 
 
 def request_id(line: bytes) -> RequestId:
-    """Find the id of a request that is otherwise wrong; None where it has none."""
+    """Find the id of a request that is otherwise wrong; None where it has none, or is too long."""
+    if len(line) > SHORT_LINE_BYTES:
+        return None
     try:
-        return _ID_ONLY.validate_json(line).id
-    except ValidationError:
+        return _ID_ONLY.validate_python(_read(line)).id
+    except (RefusedError, ValidationError):
         return None
 
 
 def parse_request(line: bytes) -> Request:
-    """Read one line; raises RefusedError(BAD_REQUEST) that names what is wrong with it."""
+    """Read one line; raises RefusedError(BAD_REQUEST) that names what is wrong with it.
+
+    Whatever it holds, that takes little time: nobody gives a sign of life meanwhile.
+    """
+    given = _read(line)
+    is_program = isinstance(given, dict) and given.get("do") == "program"
+    if len(line) > SHORT_LINE_BYTES and not is_program:
+        raise RefusedError(
+            Code.BAD_REQUEST,
+            f"the request has {len(line)} bytes; one that is no program has {SHORT_LINE_BYTES} at "
+            "most",
+        )
+    if isinstance(given, dict):
+        _must_be_few("keys", given)
+        _must_be_few("files", given.get("files"))
     try:
-        return _REQUEST.validate_json(line)
+        return _REQUEST.validate_python(given)
     except ValidationError as error:
         raise RefusedError(Code.BAD_REQUEST, _first_problem(error)) from None
+
+
+def _read(line: bytes) -> Any:
+    if len(line) > SHORT_LINE_BYTES:
+        _must_be_text_for_the_most(line)
+    try:
+        return from_json(line)
+    except ValueError as error:
+        raise RefusedError(Code.BAD_REQUEST, f"Invalid JSON: {error}") from None
+
+
+def _must_be_text_for_the_most(line: bytes) -> None:
+    """Refuse a long line that is not a few long texts, or a list of moves: it takes too long."""
+    # What is behind every second quotation mark is text, once those within texts are gone.
+    pieces = line.replace(rb"\\", b"").replace(rb"\"", b"").split(b'"', MOST_PARTS)
+    besides = b"".join(pieces[::2])
+    values = sum(besides.count(mark) for mark in (b",", b"[", b"{"))
+    if len(pieces) > MOST_PARTS or values > MOST_PARTS:
+        message = (
+            f"a request of {len(line)} bytes has at most {MOST_PARTS} quotation marks and "
+            f"{MOST_PARTS} values; a long program is points in a CSV file"
+        )
+        raise RefusedError(Code.BAD_REQUEST, message)
+
+
+def _must_be_few(what: str, given: object) -> None:
+    if isinstance(given, dict) and len(given) > MOST_KEYS:
+        message = f"the request has {len(given)} {what}; limit {MOST_KEYS}"
+        raise RefusedError(Code.BAD_REQUEST, message)
 
 
 def answer(to: RequestId, content: dict[str, Any]) -> bytes:

@@ -21,6 +21,7 @@ from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
 from motorctl.daemon.connection import Connection
 from motorctl.daemon.places import Place, Places
 from motorctl.daemon.protocol import (
+    AxisCommand,
     Code,
     EmergencyStopCommand,
     RefusedError,
@@ -166,7 +167,7 @@ class ControlServer:
         self._stopped_s.pop(connection, None)
 
     def _wait_for_turn(self, connection: Connection) -> None:
-        urgent = b'"stop"' in connection.waiting_line()
+        urgent = connection.role is Role.OPERATE and _stops(connection.waiting_line())
         (self._urgent if urgent else self._turns).append(connection)
         self._waiting.set()
 
@@ -194,9 +195,13 @@ class ControlServer:
             return
         try:
             request = parse_request(line)
-            self._must_be_allowed(request, connection.role, overtaken)
         except RefusedError as no:
             connection.answer(refusal(request_id(line), no.code, no.message))
+            return
+        try:
+            self._must_be_allowed(request, connection.role, overtaken)
+        except RefusedError as no:
+            connection.answer(refusal(request.id, no.code, no.message))
             return
         if isinstance(request, StatusCommand):
             await self._answer(connection.answer, request)
@@ -257,6 +262,17 @@ def _turn_away(connected: socket.socket, code: Code, message: str) -> None:
     """Say no to whoever has just connected, if it listens."""
     with connected, suppress(OSError):
         connected.send(refusal(None, code, message))
+
+
+def _stops(line: bytes) -> bool:
+    """Tell whether a line, or its beginning, asks for an axis to stop."""
+    if b"stop" not in line:  # nearly all
+        return False
+    try:
+        request = parse_request(line)
+    except RefusedError:
+        return False
+    return isinstance(request, AxisCommand) and request.do == "stop"
 
 
 def _refuse(refused: bytes, connection: Connection) -> None:

@@ -19,7 +19,7 @@ from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
-from motorctl.daemon.config_watch import ConfigWatch
+from motorctl.daemon.config_watch import ConfigWatch, named_files
 from motorctl.daemon.ending import Ending
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.flight_recorder import FlightRecorder
@@ -117,7 +117,7 @@ class Supervisor:
         self._recorder: Recorder | None = None
         self._keeper = LogKeeper(machine, directory)
         self._last_run = LastRun(machine, run_file(machine.name))
-        self._config = self._report.config = ConfigWatch(machine.source)
+        self._config = self._report.config = ConfigWatch(machine.source, named_files(machine))
         self._report.flight, self._report.keeper = self._flight, self._keeper
         self._asked = asyncio.Event()
 

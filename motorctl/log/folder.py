@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import math
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -174,7 +175,8 @@ def remove_outdated(
     """Remove the oldest logs of a machine until what is left keeps to the limits.
 
     What is being recorded, or made a log of, is never removed, nor is any file that is not called
-    like a log of this machine.
+    like a log of this machine; nor, for free space, the newest log. A disk may free what was
+    removed only later (btrfs, a reader that has the file open): within one call it counts as free.
 
     Parameters
     ----------
@@ -185,7 +187,7 @@ def remove_outdated(
     now_s
         Seconds since 1970.
     free_bytes
-        Asked for the free space of the disk, anew after each removal.
+        Asked for the free space of the disk, anew before each removal.
 
     Returns
     -------
@@ -199,14 +201,20 @@ def remove_outdated(
     """
     logs = stored_logs(folder, machine)
     total = sum(log.size_bytes for log in logs)
+    newest = next((log.path for log in reversed(logs) if not log.partial), None)
     removed: list[Removed] = []
+    gone_bytes, free_at_first = 0.0, free_bytes() if retention.min_free_bytes is not None else 0.0
     for log in logs:
-        reason = _outdated(log, retention, now_s, total, free_bytes)
+        free = math.inf
+        if retention.min_free_bytes is not None and log.path != newest:
+            free = max(free_bytes(), free_at_first + gone_bytes)
+        reason = _outdated(log, retention, now_s, total, free)
         if reason is None:
             break  # those after it are younger
         if _remove(log):
             removed.append(Removed(log.path, log.size_bytes, reason))
             total -= log.size_bytes
+            gone_bytes += log.size_bytes
     return removed
 
 
@@ -215,13 +223,13 @@ def _outdated(
     retention: Retention,
     now_s: float,
     total: float,
-    free_bytes: Callable[[], float],
+    free_bytes: float,
 ) -> Reason | None:
     if retention.max_age_s is not None and now_s - log.changed_s > retention.max_age_s:
         return "age"
     if retention.max_total_bytes is not None and total > retention.max_total_bytes:
         return "total size"
-    if retention.min_free_bytes is not None and free_bytes() < retention.min_free_bytes:
+    if retention.min_free_bytes is not None and free_bytes < retention.min_free_bytes:
         return "free space"
     return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -299,21 +299,39 @@ class Tick:
 
     def safe(self, *, busy: str | None = None) -> None:
         """Zero and disable every output; a driver that fails at it keeps no other from it."""
-        for name, driver in self.drivers.items():
-            if name == busy:
-                continue
-            with contextlib.suppress(Exception):
-                driver.safe()
+        self._make_safe(busy)
 
     def close(self, *, busy: str | None = None) -> None:
         """Make every output safe and release the devices.
 
         busy names a driver that another thread is opening: it is left to the end of the process,
-        since until it is open its outputs are disabled.
+        since until it is open its outputs are disabled. Raises RunError where a driver says that
+        its outputs could not be zeroed and disabled, unless something else is being raised already.
         """
-        self.safe(busy=busy)
+        raises_already = sys.exception() is not None
+        unsafe = self._make_safe(busy)
         spared = {*self.closed, busy}
-        _close({name: d for name, d in self.drivers.items() if name not in spared})
+        try:
+            _close({name: d for name, d in self.drivers.items() if name not in spared})
+        finally:
+            if unsafe and not raises_already:
+                raise RunError("\n".join(unsafe))
+
+    def _make_safe(self, busy: str | None) -> list[str]:
+        """Return a sentence for each driver whose outputs could not be zeroed and disabled."""
+        unsafe = []
+        for name, driver in self.drivers.items():
+            if name == busy:
+                continue
+            try:
+                driver.safe()
+                sent, why = driver.safe_sent, driver.safe_failed
+            except Exception as error:  # a driver may break its contract in any way
+                sent, why = False, f"{type(error).__name__}: {error}"
+            if sent is False:  # one that does not tell is taken at its word
+                why = why or "it does not say why"
+                unsafe.append(f"driver {name}: the loop could not make its outputs safe: {why}")
+        return unsafe
 
 
 def _with_more(kernel: Callable[..., bool], more: tuple[object, ...], *given: object) -> bool:

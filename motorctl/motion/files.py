@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,15 @@ KINDS: dict[str, type[ProgramModel]] = {
     "moves": Moves,
 }
 _ADAPTER: TypeAdapter[Program] = TypeAdapter(AnyProgram)
+
+MOST_PROBLEMS = 1000
+"""So many problems of one program are told one by one. More: somebody waits while words are made of
+them, 4 µs each. Fewer: a long list of moves is mended in rounds. By hand."""
+MOST_KEYS_TOLD = 32
+"""Of a program, or of a move, with more problems than that, so many keys are looked at. Larger:
+more words; smaller: a wrong key behind right ones is not named. By hand: all kinds have fewer."""
+MOST_ITEMS_TOLD = 20
+"""The same, of moves in a list."""
 
 Location = tuple[str | int, ...]
 
@@ -83,7 +93,10 @@ def parse_program(
     try:
         program = _ADAPTER.validate_python({**keys, "name": name}, context={"directory": directory})
     except ValidationError as error:
-        details = [_located(detail) for detail in error.errors(include_url=False)]
+        details = [_located(detail) for detail in _told(error, keys, directory)]
+        if error.error_count() > len(details):
+            more = f"{error.error_count() - len(details)} more problems are not told one by one"
+            details.append(((), more))
         raise ConfigError(
             [
                 Problem(file, line_of(location), prefix + ".".join(map(str, location)), message)
@@ -131,6 +144,32 @@ def load_program_file(path: Path, axis_names: Collection[str]) -> Program:
         file=document.file,
         line_of=document.line,
     )
+
+
+def _told(
+    error: ValidationError, keys: Mapping[str, object], directory: Path
+) -> list[ErrorDetails]:
+    """Return what is wrong: all of it, or, where that is more than anybody reads, the first of it.
+
+    Making words of each takes long, and nothing else is done in a process meanwhile.
+    """
+    if error.error_count() <= MOST_PROBLEMS:
+        return error.errors(include_url=False)
+    short = dict(islice(keys.items(), MOST_KEYS_TOLD))
+    for key, value in short.items():
+        if isinstance(value, list):
+            short[key] = [_first_keys(item) for item in value[:MOST_ITEMS_TOLD]]
+    try:
+        _ADAPTER.validate_python({**short, "name": ""}, context={"directory": directory})
+    except ValidationError as first:
+        return first.errors(include_url=False)
+    except ConfigError:  # of the points in its file
+        pass
+    return []
+
+
+def _first_keys(item: object) -> object:
+    return dict(islice(item.items(), MOST_KEYS_TOLD)) if isinstance(item, Mapping) else item
 
 
 def _located(detail: ErrorDetails) -> tuple[Location, str]:

@@ -28,3 +28,11 @@ class MarkingDriver(SimDriver):
         assert isinstance(self.options, MarkingOptions)
         with self.options.mark.open("a") as mark:
             mark.write(f"{os.getpid()}\n")
+
+
+class OutOfReach(SimDriver):
+    """Whose device no longer gets what would zero and disable it."""
+
+    def safe(self) -> None:
+        """Say that nothing was sent."""
+        self.safe_sent, self.safe_failed = False, "the line is cut"

@@ -99,6 +99,51 @@ def test_an_axis_out_of_its_bounds_starts_as_configured_alone(
     assert f"axis x: learned parameters ignored: {told}" in remarks
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("preset: published_gantry", "preset: published_gantry, substep_s: 1e-5"),
+        ("resolution_m: 0.5e-6", "resolution_m: 1e-6"),
+        ("resolution_m: 0.5e-6", "direction: -1, resolution_m: 0.5e-6"),
+        ("inertia: {initial: 0.19,", "inertia: {initial: 0.38,"),
+        ("coulomb_friction: {initial: 0.15,", "coulomb_friction: {slope_s_m: 700, initial: 0.15,"),
+    ],
+    ids=["driver", "resolution", "direction", "initial", "option"],
+)
+def test_what_was_learned_on_another_driver_encoder_or_model_is_not_taken_up(
+    machine: Machine, path: Path, tmp_path: Path, old: str, new: str
+) -> None:
+    save(machine, THETA, path)
+    text = bench_config(keep_learned=True)
+    assert old in text
+    (tmp_path / "bench.yaml").write_text(text.replace(old, new, 1))
+    learned, remarks = take_up(load(tmp_path / "bench.yaml"), path)
+    assert "x" not in learned
+    assert "axis x: learned parameters ignored: since they were learned" in remarks[0]
+
+
+def test_other_bounds_and_gains_leave_what_was_learned(
+    machine: Machine, path: Path, tmp_path: Path
+) -> None:
+    save(machine, THETA, path)
+    text = bench_config(keep_learned=True).replace("[0.05, 1.2]", "[0.06, 1.3]")
+    (tmp_path / "bench.yaml").write_text(text.replace("gamma_d: 20", "gamma_d: 30"))
+    assert list(take_up(load(tmp_path / "bench.yaml"), path)[0]) == ["x", "y"]
+
+
+def test_a_file_that_does_not_say_what_it_was_learned_on_is_told_and_ignored(
+    machine: Machine, path: Path
+) -> None:
+    save(machine, THETA, path)
+    document = json.loads(path.read_text())
+    for axis in document["axes"].values():
+        del axis["meaning"]
+    path.write_text(json.dumps(document))
+    learned, remarks = take_up(machine, path)
+    assert learned == {}
+    assert all("without for which driver, encoder and model" in remark for remark in remarks)
+
+
 def test_an_input_map_that_is_not_monotonic_is_not_taken_up(path: Path, tmp_path: Path) -> None:
     config = tmp_path / "bench.yaml"
     config.write_text(bench_config(keep_learned=True).replace("[-0.015, 0]", "[-0.05, 0]"))

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_rig import bench_config
+from daemon_rig import Daemon, bench_config
 
 from motorctl.config import load
 from motorctl.daemon.loop_process import LoopProcess
@@ -150,6 +150,17 @@ def test_nobody_is_told_that_a_port_which_is_not_there_made_its_device_safe(
         "driver gantry: its outputs may NOT be safe: what zeroes and disables them was not sent: "
         f"port {absent}: No such file or directory"
     ]
+
+
+def test_a_service_that_ends_in_order_tells_of_outputs_that_may_not_be_safe(
+    tmp_path: Path,
+) -> None:
+    config = bench_config().replace("{type: sim,", "{type: 'marking_driver:OutOfReach',")
+    with Daemon(tmp_path, config, PYTHONPATH=str(Path(__file__).parent)) as daemon:
+        status = daemon.end()
+    assert status == 1
+    assert "the loop could not make its outputs safe: the line is cut" in daemon.said
+    assert "driver gantry: its outputs may NOT be safe" in daemon.said
 
 
 @pytest.fixture

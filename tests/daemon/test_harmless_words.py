@@ -16,7 +16,7 @@ from test_daemon_status_view import DOCUMENT
 from typer.testing import CliRunner
 
 from motorctl.cli import axis_commands, status
-from motorctl.daemon.journal import open_journal
+from motorctl.daemon.journal import journal
 
 UP_AND_ERASE = "\x1b[1A\x1b[2K"
 """Goes to the line above and rubs it out."""
@@ -98,22 +98,17 @@ def raise_error(words: str) -> None:
 
 
 def test_the_journal_writes_out_what_a_terminal_would_obey(
-    capsys: pytest.CaptureFixture[str],
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     log = logging.getLogger("motorctl")
-    before, level = list(log.handlers), log.level
-    open_journal()
-    try:
+    with journal():
         name = f"box{UP_AND_ERASE}\nmotorctl: axis x: off"
         log.warning("the device calls itself %s", name)
         try:
             raise_error(name)
         except ValueError:
             log.exception("it failed")
-    finally:
-        log.handlers[:] = before
-        log.setLevel(level)
-    told = capsys.readouterr().err
+    told = capfd.readouterr().err
     assert harmless(told)
     assert r"motorctl: the device calls itself box\x1b[1A\x1b[2K" in told
     # what goes on in another line is no message of its own

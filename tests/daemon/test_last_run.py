@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorctl.config import Machine, load
-from motorctl.daemon.config_watch import ConfigWatch
+from motorctl.daemon.config_watch import ConfigWatch, named_files
 from motorctl.daemon.last_run import LastRun
 
 
@@ -177,3 +177,22 @@ def test_a_file_that_is_edited_removed_and_put_back_is_told_each_time(
             assert watch.difference == difference
             assert len(caplog.messages) == bool(told)
             assert told in caplog.text
+
+
+def test_files_that_a_configuration_names_are_watched_too(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    points = tmp_path / "points.csv"
+    times = [n / 100 for n in range(101)]
+    rows = [f"{t},{0.05 * (10 * t**3 - 15 * t**4 + 6 * t**5)}" for t in times]
+    points.write_text("\n".join(["time_s,x_m", *rows, ""]))
+    text = "programs:\n  drawn: {kind: points, axes: [x], file: points.csv}"
+    machine = configured(tmp_path, "programs:", text)
+    assert named_files(machine) == [points]
+    watch = ConfigWatch(machine.source, named_files(machine))
+    watch.look()
+    assert watch.difference is None
+    points.write_text(points.read_text() + "\n")
+    watch.look()
+    assert watch.difference == f"names {points}, which was changed"
+    assert f"{machine.source} names {points}, which was changed since it was read" in caplog.text

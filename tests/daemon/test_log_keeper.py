@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from recorded_ring import MUCH, Ring, finished, metadata_of, ring, rotating, set
 from motorctl.config import load
 from motorctl.config.machine import Machine
 from motorctl.config.recording_rules import RecordingRate
+from motorctl.daemon import log_keeper
 from motorctl.daemon.conversion import Conversion
 from motorctl.daemon.disk_outlook import DiskOutlook, Occupied
 from motorctl.daemon.log_keeper import LogKeeper
@@ -365,6 +367,27 @@ def test_a_warning_tells_how_many_hours_are_left_once_until_half_of_them_are_gon
 
 
 RATE = RecordingRate(row_bytes=328, rate_hz=5000.0)
+
+
+def test_looking_again_removes_no_more_while_the_disk_has_not_freed_what_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for day in range(1, 7):
+        (tmp_path / f"bench-2026010{day}T000000Z.parquet").write_bytes(bytes(1_000_000))
+    free = [4e6]
+    keeper = LogKeeper(
+        machine(tmp_path, "{retention: {min_free_mb: 5.5}}"), tmp_path, lambda _: free[0]
+    )
+    for _ in range(3):
+        keeper.look()
+    assert keeper.removed == 2
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + log_keeper.FREED_AFTER_S)
+    keeper.look()
+    assert keeper.removed == 4  # it was not freed: somebody else has filled the disk
+    free[0] = 5.6e6
+    keeper.look()
+    assert keeper.removed == 4
 
 
 def outlook(free_mb: float, logs_mb: float = 0.0, **recording: object) -> float | None:

@@ -20,6 +20,7 @@ from served_socket import served
 
 from motorctl.daemon import places as places_module
 from motorctl.daemon import server as server_module
+from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.places import MAX_CLIENTS_A_USER, Place, Places
 from motorctl.daemon.protocol import Request
@@ -73,6 +74,14 @@ def answer(connection: socket.socket) -> dict[str, Any]:
     return found
 
 
+def waiting_answers(connection: socket.socket) -> int:
+    """Return how many answers are here already."""
+    try:
+        return connection.recv(1 << 20, socket.MSG_DONTWAIT).count(b"\n")
+    except BlockingIOError:
+        return 0
+
+
 def test_an_emergency_stop_waits_for_a_few_of_a_crowds_requests_at_most(path: Path) -> None:
     with ExitStack() as end:
         began = flooded(path, end)
@@ -93,6 +102,31 @@ def test_a_stop_comes_before_what_others_ask(path: Path) -> None:
         caller.sendall(b'{"id":2,"do":"stop","axis":"x"}\n')
         assert answer(caller)["ok"]
         assert did.index("stop") - began <= 5 * (server_module.SLICE_S / STATUS_S + 1)
+
+
+@pytest.mark.parametrize(
+    ("role", "line"),
+    [
+        (Role.OBSERVE, b'{"id":1,"do":"stop","axis":"x"}\n'),
+        (Role.OPERATE, b'{"id":"stop","do":"status"}\n'),
+        (Role.OPERATE, b'{"id":1,"do":"stop"}\n'),
+    ],
+    ids=["observer", "id", "no axis"],
+)
+def test_what_only_looks_like_a_stop_goes_before_nobody(
+    tmp_path: Path, role: Role, line: bytes
+) -> None:
+    roles = [Role.OPERATE]
+    with served(tmp_path / "s.sock", _handle, lambda: roles[0]) as path, ExitStack() as end:
+        caller = end.enter_context(Client(path))
+        caller.ask("status")
+        roles[0] = role
+        crowd = [connected(path, end) for _ in range(MAX_CLIENTS_A_USER - 2)]
+        for one in crowd:
+            one.sendall(line * 190)
+        assert caller.ask("start", axis="x") == {"did": "start"}
+        answered = sum(waiting_answers(one) for one in crowd)
+    assert answered < 190 * len(crowd) / 2
 
 
 def test_who_has_all_connections_is_still_heard_for_an_emergency_stop(path: Path) -> None:

@@ -17,10 +17,12 @@ from served_socket import served
 from motorctl.daemon import client as client_module
 from motorctl.daemon import connection as connection_module
 from motorctl.daemon import request_pace
+from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.places import MAX_CLIENTS_A_USER
 from motorctl.daemon.protocol import (
     MAX_LINE_BYTES,
+    SHORT_LINE_BYTES,
     Code,
     MoveCommand,
     RefusedError,
@@ -139,6 +141,73 @@ def test_what_is_wrong_with_a_request_is_named() -> None:
     assert parse_request(b'{"do": "move", "axis": "x", "position_m": 1}') == MoveCommand(
         do="move", axis="x", position_m=1.0
     )
+
+
+MANY = b"".join(b',"%06x":1' % number for number in range(380_000))
+
+
+def texts(mark: bytes) -> bytes:
+    return (
+        b'{"do":"program","axis":"x","name":"n","files":{"p":"'
+        + mark * (4_000_000 // len(mark))
+        + b'"}}'
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        (b'{"do":"status"' + MANY + b"}", "quotation marks"),
+        (
+            b'{"do":"program","axis":"x","name":"n","files":{"p":""' + MANY + b"}}",
+            "quotation marks",
+        ),
+        (
+            b'{"do":"program","axis":"x","name":"n","files":{"p":""' + MANY[:440_000] + b"}}",
+            "the request has 40001 files; limit 16",
+        ),
+        (
+            b'{"do":"program","axis":"x","name":"n","document":{"a":[[]'
+            + b",[]" * 1_300_000
+            + b"]}}",
+            "values",
+        ),
+        (b'{"do":"status","axis":"' + b"a" * 4_000_000 + b'"}', "no program has 16384 at most"),
+        (b'{"do":"status","axis":"' + rb"\"" * 2_000_000 + b'"}', "no program has 16384 at most"),
+        (b'{"do":"status"' + MANY[:11_000] + b"}", "the request has 1001 keys; limit 16"),
+    ],
+    ids=["keys", "files", "fewer files", "values", "text", "marks", "fewer keys"],
+)
+def test_no_line_takes_so_long_to_read_that_a_sign_of_life_is_missed(line: bytes, why: str) -> None:
+    began_s = time.process_time()
+    with pytest.raises(RefusedError, match=why):
+        parse_request(line)
+    request_id(line)
+    assert time.process_time() - began_s < 0.25  # half of what the loop waits
+
+
+@pytest.mark.parametrize("mark", [b"0.12345,0.12345\\n", b"\\\\", rb"\u00e4"])
+def test_a_program_of_megabytes_of_points_is_read_in_time(mark: bytes) -> None:
+    began_s = time.process_time()
+    assert parse_request(texts(mark)).do == "program"
+    assert time.process_time() - began_s < 0.25
+
+
+def test_who_may_only_look_has_no_long_request(tmp_path: Path) -> None:
+    with served(tmp_path / "s.sock", _handle, lambda: Role.OBSERVE) as path:
+        (refused,) = exchange(path, b" " * (SHORT_LINE_BYTES + 1), 2)
+        assert refused["error"]["code"] == "too_large"
+        assert f"limit of {SHORT_LINE_BYTES} bytes" in refused["error"]["message"]
+        assert answers_still(path)
+
+
+def test_as_many_moves_as_the_loop_can_follow_are_read() -> None:
+    move = dict.fromkeys(
+        ["target_m", "max_velocity_m_s", "max_acceleration_m_s2", "max_jerk_m_s3", "dwell_s"], 0.25
+    )
+    document = {"kind": "moves", "axis": "x", "start_m": 0.25, "moves": [move] * 8125}
+    asked = {"id": 1, "do": "program", "axis": "x", "name": "n", "document": document}
+    assert parse_request(json.dumps(asked).encode()).do == "program"
 
 
 def test_a_mistake_of_ours_is_told_and_survived(path: Path) -> None:

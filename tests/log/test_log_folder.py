@@ -95,6 +95,21 @@ def test_only_as_much_is_removed_as_the_disk_needs(tmp_path: Path) -> None:
     assert {each.reason for each in gone} == {"free space"}
 
 
+def test_a_disk_that_frees_later_costs_no_more_logs_than_one_that_frees_at_once(
+    tmp_path: Path,
+) -> None:
+    for number in range(1, 6):
+        file(tmp_path, day(number), 1000)
+    assert removed(tmp_path, free=5000.0, min_free_bytes=6900.0) == [day(1), day(2)]
+
+
+def test_the_newest_log_is_not_removed_for_space_that_it_would_not_make(tmp_path: Path) -> None:
+    for number in range(1, 4):
+        file(tmp_path, day(number), 1000)
+    file(tmp_path, day(4) + ".partial", 1000)
+    assert removed(tmp_path, free=0.0, min_free_bytes=1e9) == [day(1), day(2)]
+
+
 @trying(max_examples=40)
 @given(sizes=st.lists(st.integers(1, 50), min_size=1, max_size=12), limit=st.integers(0, 300))
 def test_what_is_kept_is_the_youngest_without_a_gap_and_no_less_than_fits(

@@ -110,10 +110,42 @@ def test_a_driver_that_fails_to_be_safe_keeps_no_other_from_it():
     rig = Rig(on_two_drivers("a", "b", a=NeverSafe))
     rig.tick.open(virtual=True)
     rig.start()
-    with pytest.raises(OSError, match="gone as well"):
+    with pytest.raises(RunError, match=r"driver a: .* its outputs safe: OSError: gone$"):
         rig.tick.close()
     assert rig.tick.drivers["b"].calls == ["open", "safe", "close"]
     assert rig.tick.drivers["b"].enable.tolist() == [0]
+
+
+class NotReached(Still):
+    """Its device does not get the order, which it says."""
+
+    def safe(self) -> None:
+        super().safe()
+        self.safe_sent, self.safe_failed = False, "the line is cut"
+
+
+def test_an_end_without_any_error_tells_of_outputs_that_could_not_be_made_safe():
+    rig = Rig(on_two_drivers("a", "b", a=NotReached))
+    rig.tick.open(virtual=True)
+    rig.start()
+    with pytest.raises(RunError) as told:
+        rig.tick.close()
+    assert str(told.value) == "driver a: the loop could not make its outputs safe: the line is cut"
+    assert [driver.calls for driver in rig.tick.drivers.values()] == [["open", "safe", "close"]] * 2
+
+
+def test_what_ended_the_ticks_is_not_hidden_by_outputs_that_could_not_be_made_safe():
+    rig = Rig(on_two_drivers("a", "b", a=NotReached))
+    rig.tick.open(virtual=True)
+
+    def tick_and_close() -> None:
+        try:
+            raise OSError("the loop broke")
+        finally:
+            rig.tick.close()
+
+    with pytest.raises(OSError, match="the loop broke"):
+        tick_and_close()
 
 
 def test_turnaround_is_measured_in_virtual_time_too_but_kept_out_of_the_rows():

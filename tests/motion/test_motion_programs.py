@@ -139,6 +139,25 @@ def test_all_problems_are_told_at_once(tmp_path):
     assert [p[:2] for p in problems_of(tmp_path, text)] == [(4, "radius_m"), (8, "turns")]
 
 
+@pytest.mark.parametrize(
+    ("moves", "told", "more"),
+    [
+        ([{}] * 20_000, ["moves.0.target_m", "moves.19.max_jerk_m_s3"], 79_920),
+        ([{f"k{i}": 1 for i in range(100_000)}], ["moves.0.target_m", "moves.0.k31"], 99_968),
+        ([1] * 100_000, ["moves.0", "moves.19"], 99_980),
+    ],
+    ids=["moves", "keys", "numbers"],
+)
+def test_of_more_problems_than_anybody_reads_the_first_are_told_and_soon(moves, told, more):
+    keys = {"kind": "moves", "axis": "x", "start_m": 0.1, "moves": moves}
+    with pytest.raises(ConfigError) as caught:
+        parse_program("p", keys, directory=Path(), axis_names=["x"], file="p")
+    problems = caught.value.problems
+    assert set(told) <= {problem.key for problem in problems}
+    assert len(problems) < 100
+    assert problems[-1].message == f"{more} more problems are not told one by one"
+
+
 @pytest.mark.parametrize("text", ["", "- 1\n", "fast\n"])
 def test_a_file_that_is_no_mapping_is_told(tmp_path, text):
     ((_, _, message),) = problems_of(tmp_path, text)

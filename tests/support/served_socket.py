@@ -4,21 +4,39 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from motorctl.daemon.access import ControlSocket
+from motorctl.daemon.access import ControlSocket, Peer, Role
 from motorctl.daemon.server import ControlServer, Handler
 
 
+class _Admits(ControlSocket):
+    """Has the test say what whoever connects may do."""
+
+    def __init__(self, place: Path, role: Callable[[], Role]) -> None:
+        super().__init__(place)
+        self._role = role
+
+    def role_of(self, peer: Peer) -> Role:
+        return self._role()
+
+
+def _operates() -> Role:
+    return Role.OPERATE
+
+
 @contextmanager
-def served(place: Path, handle: Handler) -> Iterator[Path]:
-    """Serve a control socket at a place, its requests answered by `handle`, until this ends."""
+def served(place: Path, handle: Handler, role: Callable[[], Role] = _operates) -> Iterator[Path]:
+    """Serve a control socket at a place, its requests answered by `handle`, until this ends.
+
+    role is asked what the client that connects next may do.
+    """
     ready, events, stop = threading.Event(), asyncio.new_event_loop(), asyncio.Event()
 
     async def serve() -> None:
-        control = ControlSocket(place)
+        control = _Admits(place, role)
         server = ControlServer(control, handle)
         await server.start()
         ready.set()
@@ -29,7 +47,9 @@ def served(place: Path, handle: Handler) -> Iterator[Path]:
     thread = threading.Thread(target=events.run_until_complete, args=(serve(),))
     thread.start()
     ready.wait()
-    yield place
-    events.call_soon_threadsafe(stop.set)
-    thread.join()
-    events.close()
+    try:
+        yield place
+    finally:
+        events.call_soon_threadsafe(stop.set)
+        thread.join()
+        events.close()
