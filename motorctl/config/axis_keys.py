@@ -68,10 +68,20 @@ class Limits(Keys):
     max_acceleration_m_s2: Positive = Field(description="most that a program or a move may ask")
     max_jerk_m_s3: Positive = Field(description="most that a program or a move may ask")
     max_voltage_v: Positive = Field(description="uM: command at which the law saturates")
+    max_excitation_share: Annotated[float, Field(ge=0, le=0.5)] = Field(
+        default=0.2,
+        description="most that an excitation for a frequency response may add to the command, as a "
+        "share of max_voltage_v; 0: none is allowed",
+    )
     following_error: FollowingErrorLimit = Field(
         description="how far the position may be from the reference, and for how long"
     )
     stop: StopRamp = Field(description="the ramp of `stop`, and of a fault that may still brake")
+
+    @property
+    def max_excitation_v(self) -> float:
+        """Most that an excitation may add to the command [V]."""
+        return self.max_excitation_share * self.max_voltage_v
 
     def for_motion(self, travel_m: tuple[float, float] | None = None) -> AxisLimits:
         """Return what a program may ask of the axis, or of one with another travel [m]."""

@@ -13,6 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from motorctl.config.machine import Axis, Machine
 from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
@@ -20,6 +22,7 @@ from motorctl.daemon.protocol import (
     AxisCommand,
     Code,
     EmergencyStopCommand,
+    ExciteCommand,
     MoveCommand,
     ProgramCommand,
     RefusedError,
@@ -31,7 +34,7 @@ from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop import LoopMemory, Phase, Reply, Verb
+from motorctl.loop import Excitation, LoopMemory, Phase, Reply, Verb
 from motorctl.loop.axis_records import STANDSTILL_RATIO
 from motorctl.loop.faults import device_message, lasting_words
 from motorctl.loop.plan import plan_move, plan_program
@@ -140,6 +143,9 @@ class Commander:
             case ProgramCommand():
                 async with self._ordering:
                     return await self._program(request, begun)
+            case ExciteCommand():
+                async with self._ordering:
+                    return await self._excite(request, begun)
             case AxisCommand(do="start"):
                 async with self._ordering:
                     axis = self._machine.axes[request.axis]
@@ -266,6 +272,24 @@ class Commander:
         for name in program.axes:
             self._must_stand("program", name)
         return await self._follow_program(request.axis, program, begun)
+
+    async def _excite(self, request: ExciteCommand, begun: Begun) -> dict[str, Any]:
+        """Write the excitation into the axis' slot, and have the loop begin it."""
+        name = request.axis
+        begun.insist(name)
+        axis, index = self._machine.axes[name], self._names.index(name)
+        period_s = self._machine.period_of(name)
+        volts = np.array(request.volts)
+        excitation = Excitation(volts, request.periods, request.fade_periods)
+        if problem := excitation.problem(axis.limits, period_s):
+            raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {problem}")
+        if self._state(name) not in (AxisState.IDLE, AxisState.RUNNING):
+            raise self._wrong_state("excite", name)
+        if int(self._memory.axis_status["excitation_left"][index]):
+            raise self._refusal(Verb.EXCITE, name, Reply.EXCITED)
+        self._memory.load_excitation(index, excitation)
+        await self._order(Verb.EXCITE, name)
+        return {"axis": name, "duration_s": excitation.total_ticks * period_s}
 
     async def _follow_program(self, axis: str, program: Program, begun: Begun) -> dict[str, Any]:
         standing = {name: self._reference(name) for name in program.axes}
@@ -431,6 +455,9 @@ class Commander:
                     f"{STANDSTILL_RATIO:.0%} of its top speed"
                 )
                 return RefusedError(Code.STILL_MOVING, message)
+            case Reply.EXCITED:
+                message = f"axis {name} is excited already: wait until that ends, or stop the axis"
+                return RefusedError(Code.WRONG_STATE, message)
             case Reply.NO_HOMING:
                 message = f"axis {name} has an absolute encoder: there is nothing to home"
                 return RefusedError(Code.NO_HOMING, message)

@@ -110,6 +110,20 @@ class ProgramCommand(_Request):
     files: dict[str, str] = {}
 
 
+class ExciteCommand(_Request):
+    """Add an excitation to the command of an axis that holds or follows.
+
+    It comes within `fade_periods`, stays for `periods`, goes within `fade_periods`, and ends.
+    """
+
+    do: Literal["excite"]
+    axis: str
+    volts: list[FiniteFloat]
+    """One period, a value a tick of the axis."""
+    periods: int
+    fade_periods: int
+
+
 class EmergencyStopCommand(_Request):
     """Zero and disable every axis at once."""
 
@@ -123,7 +137,14 @@ class StatusCommand(_Request):
     axis: str | None = None
 
 
-Request = AxisCommand | MoveCommand | ProgramCommand | EmergencyStopCommand | StatusCommand
+Request = (
+    AxisCommand
+    | MoveCommand
+    | ProgramCommand
+    | ExciteCommand
+    | EmergencyStopCommand
+    | StatusCommand
+)
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="do")])
 
 

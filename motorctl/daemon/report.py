@@ -128,6 +128,11 @@ class Report:
             word &= ~int(Status.STALE | Status.CORRUPT)
         return device_message(word) or None
 
+    def _excitation(self, axis: Axis, status: np.void) -> dict[str, float] | None:
+        """Return how long the axis is still excited; None where it is not."""
+        left = int(status["excitation_left"])
+        return {"left_s": left * self._machine.period_of(axis.name)} if left else None
+
     def _axis(
         self,
         status: np.void,
@@ -157,6 +162,7 @@ class Report:
             "travel_m": list(axis.limits.travel_m),
             "max_voltage_v": axis.limits.max_voltage_v,
             "motion": motion if state is AxisState.RUNNING else None,
+            "excitation": self._excitation(axis, status),
             **_dual_drive(axis, status),
             "d0_hat_v": finite(status["d0_hat_v"]),
             "theta_hat": dict(zip(axis.model.parameter_names, map(finite, theta), strict=True)),

@@ -42,7 +42,12 @@ _FINITE = {
     "reference_velocity": "reference_velocity_m_s",
     "reference_acceleration": "reference_acceleration_m_s2",
 }
-_FLOATS = {"velocity": "velocity_m_s", "virtual_command": "virtual_command_v", "d0_hat": "d0_hat_v"}
+_FLOATS = {
+    "velocity": "velocity_m_s",
+    "virtual_command": "virtual_command_v",
+    "excitation": "excitation_v",
+    "d0_hat": "d0_hat_v",
+}
 _CODES = ("state", "fault", "flags")
 _OF_TICK = ("lateness_s", "turnaround_s")  # fields of Recording
 

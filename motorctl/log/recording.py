@@ -46,6 +46,8 @@ class AxisRecording:
     reference_acceleration: Array | None = None
     velocity: Array | None = None
     virtual_command: Array | None = None
+    excitation: Array | None = None
+    """What was injected beside the law's command, for a frequency response."""
     d0_hat: Array | None = None
     theta_hat: Mapping[str, Array] = field(default_factory=dict)
     """Estimates by the full names of their parameters."""

@@ -114,6 +114,7 @@ AXIS_FIELDS = (
     Signal("following_error_m", "f8", "m", "position - reference"),
     Signal("command_v", "f8", "V", "as written to the driver, after every limit"),
     Signal("virtual_command_v", "f8", "V", "v, before the inverse of the input map"),
+    Signal("excitation_v", "f8", "V", "injected beside the law's command; command_v has it in it"),
     Signal("d0_hat_v", "f8", "V", "fast estimate of the lumped disturbance"),
     Signal("theta_hat", "f8", "", "estimate of a parameter, in its own unit", per_parameter=True),
     Signal("state", "i4", "", "AxisState"),

@@ -1,5 +1,6 @@
 """The loop process: clock, tick, axis state machine, limits, timing, the shared memory."""
 
+from motorctl.loop.excitation import Excitation
 from motorctl.loop.process import spawn
 from motorctl.loop.realtime import isolated_cpus, reasons
 from motorctl.loop.shared import LoopMemory
@@ -8,6 +9,7 @@ from motorctl.loop.vocabulary import Degraded, Phase, Reply, Verb
 
 __all__ = [
     "Degraded",
+    "Excitation",
     "LoopMemory",
     "Phase",
     "Reply",

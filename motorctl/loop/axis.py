@@ -11,6 +11,7 @@ from motorctl.hal import Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause, SampleFlag
 from motorctl.loop.axis_records import DRIFT_WEIGHT, TRUSTED_TICKS
+from motorctl.loop.excitation import excitation_voltage
 from motorctl.loop.guards.command import check_command, checked_voltage, warm
 from motorctl.loop.guards.device import (
     COMMUNICATION_LOST,
@@ -340,6 +341,7 @@ def axis_step(
     axis: Any,
     law_settings: Any,
     law: Any,
+    excitation: Any,
     elapsed: int,
     t: float,
     sample: Any,
@@ -351,6 +353,7 @@ def axis_step(
     flags = SKIPPED if elapsed > 1 else 0
     warm(settings, axis, elapsed)
     u, v = 0.0, 0.0
+    added = excitation_voltage(settings, axis, excitation, elapsed)
     if axis.held_ticks:
         flags |= HELD
         if just_left_out(axis):
@@ -384,8 +387,9 @@ def axis_step(
                     axis.position_m,
                     axis.reference_m,
                 )
-            if axis.held_ticks:
-                law.blind = 1  # a prediction teaches nothing
+            if axis.held_ticks or axis.excitation_ticks:
+                # A prediction teaches nothing; and a response is that of one loop, not of many.
+                law.blind = 1
                 law.steps = 0
             u = law_step(
                 state_columns,
@@ -403,9 +407,9 @@ def axis_step(
                 axis.reference_velocity_m_s,
                 axis.reference_acceleration_m_s2,
             )
-        u = checked_voltage(settings, axis, u, law.v, t)
+        u = checked_voltage(settings, axis, u + added, law.v, t)
         v = law.v
-        if law.flags & LAW_SATURATED:
+        if law.flags & LAW_SATURATED or abs(u) >= settings.max_voltage_v:
             flags |= SATURATED
         if law.flags & LAW_ADAPTED:
             flags |= ADAPTING
@@ -432,6 +436,7 @@ def axis_step(
     sample.following_error_m = axis.position_m - axis.reference_m
     sample.command_v = u
     sample.virtual_command_v = v
+    sample.excitation_v = added
     sample.d0_hat_v = law.d0
     for i in range(law_settings.n):
         sample.theta_hat[i] = law.theta[i]
@@ -467,6 +472,9 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.d0_hat_v = sample.d0_hat_v
     for i in range(n):
         status.theta_hat[i] = sample.theta_hat[i]
+    status.excitation_left = 0
+    if axis.excitation_ticks:
+        status.excitation_left = axis.excitation_total - axis.excitation_passed
     status.fault_value = axis.fault_value
     status.fault_limit = axis.fault_limit
     status.fault_time_s = axis.fault_time_s

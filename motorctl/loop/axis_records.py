@@ -47,6 +47,7 @@ AXIS_SETTINGS = np.dtype(
         ("divisor", "i8"),  # ticks of the loop in one of the axis
         ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
+        ("max_excitation_v", "f8"),  # that an excitation may add to the command
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
         ("quick_stops", "i8"),  # causes for which the axis is ramped down: a bit each
@@ -112,6 +113,10 @@ AXIS_STATE = np.dtype(
         ("stuck_reference_m", "f8"),  # and the reference, without what it went while not led
         ("command_v", "f8"),  # that left in the last tick
         ("saturated_ticks", "i8"),  # since when it is at its limit
+        ("excitation_ticks", "i8"),  # in a period of the excitation that is added; 0: none
+        ("excitation_fade", "i8"),  # in which it comes, and goes
+        ("excitation_total", "i8"),  # that it lasts
+        ("excitation_passed", "i8"),  # since it began
         ("heat_v2", "f8"),  # mean square of the command over the motor's time constant
         ("slot", "i8"),  # program slot followed, or -1
         ("program", "i8"),  # a number that the axes of one running program share; 0: none
@@ -202,6 +207,7 @@ def fill_axis_settings(
     record["divisor"], record["tick_s"] = axis.divisor, tick_s
     record["exchange"] = is_one_exchange(exchange_delay)
     record["asked"] = not has_own_clock(exchange_delay)
+    record["max_excitation_v"] = limits.max_excitation_v
     mass = axis.model.index_of("acceleration")
     assert mass is not None  # no configuration is valid without
     fullest_m_s2 = limits.max_voltage_v / axis.estimates[mass].initial

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
+from motorctl.loop.excitation import begin_excitation
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.command import has_lost_its_numbers, is_hot
 from motorctl.loop.guards.encoder import begin_watching, trembles
@@ -17,7 +18,7 @@ from motorctl.loop.shared import MAILBOX_SIZE
 from motorctl.loop.states import allows, is_off, take
 from motorctl.loop.vocabulary import Reply, Verb
 
-BEGINNINGS = (Verb.START, Verb.HOME, Verb.FOLLOW)
+BEGINNINGS = (Verb.START, Verb.HOME, Verb.FOLLOW, Verb.EXCITE)
 AT_START_M = 1e-6
 """How near the reference must be to a program's start."""
 
@@ -32,6 +33,7 @@ def take_commands(
     axes: Any,
     laws: Any,
     segments: Any,
+    excitations: Any,
     tick: int,
     t: float,
 ) -> None:
@@ -55,7 +57,10 @@ def take_commands(
             answer = Reply.WRONG_STATE
         else:
             i = command.axis
-            answer = _obey(command, settings[i], axes[i], laws[i], segments[i], tick)
+            if command.verb == Verb.EXCITE:
+                answer = begin_excitation(axes[i], excitations[i])
+            else:
+                answer = _obey(command, settings[i], axes[i], laws[i], segments[i], tick)
         replies[number % MAILBOX_SIZE] = answer
     status[0].mail_taken = last
 

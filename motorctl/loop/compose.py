@@ -36,7 +36,7 @@ DEFINED = """
 def {name}(
     counts, index_counts, words, volts, enable, elapsed, behind, overran, number, t, watch, status,
     mailbox, replies, settings, axes, law_settings, laws, beside, segments, segment_counts,
-    samples, row, axis_status,{more}
+    excitations, samples, row, axis_status,{more}
 ):
 """
 
@@ -62,7 +62,9 @@ JOIN = """    join_ends(
 
 COMMANDS = """    supervise(watch[0], status[0], settings, axes, elapsed, overran, t)
     stop_partners(settings, axes, t)  # of what has tripped, before a reset can hide it
-    take_commands(watch[0], status, mailbox, replies, settings, axes, laws, segments, number, t)
+    take_commands(
+        watch[0], status, mailbox, replies, settings, axes, laws, segments, excitations, number, t,
+    )
     stop_partners(settings, axes, t)
 """
 
@@ -93,7 +95,7 @@ HOLD = """    hold_skew(
 STEP = """    {volts} = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
         {m}.advance_context, {m}.advance_inputs, settings[{i}], axes[{i}], law_settings[{i}],
-        laws[{i}], {passed}, t, samples[row, {i}],
+        laws[{i}], excitations[{i}], {passed}, t, samples[row, {i}],
     )
 """
 

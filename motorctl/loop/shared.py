@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from motorctl.kernels import kernels_cached, specialise
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
+from motorctl.loop.excitation import EXCITATION, Excitation
 from motorctl.loop.vocabulary import STATUS_ROWS, Phase, Reply, Verb, Word
 from motorctl.motion import SEGMENT
 
@@ -94,6 +95,7 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("fault_time_s", "f8"),
             ("fault_status", "i8"),  # the driver's status word then
             ("device_status", "i8"),  # and now
+            ("excitation_left", "i8"),  # ticks of the axis until its excitation ends; 0: none
             ("held_ticks", "i8"),  # without a new sample until now
             ("missed_ticks", "i8"),  # all of them since the loop began
             ("longest_missed_ticks", "i8"),
@@ -121,6 +123,7 @@ class LoopMemory:
             ("replies", "i8", (MAILBOX_SIZE,)),
             ("segments", SEGMENT, (axes, 2, segments)),
             ("segment_counts", "i8", (axes, 2)),
+            ("excitations", EXCITATION, (axes,)),
             ("ticks", TICK_SAMPLE, (self.ring_rows,)),
             ("samples", axis_sample(parameters), (self.ring_rows, axes)),
         ]
@@ -147,6 +150,7 @@ class LoopMemory:
         self.replies: NDArray[np.int64] = views["replies"]
         self.segments: NDArray[np.void] = views["segments"]
         self.segment_counts: NDArray[np.int64] = views["segment_counts"]
+        self.excitations: NDArray[np.void] = views["excitations"]
         self.ticks: NDArray[np.void] = views["ticks"]
         self.samples: NDArray[np.void] = views["samples"]
         self._drained = 0
@@ -307,6 +311,21 @@ class LoopMemory:
         self.segments[axis, slot, : len(segments)] = segments
         self.segment_counts[axis, slot] = len(segments)
         return slot
+
+    def load_excitation(self, axis: int, excitation: Excitation) -> None:
+        """Write an excitation into the axis' slot; not while the axis is excited.
+
+        Parameters
+        ----------
+        axis
+            Index of the axis.
+        excitation
+            One that the axis allows.
+        """
+        slot = self.excitations[axis]
+        slot["volts"][: excitation.ticks] = excitation.volts
+        slot["ticks"], slot["fade"] = excitation.ticks, excitation.fade_ticks
+        slot["total"] = excitation.total_ticks
 
     def drain(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
         """Copy the rows that were announced since the last call.

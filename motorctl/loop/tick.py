@@ -181,7 +181,7 @@ class Tick:
         memory = self.memory
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
         records = (self.settings, self.axes, self.law_settings, self.laws, self.beside)
-        programs = (memory.segments, memory.segment_counts)
+        programs = (memory.segments, memory.segment_counts, memory.excitations)
         samples = (memory.samples, 0, memory.axis_status_rows)
         return (
             *inputs_outputs,
@@ -216,6 +216,7 @@ class Tick:
         settings, axis_records, law_records = self.settings, self.axes, self.law_settings
         laws, beside = self.laws, self.beside
         segments, segment_counts = memory.segments, memory.segment_counts
+        excitations = memory.excitations
         samples, ticks, axis_status = memory.samples, memory.ticks, memory.axis_status_rows
         measured, rows = self.measured_s, memory.ring_rows
         period_s, now = self.machine.period_s, time.monotonic_ns
@@ -238,7 +239,8 @@ class Tick:
             may_end: bool = compute(
                 counts, index_counts, words, volts, enable, elapsed, behind, overran, number,
                 number * period_s, watch, status, mailbox, replies, settings, axis_records,
-                law_records, laws, beside, segments, segment_counts, samples, row, axis_status,
+                law_records, laws, beside, segments, segment_counts, excitations, samples, row,
+                axis_status,
             )  # fmt: skip
             t2 = now()
             for write, outputs, divisor in writes:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from motorctl.config.machine import Machine
 from motorctl.errors import RunError, UsageError
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.excitation import Excitation
 from motorctl.loop.faults import fault_message
 from motorctl.loop.plan import plan_program
 from motorctl.loop.runner import VirtualRun
@@ -142,6 +143,18 @@ class VirtualMachine:
             slot = self.memory.load_program(self.names.index(name), trajectory.segments)
             program = (programs or {}).get(name, 0)
             self.order(Verb.FOLLOW, name, slot=slot, tick=tick, program=program)
+
+    def excite(self, axis: str, excitation: Excitation) -> None:
+        """Begin to excite an axis that holds or follows.
+
+        Raises UsageError where its limits do not allow it, RunError where the loop refuses it.
+        """
+        limits, period_s = self.machine.axes[axis].limits, self.machine.period_of(axis)
+        if problem := excitation.problem(limits, period_s):
+            raise UsageError(f"axis {axis}: {problem}")
+        if self.state(axis)["excitation_left"] == 0:
+            self.memory.load_excitation(self.names.index(axis), excitation)
+        self.order(Verb.EXCITE, axis)
 
     def follow_programs(self, programs: Sequence[str]) -> float:
         """Start the named programs and return how long the longest takes with its approach [s]."""

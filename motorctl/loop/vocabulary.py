@@ -20,6 +20,8 @@ class Verb(IntEnum):
     ESTOP = 6
     SHUTDOWN = 7
     """Stop every axis, make the outputs safe, end the process."""
+    EXCITE = 8
+    """Add the axis' excitation to its command, for so many periods. It changes no state."""
 
 
 class Reply(IntEnum):
@@ -42,6 +44,8 @@ class Reply(IntEnum):
     """The motor is still warm, the axis too fast, or its encoder noisy."""
     NOT_POWERED = 10
     """The amplifier is not on yet: what moves the axis would begin without it."""
+    EXCITED = 11
+    """The axis is excited already."""
 
 
 class Phase(IntEnum):
@@ -74,7 +78,7 @@ class Word(IntEnum):
     RING_HEAD = 1
     """Announces a row of the ring, and a row of the axes' status."""
     MAIL_HEAD = 2
-    """Announces a command, and the program that it names."""
+    """Announces a command, and the program or the excitation that it begins."""
     MAIL_TAIL = 3
     """Announces replies."""
     REOPEN_ASKED = 4

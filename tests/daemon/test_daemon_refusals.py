@@ -16,6 +16,7 @@ from motorctl.daemon.commander import Commander
 from motorctl.daemon.protocol import RefusedError, parse_request
 from motorctl.daemon.report import Report
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
+from motorctl.loop.states import OPERATION, State
 
 
 class Loop:
@@ -96,3 +97,55 @@ def test_an_axis_that_still_moves_is_named(loop: Loop, command: str) -> None:
     assert no.code == "still_moving"
     assert no.message.startswith(f"axis y still moves: {command} is possible once it stands")
     assert DaemonRefusedError(no.code, no.message).exit_status == 2
+
+
+EXCITE = '{"do": "excite", "axis": "x", "volts": [%s], "periods": %d, "fade_periods": 1}'
+
+
+def lead(loop: Loop, state: State, excitation_left: int = 0) -> None:
+    """Let the loop's status say what an axis does."""
+    loop.memory.axis_status_rows["state"] = state.told
+    loop.memory.axis_status_rows["inner_state"] = state
+    loop.memory.axis_status_rows["excitation_left"] = excitation_left
+
+
+def test_an_excitation_reaches_the_axis_slot_whole(loop: Loop) -> None:
+    lead(loop, State.HOLDING)
+    volts = [0.01 * (k % 100) for k in range(400)]
+    answer = loop.ask(EXCITE % (", ".join(map(str, volts)), 3))
+    assert answer == {"axis": "x", "duration_s": pytest.approx(5 * 400 / 400.0)}
+    assert loop.asked == [Verb.EXCITE]
+    slot = loop.memory.excitations[0]
+    assert slot["volts"][:400].tolist() == volts
+    assert (slot["ticks"], slot["fade"], slot["total"]) == (400, 400, 2000)
+
+
+def test_no_axis_is_excited_beyond_its_limit_or_for_too_long(loop: Loop) -> None:
+    lead(loop, State.HOLDING)
+    no = loop.refusal(EXCITE % (", ".join(["2.5"] * 200), 3))
+    assert no.code == "out_of_limits"
+    assert "2.5 V: limit 2 V (limits.max_excitation_share 0.2 of 10 V)" in no.message
+    no = loop.refusal(EXCITE % (", ".join(["1"] * 200), 100_000))
+    assert "limit 1800 s" in no.message
+    assert loop.asked == []
+
+
+@pytest.mark.parametrize("state", [s for s in State if s not in OPERATION or s is State.HOMING])
+def test_an_axis_that_is_not_led_is_not_excited_and_what_is_possible_is_told(
+    loop: Loop, state: State
+) -> None:
+    lead(loop, state)
+    # The loop has the last word of an axis that is enabled and waits for its law.
+    no = loop.refusal(EXCITE % (", ".join(["1"] * 200), 3), Reply.WRONG_STATE)
+    assert no.code == "wrong_state"
+    assert "excite is not possible; possible now: " in no.message
+    assert state.told.name.lower() in no.message
+
+
+def test_an_axis_that_is_excited_keeps_its_excitation(loop: Loop) -> None:
+    lead(loop, State.HOLDING, excitation_left=17)
+    before = loop.memory.excitations[0].copy()
+    no = loop.refusal(EXCITE % (", ".join(["1"] * 200), 3))
+    assert no.message == "axis x is excited already: wait until that ends, or stop the axis"
+    assert loop.memory.excitations[0] == before
+    assert loop.ask('{"do": "status"}')["axes"]["x"]["excitation"] == {"left_s": 17 / 400.0}

@@ -129,7 +129,7 @@ def test_a_recording_larger_than_its_disk_loses_nothing_but_what_retention_says(
 ) -> None:
     rows = 80 * CHUNK
     keeper, fullest = recorded_on_a_disk(
-        tmp_path, disk_mb=30, log_mb=8, rows=rows, rate_hz=400, convert=_here
+        tmp_path, disk_mb=30, log_mb=9, rows=rows, rate_hz=400, convert=_here
     )
     assert_nothing_is_lost_but_what_retention_says(tmp_path, keeper, rows)
     assert keeper.removed >= 3

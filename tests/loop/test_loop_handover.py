@@ -62,7 +62,7 @@ def _code_of(kernel: Any) -> str:
         take_commands: (
             np.zeros(1, WATCH)[0], memory.status, memory.mailbox, memory.replies,
             np.zeros(1, AXIS_SETTINGS), np.zeros(1, AXIS_STATE), np.zeros(1, law_state(1)),
-            memory.segments, 0, 0.0,
+            memory.segments, memory.excitations, 0, 0.0,
         ),
     }[kernel]  # fmt: skip
     fresh = njit(kernel.py_func)
