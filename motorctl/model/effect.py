@@ -21,6 +21,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Literal, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from motorctl.model.knowledge import (
@@ -34,6 +36,8 @@ from motorctl.model.knowledge import (
     Spans,
 )
 
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 T = TypeVar("T")
 Kind = Literal["state", "input", "command", "measurement"]
 End = Literal["either", "upper", "neither"]
@@ -240,6 +244,22 @@ class Effect(ABC):
     def lines(self) -> tuple[float, ...]:
         """Wave numbers [1/m] or frequencies [Hz] at which it shows as lines of a spectrum."""
         return ()
+
+    def over_acceleration(self, w: Array) -> ComplexArray | None:
+        """Return the column over the acceleration in a frequency response.
+
+        Parameters
+        ----------
+        w
+            Frequencies (n,) [rad/s], above 0.
+
+        Returns
+        -------
+        ndarray or None
+            (n,) complex, the same for each of its parameters; None unless the column is linear in
+            the acceleration and remembers it.
+        """
+        return None
 
     @property
     def repeats_every(self) -> float:

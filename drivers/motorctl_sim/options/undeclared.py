@@ -8,9 +8,12 @@ from motorctl_sim.options.settings import Fraction, NonNegative, Positive, Setti
 
 
 class Backlash(Settings):
-    """A part of the moving mass that sits in a clearance and meets springy stops at its ends."""
+    """A part of the moving mass that sits in a clearance and meets springy stops at its ends.
 
-    gap_m: Positive
+    Without clearance it is one more part on a spring, beside that of `flexible_mode`.
+    """
+
+    gap_m: NonNegative
     """Whole clearance."""
     fraction: Fraction
     """Share of theta1 behind the clearance; the encoder is before it."""

@@ -97,6 +97,13 @@ class FlexibleMode(Effect):
             damping_ratio=self.options.damping_ratio,
         )
 
+    def over_acceleration(self, w: Array) -> NDArray[np.complex128]:
+        """Return -s^2/(s^2 + 2 zeta omega s + omega^2) at s = j w."""
+        omega, decay, _, _ = self.constants
+        behind: NDArray[np.complex128] = omega * omega - w * w + 2j * decay * w
+        result: NDArray[np.complex128] = (w * w).astype(np.complex128) / behind
+        return result
+
     def on_own_acceleration(self, theta: Sequence[float]) -> tuple[Effect, tuple[float, ...]]:
         """Return the mode itself, theta being the part's share of the inertia.
 
