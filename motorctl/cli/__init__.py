@@ -29,6 +29,7 @@ GROUPS = (
     "compare",
     "close_loop",
     "tune",
+    "response",
     "latency",
 )
 """Modules of this package in the order in which `--help` lists their commands."""

@@ -1,0 +1,113 @@
+"""From the log of an excited axis to all that is told of its response."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from motorctl.config import Machine
+from motorctl.config.machine import Axis
+from motorctl.errors import UsageError
+from motorctl.identify.fit.declared_models import machine_of
+from motorctl.log import Recording, read_recording
+from motorctl.response.estimate import Response, estimate_response, require_coherence
+from motorctl.response.fitted_plant import FittedPlant, fit_plant
+from motorctl.response.measured_margins import MeasuredMargins, measured_margins
+from motorctl.response.model import ModelResponse, model_response
+from motorctl.response.windows import excited_windows
+
+SIGNALS = (
+    "reference_m",
+    "reference_velocity_m_s",
+    "excitation_v",
+    "state",
+    "fault",
+    "flags",
+)
+"""What is read of a log besides position and command."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measured response beside that of the axis' own model."""
+
+    response: Response
+    model: ModelResponse
+    """Of the configuration, at the same lines."""
+    margins: MeasuredMargins
+    model_margins: MeasuredMargins
+    """Of the model's loop at the same lines, by the same way."""
+    fitted: FittedPlant
+    notes: tuple[str, ...]
+
+
+def measure_response(logs: Sequence[Path], name: str, *, whole_run: bool = False) -> Measurement:
+    """Return the response that a log of an excited axis tells.
+
+    Parameters
+    ----------
+    logs
+        The log; several of one run are one.
+    whole_run
+        The one log stands for all of its run.
+    name
+        The axis.
+
+    Raises
+    ------
+    UsageError
+        Where it is no log of motorctl's.
+    DataError
+        Where the axis was not excited, or too little of it is coherent.
+    """
+    recording = read_recording(list(logs), gaps="keep", whole_run=whole_run, signals=SIGNALS)
+    axis, period_s = _axis(recording, name)
+    windows = excited_windows(recording, name, axis.divisor)
+    response = estimate_response(windows, name, recording.source)
+    peak_v = float(np.abs(windows.excitation).max())
+    require_coherence(response, axis.limits.max_excitation_v, peak_v)
+    good = response.coherent
+    lines = response.frequency_hz
+    model = model_response(axis, period_s, lines)
+    return Measurement(
+        response=response,
+        model=model,
+        margins=measured_margins(lines[good], response.loop[good]),
+        model_margins=measured_margins(lines[good], model.loop[good]),
+        fitted=fit_plant(response),
+        notes=(*recording.notes, *_notes(response)),
+    )
+
+
+def _axis(recording: Recording, name: str) -> tuple[Axis, float]:
+    machine: Machine | None = machine_of(recording)
+    if machine is None or name not in machine.axes:
+        known = ", ".join(recording.axes)
+        raise UsageError(
+            f"{recording.source}: its configuration does not tell of an axis '{name}': a response "
+            f"needs a log that motorctl wrote; there are: {known}"
+        )
+    return machine.axes[name], machine.period_of(name)
+
+
+def _notes(response: Response) -> list[str]:
+    notes = []
+    good, hz = response.coherent, response.frequency_hz
+    if not np.all(good):
+        kept = hz[good]
+        places = {
+            f"below {kept[0]:.3g} Hz": hz < kept[0],
+            f"above {kept[-1]:.3g} Hz": hz > kept[-1],
+            "between": ~good & (hz > kept[0]) & (hz < kept[-1]),
+        }
+        told = [f"{np.count_nonzero(bad)} {where}" for where, bad in places.items() if np.any(bad)]
+        notes.append(
+            f"{np.count_nonzero(~good)} of {len(good)} lines are not coherent and count for "
+            f"nothing: {', '.join(told)}"
+        )
+    if response.speed_m_s == 0.0:
+        notes.append("the axis stood: friction that sticks counts as a spring")
+    return notes

@@ -1,0 +1,70 @@
+"""The response that an axis' own model has: the sampled plant and loop as `check` takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.config.analysis import DelayedPlant, Frequencies, LoopGains
+from motorctl.config.machine import Axis
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class ModelResponse:
+    """What the model of an axis answers at some frequencies, (n,) each."""
+
+    plant: ComplexArray
+    """P, from the command to the position [m/V]."""
+    loop: ComplexArray
+    """L = C P."""
+
+    @property
+    def sensitivity(self) -> ComplexArray:
+        """S = 1/(1 + L)."""
+        result: ComplexArray = 1.0 / (1.0 + self.loop)
+        return result
+
+
+def model_response(
+    axis: Axis, period_s: float, frequency_hz: Array, theta: Sequence[float] | None = None
+) -> ModelResponse:
+    """Return the response of an axis' model: its mass, friction, delay, lag and what hangs on it.
+
+    Dry friction and forces of the place are in no response; nor is the slope of the input map,
+    which the law inverts.
+
+    Parameters
+    ----------
+    axis
+        The axis, with its model and gains.
+    period_s
+        Its period [s].
+    frequency_hz
+        (n,) frequencies, above 0 [Hz].
+    theta
+        Parameters of its model; None: those that it starts with.
+    """
+    model, w = axis.model, 2.0 * np.pi * np.asarray(frequency_hz, np.float64)
+    values = [estimate.initial for estimate in axis.estimates] if theta is None else list(theta)
+    rigid = [0.0, 0.0]
+    for k, signal in enumerate(("acceleration", "velocity")):
+        place = model.index_of(signal)  # type: ignore[arg-type]
+        rigid[k] = 0.0 if place is None else values[place]
+    delay_s = axis.adaptation.input_delay_s + model.delay_s
+    plant = DelayedPlant((rigid[0], rigid[1], 0.0), period_s, delay_s, model.lag_s).response(w)
+    stiff = rigid[0] + rigid[1] / (1j * w)
+    sprung = np.zeros(len(w), np.complex128)
+    place = 0
+    for effect in model.effects:
+        if (column := effect.over_acceleration(w)) is not None:
+            sprung += column * sum(values[place : place + len(effect.parameters)])
+        place += len(effect.parameters)
+    plant = plant * stiff / (stiff + sprung)
+    gains = LoopGains(axis.gains.k1_1_s, axis.gains.ks_v_s_m, axis.gains.gamma_d)
+    return ModelResponse(plant, gains.feedback(Frequencies.at(w, period_s)) * plant)

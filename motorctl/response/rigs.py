@@ -1,0 +1,211 @@
+"""Where an axis is excited: in virtual time, or through a running daemon. Either gives a log."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from motorctl.config import Machine, load_resolved
+from motorctl.config.chosen_code import allowed_by
+from motorctl.config.metadata import log_axes, log_metadata
+from motorctl.daemon.client import Client
+from motorctl.errors import ConfigError, DataError, RunError, UsageError
+from motorctl.log import LogWriter
+from motorctl.log.convert import load_metadata
+from motorctl.log.partial import SUFFIX, PartialFile
+from motorctl.loop.plan import plan_program
+from motorctl.loop.virtual import VirtualMachine
+from motorctl.response.plan import ResponsePlan
+
+Progress = Callable[[str, float], None]
+
+POLL_S = 0.1
+"""Between two looks at a daemon [s]. Shorter asks more often than anybody sees, longer is late."""
+AFTER_S = 0.2
+"""Rows recorded after the end [s]; any that are more than none would do."""
+ON_DISK_S = 1.5
+"""How long after the end the last row is on the disk [s]: the recorder writes once a second."""
+
+
+def record_simulated(machine: Machine, plan: ResponsePlan, log: Path, progress: Progress) -> Path:
+    """Excite an axis in virtual time and return the log of it.
+
+    Raises
+    ------
+    UsageError
+        Where a driver does not support virtual time, or the motion breaks a limit.
+    RunError
+        Where an axis trips; the log then ends there.
+    """
+    name = plan.axis
+    writer = LogWriter(log, log_metadata(machine), log_axes(machine))
+    try:
+        with VirtualMachine(machine, writer.append) as virtual:
+            virtual.start()
+            lead_s = 0.0
+            if plan.motion is not None:
+                standing = {name: float(virtual.state(name)["reference_m"])}
+                motion = plan_program(machine, plan.motion, standing)
+                virtual.follow(motion.trajectories, {name: virtual.memory.program_number()})
+                lead_s = motion.approach_s
+            _pass(virtual, lead_s, lambda share: progress("moving to the start", share))
+            virtual.excite(name, plan.excitation)
+            lasts_s = plan.duration_s + AFTER_S
+            _pass(virtual, lasts_s, lambda share: progress("exciting the axis", share))
+    finally:
+        writer.close({})
+    return log
+
+
+def _pass(virtual: VirtualMachine, seconds: float, progress: Callable[[float], None]) -> None:
+    rate_hz = virtual.machine.rate_hz
+    left = total = round(seconds * rate_hz)
+    while left > 0:
+        virtual.advance(min(left, round(rate_hz)))
+        left -= round(rate_hz)
+        virtual.raise_faults()
+        progress(min(1.0 - left / total, 1.0))
+
+
+def machine_of_daemon(client: Client) -> Machine:
+    """Return the machine that a daemon runs, as the log says that it records.
+
+    Raises RunError where that log cannot be read.
+    """
+    partial = _partial(client)
+    try:
+        source = PartialFile(partial)
+        try:
+            metadata = load_metadata(source.schema)
+        finally:
+            source.close()
+        return load_resolved(metadata["config"], str(partial), hardware=True, may_run=allowed_by())
+    except (DataError, ConfigError, KeyError, OSError) as error:
+        raise RunError(
+            f"the log that the daemon records cannot be read ({error}): run this command on its "
+            "computer, as a user who may read its logs"
+        ) from error
+
+
+def require_holding(client: Client, name: str) -> None:
+    """Insist that an axis holds, before anybody is asked; raises UsageError with what to do."""
+    axis = client.axis(name)
+    if axis["state"] == "idle" and axis["homed"]:
+        return
+    first = {
+        "off": f"`motorctl start {name} --hold` first",
+        "idle": f"`motorctl home {name}` first",
+        "fault": f"`motorctl reset {name}`, then `motorctl start {name} --hold` first",
+    }.get(axis["state"], "wait until it does, or stop it and start it with --hold")
+    how = {"idle": "not homed", "fault": "in fault"}.get(axis["state"], axis["state"])
+    raise UsageError(f"axis {name} is {how}: its response needs an axis that holds: {first}")
+
+
+def record_through_daemon(
+    client: Client, plan: ResponsePlan, log: Path, progress: Progress
+) -> Path:
+    """Excite an axis of a running daemon and return a log of it.
+
+    Whatever ends it early, the axis is stopped, and what was recorded stays in the daemon's log.
+
+    Raises
+    ------
+    DaemonRefusedError
+        Where the axis does not hold, is not homed, or a limit does not allow it.
+    RunError
+        Where the axis trips or is stopped meanwhile.
+    """
+    name, partial = plan.axis, _partial(client)
+    begun = int(client.ask("status")["loop"]["ticks"])
+    if plan.motion is not None:
+        document = plan.motion.model_dump(mode="json", exclude={"name"})
+        answer = client.ask("program", axis=name, name=plan.motion.name, document=document)
+    try:
+        if plan.motion is not None:
+            _wait(client, name, answer["approach_s"], "moving to the start", progress)
+        _excite(client, plan)
+        _wait(client, name, plan.duration_s, "exciting the axis", progress)
+        _until(client, name, lambda axis: axis["state"] == "idle" and not axis["excitation"])
+    except BaseException:
+        _stop(client, name)
+        raise
+    time.sleep(ON_DISK_S)
+    if _partial(client) != partial:
+        raise RunError(
+            f"the daemon began a new log meanwhile: `motorctl response {name} --recording` with "
+            f"both tells the response: {partial.name.removesuffix(SUFFIX)} and the next one"
+        )
+    return _cut(partial, begun, log)
+
+
+def _excite(client: Client, plan: ResponsePlan) -> None:
+    wave = plan.excitation
+    client.ask(
+        "excite",
+        axis=plan.axis,
+        volts=wave.volts.tolist(),
+        periods=wave.periods,
+        fade_periods=wave.fade_periods,
+    )
+
+
+def _wait(client: Client, name: str, seconds: float, what: str, progress: Progress) -> None:
+    """Wait so long while the axis is led; raises RunError where it no longer is."""
+    began = time.monotonic()
+    while (passed := time.monotonic() - began) < seconds:
+        _led(client, name)
+        progress(what, passed / seconds)
+        time.sleep(POLL_S)
+
+
+def _until(client: Client, name: str, reached: Callable[[dict[str, Any]], bool]) -> None:
+    while not reached(_led(client, name)):
+        time.sleep(POLL_S)
+
+
+def _led(client: Client, name: str) -> dict[str, Any]:
+    axis = client.axis(name)
+    if axis["state"] not in ("idle", "running"):
+        fault = f": {axis['fault']['message']}" if axis["fault"] else ""
+        raise RunError(
+            f"axis {name} is {axis['state']}{fault}; what was recorded is in the daemon's log"
+        )
+    return axis
+
+
+def _stop(client: Client, name: str) -> None:
+    try:
+        client.ask("stop", axis=name)
+    except Exception:  # it may be in fault, or the daemon gone: the first error tells more
+        return
+
+
+def _partial(client: Client) -> Path:
+    recording = client.ask("status")["recording"]
+    if not recording["file"]:
+        raise RunError("the daemon records nothing: a response is read from its log")
+    file = Path(recording["file"])
+    return file.with_name(file.name + SUFFIX)
+
+
+def _cut(partial: Path, first_tick: int, log: Path) -> Path:
+    """Write the rows of a log that is still recorded, from a tick on, as a log of their own."""
+    source = PartialFile(partial)
+    try:
+        kept = []
+        for batch in source.batches():
+            ticks = batch.column("tick")
+            if len(ticks) and ticks[len(ticks) - 1].as_py() >= first_tick:
+                kept.append(batch)
+        if not kept:
+            raise RunError(f"{partial}: has no row since the axis was excited")
+        table = pa.Table.from_batches(kept).replace_schema_metadata(source.schema.metadata)
+        pq.write_table(table, log)
+    finally:
+        source.close()
+    return log

@@ -1,0 +1,81 @@
+"""`motorctl response` through a running daemon: on the wall clock, on the bench."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daemon_rig import Daemon, wait_until
+from typer.testing import CliRunner
+
+from motorctl.cli import make_app
+from motorctl.errors import MotorctlError, RunError, UsageError
+
+pytestmark = pytest.mark.wall_clock(lanes=2)
+QUICK = ("--band", "4,60", "--amplitude", "1.5", "--yes")
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    with Daemon(tmp_path_factory.mktemp("response")) as one:
+        yield one
+
+
+def respond(daemon: Daemon, *words: object) -> Any:
+    arguments = ["response", *map(str, words), *daemon.at, *QUICK]
+    result = CliRunner().invoke(make_app(), arguments)
+    if isinstance(result.exception, MotorctlError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def test_an_axis_that_is_off_is_not_moved_and_what_comes_first_is_told(daemon: Daemon) -> None:
+    with pytest.raises(UsageError, match=r"x is off: .* `motorctl start x --hold` first"):
+        respond(daemon, "x")
+    assert daemon.state("x") == "off"
+
+
+@pytest.mark.slow
+def test_a_running_axis_is_measured_and_holds_again(daemon: Daemon, tmp_path: Path) -> None:
+    daemon.ask("start", axis="x", hold=True)
+    told = json.loads(respond(daemon, "x", "--periods", "12", "--out", tmp_path, "--json").stdout)
+    assert daemon.state("x") == "idle"
+    assert daemon.ask("status")["axes"]["x"]["excitation"] is None
+    coherent = [f for f, c in zip(told["frequency_hz"], told["coherent"], strict=True) if c]
+    assert len(coherent) >= 8
+    assert told["fitted"]["parameters"]["theta1_v_s2_m"]["value"] == pytest.approx(0.2, rel=0.1)
+    assert {Path(file).suffix for file in told["files"]} == {".png", ".json", ".parquet"}
+    daemon.ask("stop", axis="x")
+    wait_until(lambda: daemon.state("x") == "off")
+
+
+def test_a_fault_meanwhile_ends_it_with_its_words_and_the_daemon_keeps_the_log(
+    daemon: Daemon, tmp_path: Path
+) -> None:
+    daemon.ask_when_it_stands("start", "x")
+
+    def press() -> None:
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline:
+            if daemon.ask("status")["axes"]["x"]["excitation"]:
+                daemon.ask("estop")
+                return
+            time.sleep(0.02)
+
+    pressing = threading.Thread(target=press)
+    pressing.start()
+    try:
+        with pytest.raises(RunError, match=r"fault.* what was recorded is in the daemon's log"):
+            respond(daemon, "x", "--periods", "200")
+    finally:
+        pressing.join()
+    assert daemon.state("x") == "fault"
+    assert daemon.ask("status")["axes"]["x"]["excitation"] is None
+    with pytest.raises(UsageError, match=r"x is in fault: .* `motorctl reset x`, then"):
+        respond(daemon, "x")
