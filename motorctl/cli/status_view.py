@@ -32,6 +32,8 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
     for name, axis in document["axes"].items():
         if axis["motion"]:
             parts.append(_motion(name, axis["motion"]))
+        if axis.get("excitation"):
+            parts.append(Text(f"{name}: excited for {axis['excitation']['left_s']:.0f} s more"))
         if axis.get("dual_drive"):
             parts.append(_skew(name, axis["dual_drive"]))
         if axis["fault"]:

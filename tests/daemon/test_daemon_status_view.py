@@ -92,6 +92,11 @@ def changed(path: str, value: Any) -> dict[str, Any]:
     return document
 
 
+def test_an_axis_that_is_excited_is_told_with_the_time_that_is_left() -> None:
+    assert "y: excited for 17 s more" in drawn(changed("axes.y.excitation", {"left_s": 17.2}))
+    assert "excited" not in drawn(changed("axes.y.excitation", None))
+
+
 def test_what_matters_is_on_it() -> None:
     text = drawn(DOCUMENT)
     for part in (

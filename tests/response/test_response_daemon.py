@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.response import rigs
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 QUICK = ("--band", "4,60", "--amplitude", "1.5", "--yes")
@@ -41,9 +42,29 @@ def test_an_axis_that_is_off_is_not_moved_and_what_comes_first_is_told(daemon: D
     assert daemon.state("x") == "off"
 
 
+def test_ctrl_c_stops_the_axis_and_takes_the_excitation_with_it(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    daemon.ask("start", axis="x", hold=True)
+    waited = rigs._wait
+
+    def interrupted(client: Any, name: str, seconds: float, what: str, progress: Any) -> None:
+        if what != "exciting the axis":
+            waited(client, name, seconds, what, progress)
+            return
+        assert daemon.ask("status")["axes"]["x"]["excitation"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rigs, "_wait", interrupted)
+    arguments = ["response", "x", *daemon.at, *QUICK, "--periods", "100"]
+    assert CliRunner().invoke(make_app(), arguments).exit_code != 0
+    wait_until(lambda: daemon.state("x") == "off", 10.0)
+    assert daemon.ask("status")["axes"]["x"]["excitation"] is None
+
+
 @pytest.mark.slow
 def test_a_running_axis_is_measured_and_holds_again(daemon: Daemon, tmp_path: Path) -> None:
-    daemon.ask("start", axis="x", hold=True)
+    daemon.ask_when_it_stands("start", "x")
     told = json.loads(respond(daemon, "x", "--periods", "12", "--out", tmp_path, "--json").stdout)
     assert daemon.state("x") == "idle"
     assert daemon.ask("status")["axes"]["x"]["excitation"] is None
