@@ -238,7 +238,7 @@ def _print(measured: Measurement) -> None:
 
     table = Table(title=f"Axis {measured.response.axis}", title_justify="left")
     table.add_column("")
-    for heading in ("measured", "configured model"):
+    for heading in ("measured", "fitted to it", "configured model"):
         table.add_column(heading, justify="right")
     for cells in rows(measured):
         table.add_row(*cells)

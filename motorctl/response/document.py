@@ -44,6 +44,7 @@ def response_document(measurement: Measurement) -> dict[str, Any]:
             },
             "margins": asdict(measurement.margins),
             "model_margins": asdict(measurement.model_margins),
+            "fitted_margins": asdict(measurement.fitted_margins),
             "not_linear": {
                 "frequency_hz": response.not_linear_hz,
                 "at_input_v": response.not_linear_v,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.config import Machine
 from motorctl.config.machine import Axis
@@ -19,6 +20,11 @@ from motorctl.response.measured_margins import MeasuredMargins, measured_margins
 from motorctl.response.model import ModelResponse, model_response
 from motorctl.response.windows import excited_windows
 
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+DENSE = 4000
+"""Frequencies of the fitted loop. Fewer step over sharp resonances, more takes time."""
 SIGNALS = (
     "reference_m",
     "reference_velocity_m_s",
@@ -41,6 +47,10 @@ class Measurement:
     model_margins: MeasuredMargins
     """Of the model's loop at the same lines, by the same way."""
     fitted: FittedPlant
+    fitted_loop: tuple[Array, ComplexArray]
+    """Frequencies [Hz], finer than the lines, and the law around the fitted plant at them."""
+    fitted_margins: MeasuredMargins
+    """Of that: what rings between two lines shows here."""
     notes: tuple[str, ...]
 
 
@@ -72,12 +82,18 @@ def measure_response(logs: Sequence[Path], name: str, *, whole_run: bool = False
     good = response.coherent
     lines = response.frequency_hz
     model = model_response(axis, period_s, lines)
+    fitted = fit_plant(response)
+    dense_hz = np.geomspace(lines[good][0], lines[good][-1], DENSE)
+    dense = model_response(axis, period_s, dense_hz)
+    fitted_loop: ComplexArray = fitted.response(dense_hz, period_s) * dense.loop / dense.plant
     return Measurement(
         response=response,
         model=model,
         margins=measured_margins(lines[good], response.loop[good]),
         model_margins=measured_margins(lines[good], model.loop[good]),
-        fitted=fit_plant(response),
+        fitted=fitted,
+        fitted_loop=(dense_hz, fitted_loop),
+        fitted_margins=measured_margins(dense_hz, fitted_loop),
         notes=(*recording.notes, *_notes(response)),
     )
 

@@ -133,7 +133,9 @@ def _draw_nyquist(panel: Axes, measurement: Measurement) -> None:
     panel.plot(near.real, near.imag, color=MEASURED, lw=0.8, ls="--",
                label=f"|S| = {measurement.margins.largest_sensitivity:.2f}")  # fmt: skip
     panel.plot(model.real, model.imag, color=MODEL, lw=1.2, label="configured model")
-    panel.plot(loop.real, loop.imag, ".-", color=MEASURED, lw=0.6, ms=4, label="measured")
+    fitted = measurement.fitted_loop[1]
+    panel.plot(fitted.real, fitted.imag, color=FITTED, lw=1.0, ls="--", label="fitted to it")
+    panel.plot(loop.real, loop.imag, ".", color=MEASURED, ms=4, label="measured")
     panel.plot([-1.0], [0.0], "+", color="black", ms=9)
     panel.set_aspect("equal")
     panel.set_xlim(-1.0 - REACH, -1.0 + REACH)

@@ -14,12 +14,12 @@ NONE = "–"
 
 
 def rows(measurement: Measurement) -> Iterator[tuple[str, ...]]:
-    """Yield the rows: what it is, measured, of the configured model at the same lines."""
-    pair = (measurement.margins, measurement.model_margins)
-    yield "crossover [Hz]", *(_number(m.crossover_hz) for m in pair)
-    yield "phase margin [degrees]", *(_number(m.phase_margin_deg) for m in pair)
-    yield "gain may grow by", *(_db(m.gain_margin) for m in pair)
-    yield "largest |S|", *(_largest(m) for m in pair)
+    """Yield the rows: what it is, at the measured lines, with the fitted plant, of the model."""
+    three = (measurement.margins, measurement.fitted_margins, measurement.model_margins)
+    yield "crossover [Hz]", *(_number(m.crossover_hz) for m in three)
+    yield "phase margin", *(_degrees(m.phase_margin_deg) for m in three)
+    yield "gain may grow by", *(_db(m.gain_margin) for m in three)
+    yield "largest |S|", *(_largest(m) for m in three)
 
 
 def words(measurement: Measurement) -> Iterator[str]:
@@ -46,6 +46,10 @@ def words(measurement: Measurement) -> Iterator[str]:
 
 def _number(value: float | None) -> str:
     return NONE if value is None else f"{value:.3g}"
+
+
+def _degrees(value: float | None) -> str:
+    return NONE if value is None else f"{value:.1f} deg"
 
 
 def _db(factor: float | None) -> str:

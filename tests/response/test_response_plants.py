@@ -16,7 +16,7 @@ import pytest
 from analytic_response import apart, plant_response
 
 from motorctl.config import Machine, load
-from motorctl.config.analysis import Frequencies, LoopGains
+from motorctl.config.analysis import Frequencies, LoopGains, loop_margins
 from motorctl.config.shipped import locate
 from motorctl.log import read_recording
 from motorctl.response.measurement import Measurement, measure_response
@@ -107,6 +107,24 @@ def test_mass_delay_and_lag_are_read_from_it_and_nothing_rings(of_x):
     assert plant.theta1 == pytest.approx(X["mass"] / slope(log, "x"), rel=0.01)
     assert plant.delay_s + plant.lag_s == pytest.approx(X["delay_s"] + X["lag_s"], rel=0.03)
     assert plant.parts == ()
+
+
+def test_margins_are_those_of_the_plant_on_paper(of_x):
+    measurement, log = of_x
+    gains, gain = load("published_gantry").axes["x"].gains, slope(log, "x")
+    true = loop_margins(
+        X["mass"] / gain,
+        X["viscous"] / gain,
+        k1_1_s=gains.k1_1_s,
+        ks_v_s_m=gains.ks_v_s_m,
+        gamma_d=gains.gamma_d,
+        period_s=measurement.response.period_s,
+        delay_s=X["delay_s"],
+        lag_s=X["lag_s"],
+    )
+    for told in (measurement.margins, measurement.fitted_margins):
+        assert told.phase_margin_deg == pytest.approx(true.phase_margin_deg, abs=1.0)
+        assert told.crossover_hz == pytest.approx(true.crossover_rad_s / (2.0 * np.pi), rel=0.01)
 
 
 def test_loop_and_sensitivities_are_those_of_one_loop(of_x):
