@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.analysis import DelayedPlant, Frequencies, LoopGains
+from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis
 
 Array = NDArray[np.float64]
@@ -31,10 +31,8 @@ class ModelResponse:
         return result
 
 
-def model_response(
-    axis: Axis, period_s: float, frequency_hz: Array, theta: Sequence[float] | None = None
-) -> ModelResponse:
-    """Return the response of an axis' model: its mass, friction, delay, lag and what hangs on it.
+def model_response(axis: Axis, period_s: float, frequency_hz: Array) -> ModelResponse:
+    """Return the response of an axis' model as it starts: mass, friction, delay, lag, springs.
 
     Dry friction and forces of the place are in no response; nor is the slope of the input map,
     which the law inverts.
@@ -47,24 +45,19 @@ def model_response(
         Its period [s].
     frequency_hz
         (n,) frequencies, above 0 [Hz].
-    theta
-        Parameters of its model; None: those that it starts with.
     """
     model, w = axis.model, 2.0 * np.pi * np.asarray(frequency_hz, np.float64)
-    values = [estimate.initial for estimate in axis.estimates] if theta is None else list(theta)
-    rigid = [0.0, 0.0]
-    for k, signal in enumerate(("acceleration", "velocity")):
-        place = model.index_of(signal)  # type: ignore[arg-type]
-        rigid[k] = 0.0 if place is None else values[place]
+    theta1 = parameter_range(model, axis.estimates, "acceleration")[0]
+    theta2 = parameter_range(model, axis.estimates, "velocity")[0]
     delay_s = axis.adaptation.input_delay_s + model.delay_s
-    plant = DelayedPlant((rigid[0], rigid[1], 0.0), period_s, delay_s, model.lag_s).response(w)
-    stiff = rigid[0] + rigid[1] / (1j * w)
+    plant = DelayedPlant((theta1, theta2, 0.0), period_s, delay_s, model.lag_s).response(w)
+    stiff = theta1 + theta2 / (1j * w)
     sprung = np.zeros(len(w), np.complex128)
-    place = 0
+    estimates = iter(axis.estimates)
     for effect in model.effects:
+        own = sum(next(estimates).initial for _ in effect.parameters)
         if (column := effect.over_acceleration(w)) is not None:
-            sprung += column * sum(values[place : place + len(effect.parameters)])
-        place += len(effect.parameters)
+            sprung += own * column
     plant = plant * stiff / (stiff + sprung)
     gains = LoopGains(axis.gains.k1_1_s, axis.gains.ks_v_s_m, axis.gains.gamma_d)
     return ModelResponse(plant, gains.feedback(Frequencies.at(w, period_s)) * plant)

@@ -48,8 +48,6 @@ class Windows:
     """(m, ticks) position - reference [m]."""
     speed_m_s: float
     """Of the motion meanwhile; 0 where the axis stood."""
-    theta: dict[str, float]
-    """Parameters by which the law compensated, by their names."""
 
 
 def excited_windows(recording: Recording, name: str, divisor: int = 1) -> Windows:
@@ -103,7 +101,6 @@ def excited_windows(recording: Recording, name: str, divisor: int = 1) -> Window
         command=axis.command[used],
         error=error[used],
         speed_m_s=float(np.abs(velocity[rows]).mean()),
-        theta={key: float(values[used[0, 0]]) for key, values in axis.theta_hat.items()},
     )
 
 

@@ -60,6 +60,11 @@ def require_sound_rows(recording: Recording, name: str, rows: slice) -> None:
             f"{recording.source}: axis {name}: it was off, homing or in fault at "
             f"{time_s[wrong]:.3f} s: give a log in which it follows its program to the end"
         )
+    if axis.excitation is not None and np.any(axis.excitation[rows]):
+        raise DataError(
+            f"{recording.source}: axis {name}: it was excited for a frequency response in the rows "
+            "that count: its error is not that of its program"
+        )
     steps = np.diff(time_s) * recording.sample_rate_hz
     lost = _first(steps > UNEVEN)
     if lost is None and axis.recorded is not None:

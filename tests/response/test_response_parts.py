@@ -60,7 +60,7 @@ def looped(noise_m: float, windows: int = 60, seed: int = 1, square: float = 0.0
             rows[key].append(np.fft.irfft(whole, N))
         rows["r"].append(r)
     r, u, e = (np.array(rows[key]) for key in "rue")
-    return Windows(TS, N, r, u, e, 0.05, {}), plant, sensitivity, hz[:-1]
+    return Windows(TS, N, r, u, e, 0.05), plant, sensitivity, hz[:-1]
 
 
 def at_lines(response: Response, hz: np.ndarray, values: np.ndarray) -> np.ndarray:

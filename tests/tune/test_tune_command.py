@@ -186,6 +186,18 @@ def test_a_log_that_tripped_is_refused_with_the_time(config, log, tmp_path):
         run("y", "--config", config, "--recording", tripped, "--out", tmp_path / "t.yaml")
 
 
+def test_a_log_in_which_the_axis_was_excited_is_refused(config, log, tmp_path):
+    def excite(table):
+        k = table.column_names.index("y.excitation_v")
+        added = table.column(k).to_numpy().copy()
+        added[-2000:] = 0.1
+        return table.set_column(k, "y.excitation_v", pa.array(added))
+
+    excited = changed_log(log, tmp_path / "excited.parquet", excite)
+    with pytest.raises(DataError, match="was excited for a frequency response"):
+        run("y", "--config", config, "--recording", excited, "--out", tmp_path / "t.yaml")
+
+
 def test_a_log_that_lost_rows_in_its_last_periods_is_refused(config, log, tmp_path):
     def lose(table):
         return pa.concat_tables([table.slice(0, len(table) - 9000), table.slice(len(table) - 8900)])
