@@ -11,14 +11,25 @@ import json
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    FailFast,
+    Field,
+    FiniteFloat,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic_core import from_json
 
 MAX_LINE_BYTES = 4 << 20
 """Longest request: a program of as many points as the loop can follow still fits."""
 SHORT_LINE_BYTES = 16 << 10
-"""Longest request that is no program [bytes]. Larger: reading one takes longer from the signs of
-life; smaller: a long name is refused. By hand: a hundred times what a command needs."""
+"""Longest request that is neither program nor excitation [bytes]. Larger: reading one takes longer
+from the signs of life; smaller: a long name is refused. By hand: a hundred times what a command
+needs."""
+MAY_BE_LONG = ("program", "excite")
+"""Requests that bring what they ask for with them: points, a period of an excitation."""
 MOST_PARTS = 100_000
 """So many quotation marks, and so many values, a long request may have besides the text in it.
 More: reading it keeps the supervisor from its signs of life, which every axis is stopped without.
@@ -118,7 +129,7 @@ class ExciteCommand(_Request):
 
     do: Literal["excite"]
     axis: str
-    volts: list[FiniteFloat]
+    volts: Annotated[list[FiniteFloat], FailFast()]
     """One period, a value a tick of the axis."""
     periods: int
     fade_periods: int
@@ -173,12 +184,12 @@ def parse_request(line: bytes) -> Request:
     Whatever it holds, that takes little time: nobody gives a sign of life meanwhile.
     """
     given = _read(line)
-    is_program = isinstance(given, dict) and given.get("do") == "program"
-    if len(line) > SHORT_LINE_BYTES and not is_program:
+    may_be_long = isinstance(given, dict) and given.get("do") in MAY_BE_LONG
+    if len(line) > SHORT_LINE_BYTES and not may_be_long:
         raise RefusedError(
             Code.BAD_REQUEST,
-            f"the request has {len(line)} bytes; one that is no program has {SHORT_LINE_BYTES} at "
-            "most",
+            f"the request has {len(line)} bytes; one that is no {' or '.join(MAY_BE_LONG)} has "
+            f"{SHORT_LINE_BYTES} at most",
         )
     if isinstance(given, dict):
         _must_be_few("keys", given)
