@@ -49,7 +49,8 @@ def test_what_nobody_reads_is_dropped_and_counted(pipe: tuple[int, int]) -> None
     assert time.monotonic() - began_s < 1.0
     lines = read_until(pipe[0], b"in time\n")
     told = [int(line.split()[1]) for line in lines[:-1]]
-    assert told == list(range(len(told)))
+    assert told[:most] == list(range(most))
+    assert told == sorted(set(told))  # later ones where the writing thread had a turn meanwhile
     missing = most + 500 - len(told)
     assert lines[-1].decode().startswith(f"motorctl: {missing} messages are missing here")
     tell(handler, 9999)
