@@ -89,6 +89,7 @@ def _draw_plant(size: Axes, phase: Axes, measurement: Measurement) -> None:
     for part in measurement.fitted.parts:
         size.axvline(part.resonance_hz, color="black", lw=0.7, ls=":")
     turn = np.unwrap(np.angle(dense))
+    turn -= 2.0 * np.pi * np.round((turn[0] + np.pi) / (2.0 * np.pi))  # a mass lags by half a turn
     phase.plot(dense_hz, np.degrees(turn), "--", color=FITTED, lw=1.0)
     # On the same turn as the fit, line by line: an unwrapped phase of noise goes anywhere.
     near = np.interp(hz, dense_hz, turn)
@@ -164,4 +165,4 @@ def _draw_sensitivities(panel: Axes, measurement: Measurement) -> None:
     _over_frequency(panel, hz)
     panel.set_xlabel("frequency [Hz]")
     panel.set_ylabel("sensitivities")
-    panel.legend(loc="lower right", ncols=2, **LEGEND)
+    panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, **LEGEND)
