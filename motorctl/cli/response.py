@@ -59,7 +59,7 @@ def _response(
         ),
     ] = None,
     periods: Annotated[
-        int | None, typer.Option(min=1, help="How often it is repeated; usual: for two minutes.")
+        int | None, typer.Option(min=4, help="How often it is repeated; usual: for two minutes.")
     ] = None,
     standing: Annotated[
         bool,
@@ -191,6 +191,7 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
     from motorctl.daemon.client import Client
     from motorctl.response.measurement import measure_response
     from motorctl.response.rigs import (
+        ended_in_order,
         machine_of_daemon,
         record_through_daemon,
         require_holding,
@@ -203,7 +204,7 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
         require_holding(client, wanted.axis)
         say(plan.words, err=True)
         _insist_on_consent(wanted.axis, simulated=driver.cls.simulated, yes=yes)
-        with showing_stages(lines=True) as progress:
+        with ended_in_order(), showing_stages(lines=True) as progress:
             record_through_daemon(client, plan, log, progress)
             progress("reading the response from the log", 0.0)
             return measure_response([log], wanted.axis)

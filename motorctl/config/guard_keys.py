@@ -157,7 +157,8 @@ class Guards(Keys):
         description="a limit switch is pressed on the way",
     )
     overspeed: Disables = Field(
-        default_factory=Disables, description="faster than 1.2 times limits.max_velocity_m_s"
+        default_factory=Disables,
+        description="faster than 1.2 times limits.max_velocity_m_s and two counts a period",
     )
     encoder_lost: Disables = Field(default_factory=Disables, description="the driver reports it")
     encoder_jump: Disables = Field(

@@ -121,7 +121,7 @@ def _overspeed(axis: Axis, period_s: float) -> Iterator[str]:
 def _left_alone(axis: Axis, watchdog_s: float) -> Iterator[str]:
     limits = axis.limits
     fastest, travel = limits.max_velocity_m_s, limits.travel_m[1] - limits.travel_m[0]
-    if watchdog_s * fastest >= 0.5 * travel:
+    if 0.5 * travel <= watchdog_s * fastest < math.inf:
         yield (
             f"axis {axis.name}: where the computer dies, its device goes on with the last command "
             f"for the {watchdog_s:g} s of its watchdog, {watchdog_s * fastest:.3g} m at "

@@ -16,6 +16,8 @@ from motorctl.loop import LoopMemory
 from motorctl.printable import printable
 
 _log = logging.getLogger("motorctl")
+NOWHERE = -1
+"""Of a process that was begun without standard error: what is written there is lost."""
 
 
 class _Harmless(logging.Formatter):
@@ -34,7 +36,7 @@ def journal() -> Iterator[None]:
 
     A terminal that was stopped (Ctrl-S) or a full pipe holds up nobody.
     """
-    handler = PatientHandler(sys.stderr.fileno())
+    handler = PatientHandler(sys.stderr.fileno() if sys.stderr else NOWHERE)
     handler.setFormatter(_Harmless("motorctl: %(message)s"))
     level = _log.level
     _log.addHandler(handler)

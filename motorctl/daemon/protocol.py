@@ -131,8 +131,8 @@ class ExciteCommand(_Request):
     axis: str
     volts: Annotated[list[FiniteFloat], FailFast()]
     """One period, a value a tick of the axis."""
-    periods: int
-    fade_periods: int
+    periods: Annotated[int, Field(ge=1, le=MOST_PARTS)]
+    fade_periods: Annotated[int, Field(ge=1, le=MOST_PARTS)]
 
 
 class EmergencyStopCommand(_Request):

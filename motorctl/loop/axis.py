@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -165,7 +166,7 @@ def axis_inputs(
         axis.held_status |= status
         # The device has answered, and a new sample is a tick away: whether the loop was stalled for
         # too long is `check_pause`'s to say.
-        only_stalled = settings.exchange and not (status & STALE or axis.held_ticks)
+        only_stalled = settings.exchange and not status & STALE and axis.held_ticks <= 1
         axis.paused_ticks += elapsed - 1 if status & STALE else elapsed
         hold_position(feedforward, settings, axis, law, elapsed, t)
         if not (is_off(axis) or only_stalled):
@@ -177,6 +178,7 @@ def axis_inputs(
         before = axis.doubted_raw_counts if again else axis.raw_counts
         follows = axis.have_counts != 0 and elapsed == 1 and (again or axis.blind_ticks == 0)
         note_step(axis, counter_step(settings, before, raw), follows)
+        axis.step_ticks = elapsed + axis.blind_ticks
         unexpected = is_unexpected(correct, settings, axis, raw, elapsed)
         if unexpected and may_be_doubted(settings, axis, elapsed):
             leave_out(correct, feedforward, settings, axis, law, raw, elapsed, t)
@@ -259,6 +261,7 @@ def axis_reference(
         if axis.homed:  # homing begins: from here on its place is not known
             axis.homed = 0
             move_place(correct, feedforward, advance_context, settings, axis, law_settings, law, t)
+            before_m = axis.reference_m
         # The index mark's count, read relative to the last raw count: it may have wrapped. Not
         # relative to the position, which may be a prediction.
         back = counter_step(settings, axis.raw_counts, raw_index)
@@ -407,9 +410,15 @@ def axis_step(
                 axis.reference_velocity_m_s,
                 axis.reference_acceleration_m_s2,
             )
-        u = checked_voltage(settings, axis, u + added, law.v, t)
+        if added != 0.0 and math.isfinite(u):
+            # What a beam's skew loop needs is no excitation's to take.
+            limit = law_settings.max_voltage_v
+            u = min(max(u + added, -limit), limit)
+            if abs(u) == limit:
+                flags |= SATURATED
+        u = checked_voltage(settings, axis, u, law.v, t)
         v = law.v
-        if law.flags & LAW_SATURATED or abs(u) >= settings.max_voltage_v:
+        if law.flags & LAW_SATURATED:
             flags |= SATURATED
         if law.flags & LAW_ADAPTED:
             flags |= ADAPTING

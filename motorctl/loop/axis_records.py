@@ -107,6 +107,7 @@ AXIS_STATE = np.dtype(
         ("fast_count", "i8"),  # ticks beyond the top speed
         ("step_counts", "i8"),  # of the last tick
         ("steps_follow", "i8"),  # and of the one before; no tick between them
+        ("step_ticks", "i8"),  # that the last step took
         ("bend_counts", "i8"),  # by how much the two differ
         ("bend_m2", "f8"),  # mean square of that at rest
         ("stuck_counts", "i8"),  # where the count was when it last moved
@@ -152,6 +153,10 @@ MISSED_ACCELERATION_RATIO = 0.25
 TRUSTED_TICKS = 40
 # After more skipped periods than these no sample is doubted.
 MOST_DOUBTED_TICKS = 4
+# An edge of a home switch that passed within more ticks than these is met again: its place is known
+# no better than the way of so many. Fewer let homing begin again on computers that skip periods now
+# and then, more let a pause be part of the zero. Chosen by hand.
+SHARP_TICKS = 3
 # An encoder whose samples are doubted again and again is broken, and shall trip the axis: a doubt
 # counts for so many ticks, and beyond so much nothing is doubted.
 DOUBT_TICKS = 10

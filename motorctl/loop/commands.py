@@ -125,7 +125,7 @@ def _begin_program(command: Any, axis: Any, segments: Any, tick: int) -> Reply:
 @inner_kernel
 def _switch_on(settings: Any, axis: Any) -> None:
     """Prepare an axis for its first tick with power: it will hold where it is."""
-    axis.fresh = 1
+    axis.fresh, axis.excitation_ticks = 1, 0
     axis.error_count, axis.fast_count, axis.saturated_ticks = 0, 0, 0
     hold_where_it_is(axis)
     # What wrong counts made of the speed while it was off is nothing to expect samples by.

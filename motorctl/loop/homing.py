@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
+from motorctl.loop.axis_records import SHARP_TICKS
 from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
 from motorctl.loop.guards.homing import check_homing
 from motorctl.loop.reference import ramp
@@ -28,11 +29,11 @@ def begin_homing(settings: Any, axis: Any) -> None:
 
 @inner_kernel
 def is_sharp(axis: Any) -> bool:
-    """Return whether an edge that this tick sees lies within one tick's way.
+    """Return whether an edge that this tick sees lies within the way of a few ticks.
 
     One that passed in a pause, or while no sample came, has to be met again.
     """
-    return axis.held_ticks == 0 and axis.steps_follow != 0 and axis.blurred == 0  # type: ignore[no-any-return]
+    return axis.held_ticks == 0 and axis.step_ticks <= SHARP_TICKS and axis.blurred == 0  # type: ignore[no-any-return]
 
 
 @inner_kernel

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from motorctl.kernels import inner_kernel
+from motorctl.loop.axis_records import SHARP_TICKS
 from motorctl.loop.guards.device import HOME_SWITCH, INDEX_LATCHED
 from motorctl.loop.guards.homing import check_apart
 from motorctl.loop.homing import LATCH_EDGE, LATCH_INDEX, RETREAT, SEARCH, SETTLE
@@ -35,7 +36,7 @@ def _find_edge(axis: Any, end: Any, phase: int, leaves: bool) -> None:
         end.done = 1
     if end.done:
         end.latched_m = end.position_m
-        if end.step_ticks != 1:
+        if end.step_ticks > SHARP_TICKS:
             axis.blurred = 1
 
 
@@ -50,7 +51,6 @@ def begin_phase(axis: Any, dual: Any) -> None:
         dual.second.met, dual.second.done = 0, 0
 
 
-@inner_kernel
 @inner_kernel
 def _find_mark(settings: Any, end: Any, raw_index: int, status: int) -> None:
     """Note an end's first index mark of this phase, and where it is."""

@@ -162,6 +162,7 @@ def leave_out(
         correct, settings, axis, axis.counts + counter_step(settings, axis.raw_counts, raw)
     )
     axis.doubted_ticks += elapsed
+    axis.paused_ticks += elapsed - 1
     axis.doubt_level += DOUBT_TICKS
     axis.doubted_raw_counts, axis.doubted_blind_ticks = raw, axis.blind_ticks
     axis.doubted_miss_m = y - axis.position_m

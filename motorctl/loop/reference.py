@@ -21,8 +21,13 @@ def hold_where_it_is(axis: Any) -> None:
 
 @inner_kernel
 def start_from_motion(settings: Any, axis: Any) -> None:
-    """Make the present motion the reference: place and speed of the axis, no acceleration."""
+    """Make the present motion the reference: place and speed of the axis, no acceleration.
+
+    A place that was only held meanwhile is where the axis was; it has gone on since.
+    """
     fastest = settings.max_velocity_m_s
+    if axis.held_ticks and not settings.predict:
+        axis.position_m += axis.velocity_m_s * axis.held_ticks * settings.period_s
     axis.reference_m = axis.position_m
     axis.reference_velocity_m_s = min(max(axis.velocity_m_s, -fastest), fastest)
     axis.reference_acceleration_m_s2 = 0.0

@@ -16,7 +16,7 @@ from typing import Any, get_args
 from numba.core.dispatcher import Dispatcher
 
 from motorctl.errors import UsageError
-from motorctl.model.effect import Effect, EffectOptions, End, Kind, Parameter
+from motorctl.model.effect import Effect, EffectOptions, End, Kind
 from motorctl.model.knowledge import (
     CarriedOver,
     Group,
@@ -26,6 +26,7 @@ from motorctl.model.knowledge import (
     Signal,
     Spans,
 )
+from motorctl.model.parameter import Parameter
 from motorctl.model.pitch import PitchOptions
 
 TEXTS = ("title", "formula", "compensated", "identified", "visible_in")

@@ -17,7 +17,6 @@ import sys
 from abc import ABC
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Literal, TypeVar
 
@@ -35,28 +34,13 @@ from motorctl.model.knowledge import (
     Signal,
     Spans,
 )
+from motorctl.model.parameter import Parameter
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 T = TypeVar("T")
 Kind = Literal["state", "input", "command", "measurement"]
 End = Literal["either", "upper", "neither"]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One linear parameter theta of an effect."""
-
-    name: str
-    """Unique within the effect; empty where the effect has this parameter only."""
-    symbol: str
-    unit: str
-    lower: float
-    """Widest bounds that make physical sense, unless the configuration gives narrower ones."""
-    upper: float
-    initial: float
-    covariance: float
-    """Default initial diagonal of Gamma: how far from `initial` the truth may lie, squared."""
 
 
 FAMILY_OF_KIND: Mapping[Kind, Family] = {

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from motorctl.errors import UsageError
 from motorctl.kernels import load_generated, source_digest
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Signal
+from motorctl.model.parameter import Parameter
 
 Array = NDArray[np.float64]
 

@@ -198,7 +198,7 @@ class _Fit:
             keys = list(form.steps(self._spans))
             options = form.options.model_dump()
             by = dict(zip(keys, np.exp(values[at + 1 : at + 1 + len(keys)]), strict=True))
-            changed = {key: min(options[key] * float(f), 0.99 if options[key] < 1 else np.inf)
+            changed = {key: min(options[key] * float(f), 0.99 if "ratio" in key else np.inf)
                        for key, f in by.items()}  # fmt: skip
             yield float(values[at]), form.with_options(**changed)
             at += 1 + len(keys)

@@ -37,6 +37,9 @@ excitation. By hand."""
 MEASURED_S, LEAST_PERIODS = 120.0, 16
 """How long the excitation stays [s], and in how many periods at least. Longer lowers what noise
 makes of the response by the root, shorter leaves it."""
+STROKE_PERIODS = 1.3
+"""Periods in a stroke, at least: a window of one, and a quarter before it, in even motion. Fewer
+leave no window; more refuse short axes that can be measured. Arithmetic."""
 FADE_S = 0.5
 """At least so long it comes, and goes [s]: more than the loop's own time constants. By hand."""
 FASTER = 3.0
@@ -161,7 +164,7 @@ def plan_response(
         band_hz=band,
         peak_v=peak_v,
         share=peak_v / limits.max_voltage_v,
-        motion=_to_and_fro(axis, speed, duration_s) if moving else None,
+        motion=_to_and_fro(axis, speed, duration_s, lasts_s) if moving else None,
         speed_m_s=speed,
         shaken_m=shaken_m,
         duration_s=duration_s,
@@ -220,11 +223,19 @@ def _shaken(axis: Axis, period_s: float, waves: Multisine) -> tuple[float, float
     return next(peaks), next(peaks)
 
 
-def _to_and_fro(axis: Axis, speed_m_s: float, duration_s: float) -> Moves:
+def _to_and_fro(axis: Axis, speed_m_s: float, duration_s: float, lasts_s: float) -> Moves:
     low, high = axis.limits.travel_m
     left = END_SHARE * (high - low)
     ends = (low + left, high - left)
-    strokes = max(1, math.ceil(duration_s / ((ends[1] - ends[0]) / speed_m_s)))
+    stroke_s = (ends[1] - ends[0]) / speed_m_s
+    if stroke_s < STROKE_PERIODS * lasts_s:
+        raise UsageError(
+            f"axis {axis.name}: a stroke of {ends[1] - ends[0]:.3g} m at {speed_m_s:.3g} m/s takes "
+            f"{stroke_s:.3g} s, and a period of the excitation {lasts_s:.3g} s: needs "
+            f"{STROKE_PERIODS:g} in a stroke; ask for a --band that begins higher, for less "
+            "--amplitude, which is slower, or for --standing"
+        )
+    strokes = max(1, math.ceil(duration_s / stroke_s))
     stop, limits = axis.limits.stop, axis.limits
     move = {
         "max_velocity_m_s": speed_m_s,

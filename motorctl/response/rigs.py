@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,9 @@ def machine_of_daemon(client: Client) -> Machine:
 def require_holding(client: Client, name: str) -> None:
     """Insist that an axis holds, before anybody is asked; raises UsageError with what to do."""
     axis = client.axis(name)
+    if axis["excitation"]:
+        left_s = axis["excitation"]["left_s"]
+        raise UsageError(f"axis {name} is being excited already, for another {left_s:.0f} s")
     if axis["state"] == "idle" and axis["homed"]:
         return
     first = {
@@ -122,11 +127,10 @@ def record_through_daemon(
     """
     name, partial = plan.axis, _partial(client)
     begun = int(client.ask("status")["loop"]["ticks"])
-    if plan.motion is not None:
-        document = plan.motion.model_dump(mode="json", exclude={"name"})
-        answer = client.ask("program", axis=name, name=plan.motion.name, document=document)
     try:
         if plan.motion is not None:
+            document = plan.motion.model_dump(mode="json", exclude={"name"})
+            answer = client.ask("program", axis=name, name=plan.motion.name, document=document)
             _wait(client, name, answer["approach_s"], "moving to the start", progress)
         _excite(client, plan)
         _wait(client, name, plan.duration_s, "exciting the axis", progress)
@@ -179,10 +183,25 @@ def _led(client: Client, name: str) -> dict[str, Any]:
 
 
 def _stop(client: Client, name: str) -> None:
+    """Stop the axis, over a connection of its own: half a request may stand in the other one."""
     try:
-        client.ask("stop", axis=name)
+        with Client(client.path) as own:
+            own.ask("stop", axis=name)
     except Exception:  # it may be in fault, or the daemon gone: the first error tells more
         return
+
+
+@contextmanager
+def ended_in_order() -> Iterator[None]:
+    """Let a lost terminal or an order to end be what Ctrl-C is: the axis is stopped before."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    for number in before:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _partial(client: Client) -> Path:

@@ -112,8 +112,11 @@ def _own_rows(axis: AxisRecording, divisor: int) -> NDArray[np.intp]:
 
 
 def _period(excitation: Array, place: str) -> tuple[int, Mask]:
-    """Return the rows of a period, and where the excitation repeats exactly: at its full size."""
-    excited = np.flatnonzero(excitation)
+    """Return the rows of a period, and where the excitation repeats exactly: at its full size.
+
+    Of several excitations in one log it is the longest.
+    """
+    excited = _longest_run(np.flatnonzero(excitation))
     middle = int(excited[len(excited) // 2])
     block = excitation[middle : middle + BLOCK]
     alike = middle + 1 + np.flatnonzero(excitation[middle + 1 :] == block[0])
@@ -130,6 +133,12 @@ def _period(excitation: Array, place: str) -> tuple[int, Mask]:
     first, last = int(excited[0]), int(excited[-1])
     whole[:first], whole[last + 1 :] = False, False
     return ticks, whole
+
+
+def _longest_run(excited: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the rows of the longest excitation; between two there is none for a while."""
+    runs = np.split(excited, np.flatnonzero(np.diff(excited) > BLOCK) + 1)
+    return max(runs, key=len)
 
 
 def _sound(axis: AxisRecording, own: NDArray[np.intp]) -> Mask:

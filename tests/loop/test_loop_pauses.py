@@ -313,3 +313,26 @@ def test_a_pause_between_waking_and_asking_is_no_jump_of_the_encoder(device, sta
         hand.steps(50)
         assert cause_of(hand) is FaultCause.NONE
         assert abs(hand.row()["velocity_m_s"] - 0.5) < 0.05
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["skipped", "read late"])
+def test_a_ramp_after_a_pause_begins_where_the_axis_has_come_to_on_every_device(late):
+    """What a device of one exchange a period tells first is older than the pause."""
+    limits = {"following_error": {"minimum_m": 2e-3, "per_velocity_s": 0.0, "filter_time_s": 0.0}}
+    machine = with_axes(
+        with_sim(gantry()), guards={"host_frozen": HostFrozen(reaction="quick_stop")}
+    )
+    machine = on(machine, 0, hold_ticks=40, exchanges=True, watchdog_s=None)
+    with moving(with_axes(machine, ["x"], limits=limits)) as hand:
+        if late:
+            read_late(hand, 42)
+        else:
+            hand.step(42)
+        assert cause_of(hand) is FaultCause.OVERRUN
+        assert hand.driver.enabled
+        most_v = 0.0
+        while hand.driver.enabled:
+            hand.step()
+            most_v = max(most_v, abs(float(hand.row()["command_v"])))
+        assert abs(hand.row()["velocity_m_s"]) < 0.02  # no other guard has let it go at speed
+        assert most_v < 6.0

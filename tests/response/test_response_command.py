@@ -119,6 +119,10 @@ def test_two_runs_tell_the_same(told, tmp_path):
             "--config and --socket: name one of them",
         ),
         (("x", "--config", "can_gantry"), "does not support virtual time"),
+        (
+            ("x", "--config", "small_stage", "--band", "2,400"),
+            "needs 1.3 in a stroke; ask for a --band that begins higher",
+        ),
     ],
 )
 def test_what_cannot_work_is_refused_before_anything_moves(words, told_words):
@@ -181,6 +185,18 @@ def test_an_excitation_that_does_not_repeat_is_refused(told, tmp_path):
     log = changed(told[2] / "response_x.parquet", tmp_path / "n.parquet", "x.excitation_v", noise)
     with pytest.raises(DataError, match="does not repeat"):
         run("x", "--recording", log)
+
+
+def test_of_two_excitations_in_one_log_the_longer_one_is_read(told, tmp_path):
+    def twice(values: Any) -> Any:
+        between = values.copy()
+        between[len(values) * 7 // 10 : len(values) * 9 // 10] = 0.0
+        return between
+
+    log = changed(told[2] / "response_x.parquet", tmp_path / "t.parquet", "x.excitation_v", twice)
+    again = json.loads(run("x", "--recording", log, "--json").stdout)
+    assert all(np.isfinite(again["coherence"]))
+    assert np.median(again["coherence"]) > 0.9
 
 
 def test_rows_at_the_limit_count_for_nothing(told, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -42,10 +43,21 @@ def test_an_axis_that_is_off_is_not_moved_and_what_comes_first_is_told(daemon: D
     assert daemon.state("x") == "off"
 
 
+def test_an_axis_that_is_excited_already_is_left_to_it(daemon: Daemon) -> None:
+    daemon.ask_when_it_stands("start", "x", hold=True)
+    wave = [0.1 * math.sin(2.0 * math.pi * k / 200.0) for k in range(200)]
+    daemon.ask("excite", axis="x", volts=wave, periods=200, fade_periods=1)
+    with pytest.raises(UsageError, match="axis x is being excited already, for another"):
+        respond(daemon, "x", "--standing")
+    assert daemon.ask("status")["axes"]["x"]["excitation"]
+    daemon.ask("stop", axis="x")
+    wait_until(lambda: daemon.state("x") == "off")
+
+
 def test_ctrl_c_stops_the_axis_and_takes_the_excitation_with_it(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    daemon.ask("start", axis="x", hold=True)
+    daemon.ask_when_it_stands("start", "x", hold=True)
     waited = rigs._wait
 
     def interrupted(client: Any, name: str, seconds: float, what: str, progress: Any) -> None:

@@ -160,13 +160,13 @@ class Daemon:
         with Client(self.socket) as client:
             return client.ask(do, **arguments)
 
-    def ask_when_it_stands(self, do: str, axis: str) -> dict[str, Any]:
+    def ask_when_it_stands(self, do: str, axis: str, **arguments: Any) -> dict[str, Any]:
         """Command an axis without drive that may still coast."""
         answers: list[dict[str, Any]] = []
 
         def taken() -> bool:
             try:
-                answers.append(self.ask(do, axis=axis))
+                answers.append(self.ask(do, axis=axis, **arguments))
             except DaemonRefusedError as no:
                 if no.code != "still_moving":
                     raise

@@ -66,15 +66,15 @@ def _trip_on_pause(settings: Any, axis: Any, t: float) -> None:
 def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     """Trip where no new sample has come for longer than the configuration allows.
 
-    Where the loop itself was stopped for so long, or for longer than the device may have stood, or
-    without its pauses there would be no sample too few, that is the cause, and not the device.
+    Where the loop itself was stopped for so long, in one pause or in several, or for longer than
+    the device may have stood, that is the cause, and not the device.
     """
     stopped, hold_ticks = elapsed - 1, settings.hold_ticks
     if is_overdue(settings, axis) and stopped > 0 and elapsed > hold_ticks:
         trip(axis, FaultCause.OVERRUN, float(stopped), float(hold_ticks), t)
     elif is_overdue(settings, axis) and axis.stalled_ticks:
         _trip_on_pause(settings, axis, t)
-    elif is_overdue(settings, axis) and ticks_without(axis) - axis.paused_ticks <= hold_ticks:
+    elif is_overdue(settings, axis) and axis.paused_ticks > hold_ticks:
         trip(axis, FaultCause.OVERRUN, float(axis.paused_ticks), float(hold_ticks), t)
     elif is_overdue(settings, axis):
         without = float(ticks_without(axis))

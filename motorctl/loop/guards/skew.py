@@ -22,7 +22,7 @@ def check_skew(settings: Any, dual_settings: Any, axis: Any, dual: Any, t: float
     """
     skew, limit = dual.skew_m - dual.reference_m, settings.skew_limit_m
     most = max(limit, dual_settings.max_out_of_square_m)
-    if dual.unchecked and dual.squared and abs(dual.skew_m) > most:
+    if (axis.fresh or dual.unchecked) and dual.squared and abs(dual.skew_m) > most:
         trip(axis, FaultCause.SKEW, dual.skew_m, most, t)
     elif abs(skew) > LET_GO_RATIO * limit:
         trip(axis, FaultCause.SKEW, skew, limit, t)

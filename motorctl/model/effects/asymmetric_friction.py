@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Picture
+from motorctl.model.parameter import Parameter
 from motorctl.model.sign_function import SlopeOptions, sf
 
 

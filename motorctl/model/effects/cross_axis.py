@@ -9,8 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 Array = NDArray[np.float64]
 

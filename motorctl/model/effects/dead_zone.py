@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 PER_DECADE = 8
 """Half widths that are tried, a decade. More takes time, fewer starts the refinement too far away.

@@ -10,9 +10,10 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 Array = NDArray[np.float64]
 

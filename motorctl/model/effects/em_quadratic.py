@@ -2,7 +2,8 @@
 
 from numba import njit
 
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
+from motorctl.model.parameter import Parameter
 
 
 class EmQuadratic(Effect):

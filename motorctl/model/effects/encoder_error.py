@@ -9,8 +9,9 @@ from typing import Self
 from numba import njit
 from pydantic import Field, model_validator
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 from motorctl.model.pitch import SHORTEST_TRAVEL_M, wave_number_step
 
 COUNTS = (4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 64, 80, 100, 128, 160, 200, 256, 400, 512, 1000)

@@ -6,8 +6,8 @@ import math
 
 from numba import njit
 
-from motorctl.model.effect import Parameter
 from motorctl.model.knowledge import Picture
+from motorctl.model.parameter import Parameter
 from motorctl.model.pitch import PitchWave
 
 

@@ -9,9 +9,10 @@ from types import MappingProxyType
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import CarriedOver, Picture, Spans
+from motorctl.model.parameter import Parameter
 
 PER_DECADE = 8
 """Time constants that are tried, a decade. More takes time, fewer starts the refinement too far

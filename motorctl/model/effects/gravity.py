@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 IN_DEGREES = 360.0
 """One turn of an arm whose angle was recorded in degrees. Larger or smaller is another unit.

@@ -9,8 +9,9 @@ from typing import Literal
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 PLACES = (0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
 """Parts of the travel before its end at which the stop may begin. More takes time, fewer starts the

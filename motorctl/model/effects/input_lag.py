@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_step
 from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.latency import PER_DECADE, trial_times
+from motorctl.model.parameter import Parameter
 
 
 class InputLagOptions(EffectOptions):

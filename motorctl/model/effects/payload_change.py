@@ -8,9 +8,10 @@ from types import MappingProxyType
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import CarriedOver, Picture, Spans
+from motorctl.model.parameter import Parameter
 
 FORMS = 60
 """Times of the change that are tried. More takes time, fewer starts the refinement too far away.

@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import even_grid
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 LOWEST_HZ = 0.2
 """Lowest frequency of the forms [Hz], which bounds the refinement as well; less in a narrow band,

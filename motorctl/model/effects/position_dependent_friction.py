@@ -9,8 +9,9 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 from motorctl.model.sign_function import SlopeOptions, sf
 
 

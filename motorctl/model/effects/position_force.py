@@ -9,8 +9,9 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 SMOOTH_FUNCTIONS = 30
 """Basis functions over the travel for unknown structure. More follows noise and makes the tick

@@ -11,9 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
 from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 from motorctl.model.sign_function import SlopeOptions, sf
 
 Array = NDArray[np.float64]

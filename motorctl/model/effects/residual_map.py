@@ -9,8 +9,9 @@ from numba import njit
 from pydantic import Field
 
 from motorctl.model.bspline import Knots, basis
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Spans
+from motorctl.model.parameter import Parameter
 
 SPEED_RANGE = 300.0
 """Top speed over the speed below which velocities are told apart best. Larger spends functions on

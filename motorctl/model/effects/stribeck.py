@@ -9,9 +9,10 @@ from types import MappingProxyType
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, Parameter
+from motorctl.model.effect import Effect
 from motorctl.model.grids import log_grid, log_step
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 from motorctl.model.sign_function import SlopeOptions, sf
 
 PER_DECADE = 12

@@ -8,8 +8,9 @@ from types import MappingProxyType
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.effect import Effect, EffectOptions, Parameter
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
+from motorctl.model.parameter import Parameter
 
 LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9, 1.25, 1.75, 2.5)
 """Limits at standstill that are tried, as multiples of the largest command, which may be given at
