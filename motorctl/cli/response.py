@@ -232,18 +232,8 @@ def _insist_on_consent(axis: str, *, simulated: bool, yes: bool) -> None:
 
 def _print(measured: Measurement) -> None:
     """Print the margins as a table, and what was found in words."""
-    from rich.table import Table
-
-    from motorctl.cli.terminal import Terminal
+    from motorctl.cli.terminal import print_axis
     from motorctl.response.rows import rows, words
 
-    table = Table(title=f"Axis {measured.response.axis}", title_justify="left")
-    table.add_column("")
-    for heading in ("measured", "fitted to it", "configured model"):
-        table.add_column(heading, justify="right")
-    for cells in rows(measured):
-        table.add_row(*cells)
-    console = Terminal()
-    console.print(table)
-    for each in words(measured):
-        console.print(f"  {each}", markup=False, highlight=False)
+    headings = ("measured", "fitted to it", "configured model")
+    print_axis(measured.response.axis, headings, rows(measured), words(measured))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
+from rich.table import Table
 
 from motorctl.printable import printable
 
@@ -25,3 +26,31 @@ class Terminal(Console):
                 yield segment
             else:
                 yield Segment(printable(segment.text), segment.style)
+
+
+def print_axis(
+    axis: str, headings: Sequence[str], rows: Iterable[Sequence[str]], words: Iterable[str]
+) -> None:
+    """Print figures of an axis as a table, and what they rest on below it.
+
+    Parameters
+    ----------
+    axis
+        What it is called.
+    headings
+        Of the columns behind the first, which says what the figure is.
+    rows
+        The cells of each row.
+    words
+        A sentence a line.
+    """
+    table = Table(title=f"Axis {axis}", title_justify="left")
+    table.add_column("")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    for cells in rows:
+        table.add_row(*cells)
+    console = Terminal()
+    console.print(table)
+    for each in words:
+        console.print(f"  {each}", markup=False, highlight=False)

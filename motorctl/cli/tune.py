@@ -116,18 +116,8 @@ def _tune(
 
 def _print(tuning: Tuning) -> None:
     """Print the gains, margins and errors as a table, and what they rest on."""
-    from rich.table import Table
-
-    from motorctl.cli.terminal import Terminal
+    from motorctl.cli.terminal import print_axis
     from motorctl.tune.rows import footnotes, rows
 
-    table = Table(title=f"Axis {tuning.loop.axis}", title_justify="left")
-    table.add_column("")
-    for heading in ("before", "tuned"):
-        table.add_column(heading, justify="right")
-    for cells in rows(tuning):
-        table.add_row(*cells)
-    console = Terminal()
-    console.print(table)
-    for words in footnotes(tuning):
-        console.print(f"  {words}", markup=False, highlight=False)
+    headings = ("before", "tuned")
+    print_axis(tuning.loop.axis, headings, rows(tuning), footnotes(tuning))

@@ -6,7 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from motorctl.config.analysis import corner_slopes, loop_margins, lowest_slope, smallest_slope
+from motorctl.config.analysis import (
+    LoopGains,
+    corner_slopes,
+    loop_margins,
+    lowest_slope,
+    smallest_slope,
+)
 from motorctl.config.axis_keys import Gains
 from motorctl.config.machine import Estimate
 from motorctl.config.validation import Finding
@@ -24,6 +30,11 @@ def parameter_range(
     if place is None:
         return 0.0, 0.0, 0.0
     return estimates[place].initial, estimates[place].lower, estimates[place].upper
+
+
+def loop_gains(gains: Gains) -> LoopGains:
+    """Return the gains of the feedback, as the sampled loop takes them."""
+    return LoopGains(gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
 
 
 def check_stability(

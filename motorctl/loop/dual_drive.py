@@ -125,7 +125,7 @@ def join_ends(
         second.paused_ticks += elapsed - 1
         if not joined & (ENCODER_LOST | COMMUNICATION_LOST):
             find_marks(settings, axis, dual, raw_index, second_raw_index, status, second_status)
-        if axis_settings.absolute and joined & (ENCODER_LOST | COMMUNICATION_LOST):
+        elif axis_settings.absolute:
             _forget(dual)
         dual.status = (joined & ~MARKS) | (dual.status & HOME_SWITCH)
         return

@@ -17,6 +17,7 @@ from motorctl.config.analysis import DelayedPlant
 from motorctl.model import Effect, known_effects
 from motorctl.model.knowledge import Spans
 from motorctl.response.estimate import Response
+from motorctl.response.model import sprung_plant, stiff
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -112,17 +113,10 @@ def _response(
     period_s: float,
 ) -> ComplexArray:
     theta1, theta2, delay_s, lag_s = rigid
-    plant = DelayedPlant((theta1, theta2, 0.0), period_s, delay_s, lag_s).response(w)
-    stiff = _stiff(theta1, theta2, w)
-    sprung = sum((theta1 * s * c for s, c in zip(shares, columns, strict=True)), 0.0 * stiff)
-    result: ComplexArray = plant * stiff / (stiff + sprung)
-    return result
-
-
-def _stiff(theta1: float, theta2: float, w: Array) -> ComplexArray:
-    """Return the force over the acceleration of a mass with friction."""
-    result: ComplexArray = np.asarray(theta1 + theta2 / (1j * w), np.complex128)
-    return result
+    plant = DelayedPlant((theta1, theta2, 0.0), period_s, delay_s, lag_s)
+    alone = stiff(theta1, theta2, w)
+    sprung = sum((theta1 * s * c for s, c in zip(shares, columns, strict=True)), 0.0 * alone)
+    return sprung_plant(plant, w, alone, sprung)
 
 
 class _Fit:
@@ -207,13 +201,12 @@ class _Fit:
         """Return the form that explains most of what is left, and its share; None: nothing."""
         ratio = self._modelled(values, forms) / self._plant
         theta1, theta2 = float(np.exp(values[0])), float(values[1])
-        stiff = _stiff(theta1, theta2, self._w)
-        sprung = sum(
+        whole = sum(
             (theta1 * share * _column(form, self._w) for share, form in self._parts(values, forms)),
-            0.0 * stiff,
+            stiff(theta1, theta2, self._w),
         )
-        left = (ratio - 1.0) * (stiff + sprung) / theta1
-        weight = (theta1 / (np.abs(stiff + sprung) * self._errors)) ** 2
+        left = (ratio - 1.0) * whole / theta1
+        weight = (theta1 / (np.abs(whole) * self._errors)) ** 2
         best: tuple[float, Effect, float] | None = None
         for effect in known_effects().values():
             if "resonance" not in effect.groups:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.analysis import LoopGains, loop_margins
-from motorctl.config.loop_rules import parameter_range
+from motorctl.config.analysis import loop_margins
+from motorctl.config.loop_rules import loop_gains, parameter_range
 from motorctl.config.machine import Axis
 from motorctl.errors import UsageError
 from motorctl.loop.excitation import EXCITATION_TICKS, LEAST_FADE_TICKS, Excitation
@@ -186,7 +186,7 @@ def _band(axis: Axis, period_s: float, asked: tuple[float, float] | None) -> tup
     margins = loop_margins(
         parameter_range(axis.model, axis.estimates, "acceleration")[0],
         parameter_range(axis.model, axis.estimates, "velocity")[0],
-        **vars(_gains(axis)),
+        **vars(loop_gains(axis.gains)),
         period_s=period_s,
         delay_s=axis.adaptation.input_delay_s + axis.model.delay_s,
         lag_s=axis.model.lag_s,
@@ -195,10 +195,6 @@ def _band(axis: Axis, period_s: float, asked: tuple[float, float] | None) -> tup
     crossover_hz = (margins.crossover_rad_s or 0.1 * 2.0 * math.pi * high) / (2.0 * math.pi)
     low = max(LOWEST_PER_CROSSOVER * crossover_hz, LOWEST_HARMONIC / (EXCITATION_TICKS * period_s))
     return min(low, 0.1 * high), high
-
-
-def _gains(axis: Axis) -> LoopGains:
-    return LoopGains(axis.gains.k1_1_s, axis.gains.ks_v_s_m, axis.gains.gamma_d)
 
 
 def _ticks(axis: Axis, period_s: float, band: tuple[float, float]) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.analysis import DelayedPlant, LoopGains
-from motorctl.config.loop_rules import parameter_range
+from motorctl.config.loop_rules import loop_gains, parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import Measured, with_others
@@ -163,7 +163,7 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
         axis=name,
         source=recording.source,
         period_s=logged.period_of(name),
-        gains=LoopGains(before.gains.k1_1_s, before.gains.ks_v_s_m, before.gains.gamma_d),
+        gains=loop_gains(before.gains),
         d_hat_max_v=axis.gains.d_hat_max_v,
         max_voltage_v=axis.limits.max_voltage_v,
         error=error,

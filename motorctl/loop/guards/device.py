@@ -69,14 +69,16 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     Where the loop itself was stopped for so long, in one pause or in several, or for longer than
     the device may have stood, that is the cause, and not the device.
     """
+    if not is_overdue(settings, axis):
+        return
     stopped, hold_ticks = elapsed - 1, settings.hold_ticks
-    if is_overdue(settings, axis) and stopped > 0 and elapsed > hold_ticks:
+    if stopped > 0 and elapsed > hold_ticks:
         trip(axis, FaultCause.OVERRUN, float(stopped), float(hold_ticks), t)
-    elif is_overdue(settings, axis) and axis.stalled_ticks:
+    elif axis.stalled_ticks:
         _trip_on_pause(settings, axis, t)
-    elif is_overdue(settings, axis) and axis.paused_ticks > hold_ticks:
+    elif axis.paused_ticks > hold_ticks:
         trip(axis, FaultCause.OVERRUN, float(axis.paused_ticks), float(hold_ticks), t)
-    elif is_overdue(settings, axis):
+    else:
         without = float(ticks_without(axis))
         trip(axis, FaultCause.NO_NEW_SAMPLE, without, float(hold_ticks), t)
 
