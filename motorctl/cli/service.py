@@ -67,6 +67,15 @@ def _install(
             show_default=False,
         ),
     ] = None,
+    configurators: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GROUP",
+            help="Whose members may change this gantry's configuration, for its next start. Usual: "
+            "as installed, at first none but root; root: none else again.",
+            show_default=False,
+        ),
+    ] = None,
     root: RootOption = Path("/"),
     dry_run: DryRun = False,
     as_json: AsJson = False,
@@ -77,7 +86,8 @@ def _install(
     """
     from motorctl.service import Request, install
 
-    _show(install(Request(name, config, user, group, operators, root, dry_run)), as_json)
+    request = Request(name, config, user, group, operators, configurators, root, dry_run)
+    _show(install(request), as_json)
 
 
 def _remove(

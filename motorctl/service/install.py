@@ -16,6 +16,12 @@ from motorctl.config.machine import Machine
 from motorctl.errors import ConfigError, UsageError
 from motorctl.hal import NetworkInterface
 from motorctl.service import files
+from motorctl.service.configurators import (
+    NOBODY_BUT_ROOT,
+    files_of_configurators,
+    group_of_configurators,
+    tmpfiles_of,
+)
 from motorctl.service.outcome import Outcome
 from motorctl.service.system import System
 
@@ -41,6 +47,8 @@ class Request:
     group: str | None = None
     operators: str | None = None
     """The same as the group: all its members may command."""
+    configurators: str | None = None
+    """Whose members may change the configuration; root: nobody else."""
     root: Path = Path("/")
     dry_run: bool = False
 
@@ -71,11 +79,13 @@ def install(request: Request) -> Outcome:
     system = System(request.root.resolve(), request.dry_run)
     system.insist("installing")
     accounts = _accounts(request, system)
+    configurators = _configurators(request, system)
     text, machine = _configuration(request, system)
     program = _program(system)
     configuration = files.configuration_of(request.name)
     planned = {
         **files.shared_files(program, accounts),
+        **files_of_configurators(request.name, configurators),
         files.rules_of(request.name): files.device_rules(
             request.name, interfaces := _interfaces(machine)
         ),
@@ -86,7 +96,10 @@ def install(request: Request) -> Outcome:
     for path, content in planned.items():
         system.write(path, content, outcome)
     system.write(configuration, text, outcome)
-    system.run(outcome, "systemd-sysusers", str(files.SYSUSERS))
+    users = [path for path in planned if path.parent == files.SYSUSERS.parent]
+    system.run(outcome, "systemd-sysusers", *map(str, users))
+    if configurators is not None:
+        system.run(outcome, "systemd-tmpfiles", "--create", str(tmpfiles_of(request.name)))
     system.run(outcome, "systemctl", "daemon-reload")
     system.run(outcome, "udevadm", "control", "--reload")
     system.run(outcome, "udevadm", "trigger", "--sysname-match=cpu_dma_latency")
@@ -95,6 +108,9 @@ def install(request: Request) -> Outcome:
         found = (f"--sysname-match={one.name}", "--subsystem-match=net")
         system.run(outcome, "udevadm", "trigger", "--action=add", *found)
     outcome.next += _next(system, outcome.unit, accounts, program)
+    if system.running and configurators not in {None, NOBODY_BUT_ROOT}:
+        people = f"usermod -aG {configurators} USER"
+        outcome.next.insert(0, f"{people}          configurators: may change {configuration}")
     return outcome
 
 
@@ -117,6 +133,14 @@ def _accounts(request: Request, system: System) -> files.Accounts:
                 why = "the daemon needs no rights of root, only those of udev"
             raise UsageError(f"{what} root: {why}")
     return files.Accounts(user, group, None if operators == group else operators)
+
+
+def _configurators(request: Request, system: System) -> str | None:
+    group = request.configurators
+    if group is None:
+        return group_of_configurators(system.root, request.name)
+    _must_fit("--configurators", group, ACCOUNT, ACCOUNT_IN_WORDS)
+    return group
 
 
 def _configuration(request: Request, system: System) -> tuple[str, Machine]:

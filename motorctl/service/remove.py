@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from motorctl.service import files
+from motorctl.service.configurators import files_of_configurators, group_of_configurators
 from motorctl.service.outcome import Outcome, unit_of
 from motorctl.service.system import System
 
@@ -53,6 +54,8 @@ def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
     before = files.accounts(system.root)
     system.run(outcome, "systemctl", "disable", "--now", unit_of(name))
     system.remove(files.rules_of(name), outcome)
+    for path in files_of_configurators(name, group_of_configurators(system.root, name)):
+        system.remove(path, outcome)
     if others := [other for other in there if other != name]:
         outcome.tell("kept", files.UNIT, f"for {', '.join(others)}")
     else:

@@ -143,6 +143,41 @@ def test_operators_that_are_the_sockets_own_group_are_all_its_members_again(root
     assert tree(root) == before
 
 
+def configuration_rule(root: Path, name: str) -> str:
+    """Return the one line by which a gantry's configuration gets its group."""
+    (line,) = re.findall(
+        "^z .*$", (root / f"etc/tmpfiles.d/motorctl-{name}.conf").read_text(), re.MULTILINE
+    )
+    return str(line)
+
+
+def test_configurators_get_one_gantrys_configuration_and_keep_it(root: Path) -> None:
+    (root / "etc/motorctl/right.yaml").write_text(shipped_config("small_stage").read_text())
+    run("install", "right", "--root", root)
+    before = set(tree(root))
+    run("install", "left", "--root", root, "--configurators", "tuners")
+    assert configuration_rule(root, "left") == "z /etc/motorctl/left.yaml 0664 root tuners"
+    users = (root / "etc/sysusers.d/motorctl-left.conf").read_text()
+    assert re.findall("^g .*$", users, re.MULTILINE) == ["g tuners -"]
+    assert {name for name in set(tree(root)) - before if "right" in name} == set()
+    run("install", "right", "--root", root)
+    assert set(did(run("install", "left", "--root", root, "--json")).values()) == {"unchanged"}
+    # and root takes it back, for good
+    run("install", "left", "--root", root, "--configurators", "root")
+    assert configuration_rule(root, "left") == "z /etc/motorctl/left.yaml 0644 root root"
+    assert set(did(run("install", "left", "--root", root, "--json")).values()) == {"unchanged"}
+    assert "tuners" not in (root / "etc/sysusers.d/motorctl-left.conf").read_text()
+
+
+def test_a_gantry_that_is_removed_leaves_no_rule_of_its_configuration(root: Path) -> None:
+    run("install", "left", "--root", root)
+    run("remove", "left", "--root", root)
+    before = {name for name in tree(root) if "left" in name}
+    run("install", "left", "--root", root, "--configurators", "tuners")
+    run("remove", "left", "--root", root)
+    assert {name for name in tree(root) if "left" in name} == before
+
+
 def test_what_is_next_tells_who_may_command(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = root / "etc/motorctl/left.yaml"
     there, exists = "/opt/motorctl", Path.exists
@@ -316,6 +351,7 @@ def test_files_that_a_configuration_names_have_to_lie_beside_its_new_place(
         (("install", "left", "--group", "my group"), "--group 'my group'"),
         (("install", "left", "--operators", "a,b"), "--operators 'a,b'"),
         (("install", "left", "--operators", "root"), "root may command all the same"),
+        (("install", "left", "--configurators", "a b"), "--configurators 'a b'"),
         (("install", "right"), "right.yaml is not there: name the configuration with --config"),
         (("install", "right", "--config", "nowhere.yaml"), "nowhere.yaml: there is no such file"),
     ],
@@ -358,7 +394,7 @@ def test_systemd_reads_what_was_installed(root: Path) -> None:
         pytest.skip("systemd is not installed")
     run(
         *("install", "left", "--root", root, "--user", "axes"),
-        *("--group", "operators", "--operators", "drivers"),
+        *("--group", "operators", "--operators", "drivers", "--configurators", "tuners"),
     )
     done = subprocess.run(
         ["systemd-sysusers", f"--root={root}"], capture_output=True, text=True, check=False
@@ -369,3 +405,15 @@ def test_systemd_reads_what_was_installed(root: Path) -> None:
     assert "operators:" in groups
     assert "drivers:" in groups
     assert "dialout:" in groups
+    assert "tuners:" in groups
+    made = subprocess.run(
+        ["systemd-tmpfiles", "--create", f"--root={root}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert made.returncode == 0, made.stderr
+    if os.geteuid() == 0:
+        there = (root / "etc/motorctl/left.yaml").stat()
+        assert there.st_mode & 0o777 == 0o664
+        assert f"tuners:x:{there.st_gid}:" in groups

@@ -154,16 +154,24 @@ def driven() -> str:
 
 
 def roles() -> str:
-    """With operators named, an observer looks and stops at once, an operator commands."""
+    """An observer looks and stops at once, an operator commands, a configurator writes the YAML."""
     install = f"{MOTORCTL} service install left --json"
     done = _done(f"{install} --operators gantry_operators")
     assert done["/etc/systemd/system/motorctl@.service"] == "updated", done
+    _done(f"{install} --configurators gantry_configurators")
     assert set(_done(install).values()) == {"unchanged", "run"}  # and keeps them
     shell("useradd -m bert && usermod -aG motorctl bert")
     shell("useradd -m carl && usermod -aG motorctl,gantry_operators carl")
-    bert, carl = (
-        f"setpriv --reuid={who} --regid={who} --init-groups {MOTORCTL}" for who in ("bert", "carl")
-    )
+    shell("useradd -m dora && usermod -aG motorctl,gantry_configurators dora")
+    bert, carl = (f"{_as(who)} {MOTORCTL}" for who in ("bert", "carl"))
+    file = "/etc/motorctl/left.yaml"
+    for who, may in (("bert", False), ("carl", False), ("dora", True)):
+        assert _succeeds(f"{_as(who)} sh -c 'echo \"# by {who}\" >>{file}'") is may, who
+        assert not _succeeds(f"{_as(who)} sh -c 'echo x >>/etc/motorctl/allowed_code'"), who
+        assert not _succeeds(f"{_as(who)} rm -f {file}"), who
+    assert Path(file).read_text().endswith("# by dora\n")
+    assert "by bert" not in Path(file).read_text()
+    shell(f"{_as('dora')} {MOTORCTL} check {file}")
     shell("systemctl restart motorctl@left")
     assert LEFT.ready()
     shell(f"{bert} status")
@@ -182,6 +190,11 @@ def roles() -> str:
     assert LEFT.ready()
     assert LEFT.ask("status")["axes"]["x"]["state"] == "off"
     return f"bert: {stopped}; {refused.splitlines()[-1]}"
+
+
+def _as(who: str) -> str:
+    """Return what runs a command with the rights of a user."""
+    return f"setpriv --reuid={who} --regid={who} --init-groups"
 
 
 def _done(command: str) -> dict[str, str]:
