@@ -171,7 +171,6 @@ def roles() -> str:
         assert not _succeeds(f"{_as(who)} rm -f {file}"), who
     assert Path(file).read_text().endswith("# by dora\n")
     assert "by bert" not in Path(file).read_text()
-    shell(f"{_as('dora')} env -u CACHE_DIRECTORY HOME=/home/dora {MOTORCTL} check {file}")
     shell("systemctl restart motorctl@left")
     assert LEFT.ready()
     shell(f"{bert} status")
