@@ -42,6 +42,9 @@ def _close_loop(
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Length of each simulated motion.")
     ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what --out holds of a run that broke off.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Go round: simulate, diagnose, refine, simulate again, compare, until nothing more is found.
@@ -67,6 +70,7 @@ def _close_loop(
             rounds=rounds,
             motion=None if motion is None else motion.value,
             duration_s=duration,
+            resume=resume,
             progress=progress,
         )
         progress("writing reports", 0.0)

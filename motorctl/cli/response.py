@@ -71,7 +71,12 @@ def _response(
         Path | None, typer.Option(metavar="DIR", help="Where picture, JSON and log go.")
     ] = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask; only where the machine is simulated.")
+        bool,
+        typer.Option(
+            "--yes",
+            help="Do not ask; only where the machine is simulated, or within what "
+            "axes.NAME.experiments allows.",
+        ),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
@@ -191,6 +196,7 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
     from motorctl.daemon.client import Client
     from motorctl.response.measurement import measure_response
     from motorctl.response.rigs import (
+        beyond_allowed,
         ended_in_order,
         machine_of_daemon,
         record_through_daemon,
@@ -200,31 +206,34 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
     with Client(socket) as client:
         machine = machine_of_daemon(client)
         plan = wanted.plan(machine)
-        driver = machine.drivers[machine.axes[wanted.axis].driver]
         require_holding(client, wanted.axis)
         say(plan.words, err=True)
-        _insist_on_consent(wanted.axis, simulated=driver.cls.simulated, yes=yes)
+        beyond = beyond_allowed(machine, plan, client.axis(wanted.axis)["reference_m"])
+        _insist_on_consent(wanted.axis, beyond, yes=yes)
         with ended_in_order(), showing_stages(lines=True) as progress:
             record_through_daemon(client, plan, log, progress)
             progress("reading the response from the log", 0.0)
             return measure_response([log], wanted.axis)
 
 
-def _insist_on_consent(axis: str, *, simulated: bool, yes: bool) -> None:
-    """Ask whoever is there; raises UsageError where nobody says yes."""
+def _insist_on_consent(axis: str, beyond: list[str], *, yes: bool) -> None:
+    """Ask whoever is there; raises UsageError where nobody says yes.
+
+    beyond is what of the motion nobody has allowed before, so that --yes does not do.
+    """
     from motorctl.errors import UsageError
 
-    if yes and simulated:
+    if yes and not beyond:
         return
     if yes:
         raise UsageError(
-            f"axis {axis} is no simulated one: --yes does not do, a person at its side has to say "
-            "yes"
+            f"axis {axis}: --yes does not do, a person at its side has to say yes: "
+            f"{'; '.join(beyond)}"
         )
     if not sys.stdin.isatty():
         raise UsageError(
             f"nobody is there to say yes to exciting axis {axis}: run this in a terminal"
-            + ("; or with --yes, as it is simulated" if simulated else "")
+            + ("" if beyond else "; or with --yes, as nothing of it is beyond what is allowed")
         )
     if not typer.confirm(f"Excite axis {axis}?", err=True):
         raise UsageError(f"axis {axis} was not excited: nobody said yes")

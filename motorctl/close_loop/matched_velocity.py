@@ -13,6 +13,7 @@ from pathlib import Path
 
 from motorctl.close_loop.judge import AxisJudgement, judge
 from motorctl.close_loop.motion import MotionName, Motions
+from motorctl.close_loop.rigs import Rig
 from motorctl.close_loop.trial import Progress, Trial, try_out
 from motorctl.identify.refine.refinement import moved_text
 from motorctl.identify.refine.yaml_text import YamlText
@@ -36,6 +37,7 @@ def match_velocity(
     names: tuple[MotionName, ...],
     motions: Motions,
     duration_s: float | None,
+    rig: Rig,
     progress: Progress,
 ) -> VelocityStep | None:
     """Try a configuration with a matched velocity, then only on the axes that it does good.
@@ -49,7 +51,9 @@ def match_velocity(
     folder
         Where the changed one and its logs go.
     names, motions, duration_s
-        The motions that are simulated.
+        The motions that are run.
+    rig
+        Runs them.
     progress
         Told what is being done.
 
@@ -63,13 +67,15 @@ def match_velocity(
     }
     if not published or not _written(before, published, folder):
         return None
-    trial = try_out(folder / before.config.name, folder, names, motions, duration_s, progress)
+    trial = try_out(folder / before.config.name, folder, names, motions, duration_s, rig, progress)
     judged = {n: j for n, j in judge(before, trial, first).items() if n in published}
     good = frozenset(name for name, judgement in judged.items() if judgement.accepted)
     if good == published:
         return VelocityStep(trial, judged, good)
     if good and _written(before, good, folder):
-        trial = try_out(folder / before.config.name, folder, names, motions, duration_s, progress)
+        trial = try_out(
+            folder / before.config.name, folder, names, motions, duration_s, rig, progress
+        )
         if all(judgement.accepted for judgement in judge(before, trial, first).values()):
             return VelocityStep(trial, judged, good)
     return VelocityStep(before, judged, frozenset())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Literal
 from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
 from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
+from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
 from motorctl.errors import UsageError
@@ -22,7 +24,6 @@ from motorctl.identify.fit.declared_models import declared_models
 from motorctl.identify.refine.refinement import Refinement, moved_text, refine_config
 from motorctl.identify.same_axis import declared_inertias
 from motorctl.log import Recording
-from motorctl.loop.virtual import require_virtual_time
 
 MOST_ATTEMPTS = 4
 """Within a round: each leaves out more of what was found."""
@@ -107,6 +108,8 @@ def close_loop(
     rounds: int = 3,
     motion: Motion | None = None,
     duration_s: float | None = None,
+    rig: Rig | None = None,
+    resume: bool = False,
     progress: Progress,
 ) -> ClosedLoop:
     """Go round until nothing more is found, no change helps, or the rounds are over.
@@ -115,11 +118,13 @@ def close_loop(
     and refined.yaml, the configuration that came out. `motion` is what is recorded for diagnosis:
     the machine's own or a rich one made within its limits; by default rich, for one move back and
     forth ties position, velocity, time and command together, and what looks alike is mistaken.
-    duration_s is the length of each run. Raises UsageError where a driver does not support virtual
-    time, RunError where the machine cannot follow its own motion as it is.
+    duration_s is the length of each run, rig what runs it: by default virtual time. With `resume`
+    what `out` holds of an earlier time is not run again. Raises UsageError where the rig cannot run
+    the machine, RunError where the machine cannot follow its own motion as it is.
     """
     machine = load(config)
-    _require_simulation(machine, config)
+    rig = ResumedRig(rig or SimulatedRig(), reuse=resume)
+    _require_rig(rig, machine, config)
     own = bool(machine.followed_programs)
     chosen: Motion = motion or "rich"
     if chosen == "own" and not moves_by_itself(machine):
@@ -130,10 +135,10 @@ def close_loop(
         )
     names: tuple[MotionName, ...] = ("own", "unused") if own else ("unused",)
     motions = Motions() if duration_s is None else Motions(duration_s, duration_s)
-    folder = _prepared(out)
+    folder = _prepared(out, resume)
     start = folder / CONFIG
     start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
-    first, motions = first_trial(start, folder, names, motions, duration_s, progress)
+    first, motions = first_trial(start, folder, names, motions, duration_s, rig, progress)
     used_up = (
         "the limit of one round is reached"
         if rounds == 1
@@ -143,14 +148,14 @@ def close_loop(
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
         folder.mkdir(exist_ok=True)
-        recording, motions = _recorded(current, folder, chosen, motions, progress)
+        recording, motions = _recorded(current, folder, chosen, motions, rig, progress)
         models = declared_models(recording)
         held_out = current.recordings["unused"]
         further = list(machine.further_effects.values())
         inertia = declared_inertias(recording, machine, models)
         diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
         attempts, dropped = _attempts(
-            diagnosis, current, first, folder, names, motions, duration_s, progress
+            diagnosis, current, first, folder, names, motions, duration_s, rig, progress
         )
         done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped))
         accepted = done[-1].accepted
@@ -159,7 +164,7 @@ def close_loop(
             break
         current = accepted.trial
     last = out / "matched_velocity"
-    velocity = match_velocity(current, first, last, names, motions, duration_s, progress)
+    velocity = match_velocity(current, first, last, names, motions, duration_s, rig, progress)
     if velocity is not None:
         current = velocity.trial
     refined = out / "refined.yaml"
@@ -185,6 +190,7 @@ def _attempts(
     names: tuple[MotionName, ...],
     motions: Motions,
     duration_s: float | None,
+    rig: Rig,
     progress: Progress,
 ) -> tuple[tuple[Attempt, ...], dict[str, tuple[str, ...]]]:
     """Try what was found; then without what seems to be the reason where an error grew."""
@@ -199,10 +205,11 @@ def _attempts(
             diagnosis, before.config, place / CONFIG, without=without, kept=kept
         )
         if not refinement.changed:
-            place.rmdir()
+            with suppress(OSError):  # of an earlier time there may be something in it
+                place.rmdir()
             break
         refinement.write()
-        trial = try_out(refinement.out, place, names, motions, duration_s, progress)
+        trial = try_out(refinement.out, place, names, motions, duration_s, rig, progress)
         judgements = {
             name: without_gain(judgement, _unnamed(diagnosis, refinement, name))
             for name, judgement in judge(before, trial, first).items()
@@ -253,17 +260,17 @@ def _weaker_half(found: AxisDiagnosis, added: tuple[str, ...]) -> list[str]:
 
 
 def _recorded(
-    current: Trial, folder: Path, motion: Motion, motions: Motions, progress: Progress
+    current: Trial, folder: Path, motion: Motion, motions: Motions, rig: Rig, progress: Progress
 ) -> tuple[Recording, Motions]:
     """Return the recording that is diagnosed."""
     if motion == "own":  # was simulated to try the configuration out
         return current.recordings["own"], motions
-    return record_rich(current.config, folder / "rich.parquet", motions, progress)
+    return record_rich(current.config, folder / "rich.parquet", motions, rig, progress)
 
 
-def _require_simulation(machine: Machine, config: str | Path) -> None:
+def _require_rig(rig: Rig, machine: Machine, config: str | Path) -> None:
     try:
-        require_virtual_time(machine)
+        rig.insist(machine)
     except UsageError as error:
         name = shlex.quote(str(config))
         raise UsageError(
@@ -276,12 +283,12 @@ def _require_simulation(machine: Machine, config: str | Path) -> None:
         ) from error
 
 
-def _prepared(out: Path) -> Path:
-    """Return the folder of the start; rounds of an earlier time are removed."""
+def _prepared(out: Path, resume: bool) -> Path:
+    """Return the folder of the start; rounds of an earlier time are removed unless it resumes."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         folder = out / "round_0"
-        if (folder / CONFIG).is_file():
+        if (folder / CONFIG).is_file() and not resume:
             for old in out.glob("round_[0-9]*"):
                 shutil.rmtree(old)
         folder.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Try a configuration out: simulate its motions, and measure what came of it."""
+"""Try a configuration out: run its motions, and measure what came of it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from motorctl.close_loop.motion import MotionName, Motions, machine_on
+from motorctl.close_loop.rigs import Rig
 from motorctl.config import Machine, load
 from motorctl.errors import DataError, RunError, UsageError
 from motorctl.identify.columns.measured import with_others
 from motorctl.identify.compare.measures import Measures, measure_recording
 from motorctl.identify.refine.model_error import force_error_rms
 from motorctl.log import Recording, read_recording
-from motorctl.loop.simulation import simulate
 
 GENTLER = 0.7
 MOST_TRIES = 4
@@ -43,9 +43,10 @@ def try_out(
     names: tuple[MotionName, ...],
     motions: Motions,
     duration_s: float | None,
+    rig: Rig,
     progress: Progress,
 ) -> Trial:
-    """Simulate the motions, logs going into `folder`.
+    """Run the motions, logs going into `folder`.
 
     duration_s ends the machine's own motion early. A run that trips makes a trial with `tripped`.
     """
@@ -57,11 +58,11 @@ def try_out(
         ready = machine_on(machine, name, motions)
         log = folder / f"{name}.parquet"
         try:
-            simulate(
+            rig.run(
                 ready,
                 log,
-                duration_s=duration_s if name == "own" else None,
-                progress=lambda share, name=name: progress(f"simulating {name} motion", share),  # type: ignore[misc]
+                duration_s if name == "own" else None,
+                lambda share, name=name: progress(f"{rig.verb} {name} motion", share),  # type: ignore[misc]
             )
         except RunError as error:
             tripped = f"{name} motion: {error}"
@@ -81,6 +82,7 @@ def first_trial(
     names: tuple[MotionName, ...],
     motions: Motions,
     duration_s: float | None,
+    rig: Rig,
     progress: Progress,
 ) -> tuple[Trial, Motions]:
     """Try out the configuration that everything starts from, made motions no harder than it can.
@@ -88,7 +90,7 @@ def first_trial(
     Raises RunError where it cannot follow its own motion.
     """
     for _ in range(MOST_TRIES):
-        trial = try_out(config, folder, names, motions, duration_s, progress)
+        trial = try_out(config, folder, names, motions, duration_s, rig, progress)
         if not trial.tripped or ("own" not in trial.recordings and "own" in names):
             break
         motions = replace(motions, effort=GENTLER * motions.effort)
@@ -98,16 +100,17 @@ def first_trial(
 
 
 def record_rich(
-    config: Path, log: Path, motions: Motions, progress: Progress
+    config: Path, log: Path, motions: Motions, rig: Rig, progress: Progress
 ) -> tuple[Recording, Motions]:
-    """Simulate the motion that shows most; more gently where the machine cannot follow."""
+    """Run the motion that shows most; more gently where the machine cannot follow."""
     machine = load(config)
     for left in reversed(range(MOST_TRIES)):
         try:
-            simulate(
+            rig.run(
                 machine_on(machine, "rich", motions),
                 log,
-                progress=lambda share: progress("simulating rich motion", share),
+                None,
+                lambda share: progress(f"{rig.verb} rich motion", share),
             )
         except RunError:
             if not left:

@@ -168,6 +168,23 @@ class Homing(Keys):
     )
 
 
+class Experiments(Keys):
+    """What of an axis an experiment may use without a person's yes."""
+
+    travel_m: Range | None = Field(
+        default=None, description="within which it stays; null: the middle half of limits.travel_m"
+    )
+    max_velocity_share: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5, description="most that it asks, as a share of limits.max_velocity_m_s"
+    )
+    max_acceleration_share: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.5, description="most that it asks, as a share of limits.max_acceleration_m_s2"
+    )
+    max_minutes: Annotated[float, Field(gt=0, le=1440)] = Field(
+        default=10.0, description="of motion in one session"
+    )
+
+
 class AxisSettings(Keys):
     """Everything that an axis' keys say but its list of effects."""
 
@@ -192,6 +209,10 @@ class AxisSettings(Keys):
     )
     homing: Homing = Field(description="how the axis finds its zero")
     program: str | None = Field(default=None, description="followed after start; null: hold")
+    experiments: Experiments | None = Field(
+        default=None,
+        description="what experiments may do where nobody is asked (--yes); null: nothing",
+    )
 
 
 class AxisKeys(AxisSettings):

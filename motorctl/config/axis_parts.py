@@ -9,7 +9,14 @@ from typing import TypeVar
 import numpy as np
 
 from motorctl.config.analysis import required_command, smallest_slope
-from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
+from motorctl.config.axis_keys import (
+    Adaptation,
+    Encoder,
+    Experiments,
+    Gains,
+    Homing,
+    Limits,
+)
 from motorctl.config.axis_model import AxisModel, build_model
 from motorctl.config.dual_drive_keys import DualDrive
 from motorctl.config.dual_drive_rules import (
@@ -31,6 +38,7 @@ from motorctl.config.machine import Estimate
 from motorctl.config.rules import (
     check_adaptation,
     check_encoder,
+    check_experiments,
     check_gains,
     check_homing,
     check_limits,
@@ -173,6 +181,9 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
         whole = parts.dual or document.at((*path, "dual_drive")) is None
         if parts.guards and whole:
             yield from check_skew_guard(parts.dual, parts.guards, limits, encoder)
+        experiments = read_keys(Experiments, document.at((*path, "experiments")))
+        if experiments:
+            yield from check_experiments(experiments, limits)
         if parts.homing:
             yield from check_homing(parts.homing, limits, encoder)
         if encoder and rate_hz:

@@ -9,7 +9,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from motorctl.config.axis_keys import Adaptation, Encoder, Gains, Homing, Limits
+from motorctl.config.axis_keys import (
+    Adaptation,
+    Encoder,
+    Experiments,
+    Gains,
+    Homing,
+    Limits,
+)
 from motorctl.config.count_limits import ambiguous_counts, too_fast_m_s
 from motorctl.config.guard_keys import COUNTER_PARTS, LATE_READ_PERIODS
 from motorctl.config.validation import Finding, shown, suggest
@@ -127,6 +134,16 @@ def check_encoder(encoder: Encoder, limits: Limits, rate_hz: float) -> Iterator[
             ("limits", "following_error", "minimum_m"),
             f"found {limits.following_error.minimum_m:g}, should be above {COUNTS_AT_REST} "
             f"encoder counts, {least:g} m, or it trips at rest",
+        )
+
+
+def check_experiments(experiments: Experiments, limits: Limits) -> Iterator[Finding]:
+    """Check that what experiments may use is a part of what the axis may."""
+    travel, (low, high) = experiments.travel_m, limits.travel_m
+    if travel is not None and not (low <= travel[0] < travel[1] <= high):
+        yield (
+            ("experiments", "travel_m"),
+            f"found {shown(list(travel))}, should be within limits.travel_m {shown([low, high])}",
         )
 
 

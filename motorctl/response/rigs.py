@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 
 from motorctl.config import Machine, load_resolved
 from motorctl.config.chosen_code import allowed_by
+from motorctl.config.experiment_envelope import beyond_envelope
 from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.client import Client
 from motorctl.errors import ConfigError, DataError, RunError, UsageError
@@ -22,6 +23,7 @@ from motorctl.log.convert import load_metadata
 from motorctl.log.partial import SUFFIX, PartialFile
 from motorctl.loop.plan import plan_program
 from motorctl.loop.virtual import VirtualMachine
+from motorctl.motion import Trajectory
 from motorctl.response.plan import ResponsePlan
 
 Progress = Callable[[str, float], None]
@@ -32,6 +34,33 @@ AFTER_S = 0.2
 """Rows recorded after the end [s]; any that are more than none would do."""
 ON_DISK_S = 1.5
 """How long after the end the last row is on the disk [s]: the recorder writes once a second."""
+
+
+def beyond_allowed(machine: Machine, plan: ResponsePlan, reference_m: float) -> list[str]:
+    """Return what of a measurement nobody has allowed beforehand, each in a sentence.
+
+    Parameters
+    ----------
+    machine
+        Whose axis is excited.
+    plan
+        How.
+    reference_m
+        Where the axis holds [m]; it is led from there to where the motion begins.
+
+    Returns
+    -------
+    list of str
+        Empty where the machine is simulated, or the axis' `experiments` allow all of it.
+    """
+    axis = machine.axes[plan.axis]
+    if machine.drivers[axis.driver].cls.simulated:
+        return []
+    motion, lasts_s = Trajectory.at_rest(reference_m), plan.duration_s
+    if plan.motion is not None:
+        whole = plan_program(machine, plan.motion, {axis.name: reference_m})
+        motion, lasts_s = whole.trajectories[axis.name], whole.approach_s + plan.duration_s
+    return list(beyond_envelope(axis, motion.peaks(), lasts_s / 60.0))
 
 
 def record_simulated(machine: Machine, plan: ResponsePlan, log: Path, progress: Progress) -> Path:

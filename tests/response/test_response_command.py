@@ -216,15 +216,15 @@ def test_a_foreign_recording_does_not_tell_the_loop(told, tmp_path):
 
 def test_a_machine_of_metal_needs_a_person_whatever_was_typed():
     with pytest.raises(UsageError, match="--yes does not do, a person at its side has to say yes"):
-        command._insist_on_consent("x", simulated=False, yes=True)
-    command._insist_on_consent("x", simulated=True, yes=True)
+        command._insist_on_consent("x", ["it goes too far"], yes=True)
+    command._insist_on_consent("x", [], yes=True)
 
 
 def test_where_nobody_is_asked_nothing_moves(monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    for simulated in (True, False):
+    for beyond in ([], ["it goes too far"]):
         with pytest.raises(UsageError, match="nobody is there to say yes"):
-            command._insist_on_consent("x", simulated=simulated, yes=False)
+            command._insist_on_consent("x", beyond, yes=False)
 
 
 class Terminal:
@@ -237,7 +237,7 @@ def test_a_person_says_yes_or_no(monkeypatch, answer):
     monkeypatch.setattr("sys.stdin", Terminal())
     monkeypatch.setattr(command.typer, "confirm", lambda question, err: answer)
     if answer:
-        command._insist_on_consent("x", simulated=False, yes=False)
+        command._insist_on_consent("x", ["it goes too far"], yes=False)
         return
     with pytest.raises(UsageError, match="nobody said yes"):
-        command._insist_on_consent("x", simulated=False, yes=False)
+        command._insist_on_consent("x", ["it goes too far"], yes=False)

@@ -1,0 +1,92 @@
+"""`close-loop --resume`: what was run whole before is not run again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from daemon_rig import bench_config
+from typer.testing import CliRunner
+
+from motorctl.cli import make_app
+from motorctl.close_loop import rigs
+from motorctl.close_loop.rigs import ResumedRig
+from motorctl.config import Machine, load
+from motorctl.errors import RunError
+
+
+class CountedRig:
+    """Writes a log at once, or trips."""
+
+    verb = "counting"
+
+    def __init__(self) -> None:
+        self.runs = 0
+        self.trips = False
+
+    def insist(self, machine: Machine) -> None:
+        """Any machine will do."""
+
+    def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Any) -> None:
+        """Count it."""
+        self.runs += 1
+        if self.trips:
+            raise RunError("axis x tripped")
+        log.write_text("a log")
+
+
+def test_only_what_was_run_whole_on_the_same_machine_is_passed_over(tmp_path: Path) -> None:
+    counted, machine = CountedRig(), load("published_gantry")
+    rig, log = ResumedRig(counted, reuse=True), tmp_path / "own.parquet"
+
+    def run(of: Machine, duration_s: float | None = None) -> int:
+        rig.run(of, log, duration_s, lambda _: None)
+        return counted.runs
+
+    assert run(machine) == 1
+    assert run(machine) == 1
+    assert run(machine, 3.0) == 2  # another length
+    assert run(load("published_gantry", "C1"), 3.0) == 3  # another machine
+    log.unlink()
+    assert run(load("published_gantry", "C1"), 3.0) == 4  # its log is gone
+    counted.trips = True
+    for _ in range(2):  # what tripped is not tried again
+        with pytest.raises(RunError, match="axis x tripped"):
+            run(machine)
+    assert counted.runs == 5
+
+
+def test_without_resume_everything_is_run(tmp_path: Path) -> None:
+    counted, machine = CountedRig(), load("published_gantry")
+    rig = ResumedRig(counted, reuse=False)
+    for _ in range(2):
+        rig.run(machine, tmp_path / "own.parquet", None, lambda _: None)
+    assert counted.runs == 2
+
+
+@pytest.mark.slow
+def test_a_loop_that_broke_off_goes_on_with_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, out = tmp_path / "bench.yaml", tmp_path / "closed"
+    config.write_text(bench_config("shuttle"))
+    words = ["close-loop", str(config), "--out", str(out), "--rounds", "1", "--motion", "own"]
+    words += ["--duration", "4"]
+    simulate, runs = rigs.simulate, []
+
+    def counted(machine: Machine, log: Path, **more: Any) -> Any:
+        runs.append(log.name)
+        if len(runs) == 2:
+            raise KeyboardInterrupt
+        return simulate(machine, log, **more)
+
+    monkeypatch.setattr(rigs, "simulate", counted)
+    CliRunner().invoke(make_app(), words)
+    assert runs == ["own.parquet", "unused.parquet"]
+    first = (out / "round_0" / "own.parquet").stat().st_mtime_ns
+    result = CliRunner().invoke(make_app(), [*words, "--resume"])
+    assert result.exit_code == 0, result.output
+    assert (out / "round_0" / "own.parquet").stat().st_mtime_ns == first
+    assert runs[2] == "unused.parquet"
+    assert (out / "refined.yaml").is_file()
