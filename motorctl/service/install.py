@@ -79,7 +79,7 @@ def install(request: Request) -> Outcome:
     system = System(request.root.resolve(), request.dry_run)
     system.insist("installing")
     accounts = _accounts(request, system)
-    configurators = _configurators(request, system)
+    configurators = _configurators(request, system, accounts)
     text, machine = _configuration(request, system)
     program = _program(system)
     configuration = files.configuration_of(request.name)
@@ -135,11 +135,16 @@ def _accounts(request: Request, system: System) -> files.Accounts:
     return files.Accounts(user, group, None if operators == group else operators)
 
 
-def _configurators(request: Request, system: System) -> str | None:
+def _configurators(request: Request, system: System, accounts: files.Accounts) -> str | None:
     group = request.configurators
     if group is None:
         return group_of_configurators(system.root, request.name)
     _must_fit("--configurators", group, ACCOUNT, ACCOUNT_IN_WORDS)
+    if group == accounts.group:
+        raise UsageError(
+            f"--configurators {group}: that is the socket's group, so whoever may look could "
+            "change the configuration: name another one"
+        )
     return group
 
 

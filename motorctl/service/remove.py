@@ -5,7 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from motorctl.service import files
-from motorctl.service.configurators import files_of_configurators, group_of_configurators
+from motorctl.service.configurators import (
+    NOBODY_BUT_ROOT,
+    files_of_configurators,
+    group_of_configurators,
+)
 from motorctl.service.outcome import Outcome, unit_of
 from motorctl.service.system import System
 
@@ -54,8 +58,11 @@ def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
     before = files.accounts(system.root)
     system.run(outcome, "systemctl", "disable", "--now", unit_of(name))
     system.remove(files.rules_of(name), outcome)
-    for path in files_of_configurators(name, group_of_configurators(system.root, name)):
+    configurators = group_of_configurators(system.root, name)
+    for path in files_of_configurators(name, configurators):
         system.remove(path, outcome)
+    if configurators is not None:
+        system.give_to_root(files.configuration_of(name), outcome)
     if others := [other for other in there if other != name]:
         outcome.tell("kept", files.UNIT, f"for {', '.join(others)}")
     else:
@@ -73,4 +80,6 @@ def remove(name: str, root: Path = Path("/"), dry_run: bool = False) -> Outcome:
         outcome.tell("kept", f"user {before.user}, group {before.group}", "files belong to them")
         if before.operators is not None:
             outcome.tell("kept", f"group {before.operators}", "people are its members")
+    if configurators not in {None, NOBODY_BUT_ROOT}:
+        outcome.tell("kept", f"group {configurators}", "people are its members")
     return outcome

@@ -78,6 +78,20 @@ class System:
                 raise RunError(f"{place}: not removed: {error.strerror}") from error
         outcome.tell("removed", path)
 
+    def give_to_root(self, path: Path, outcome: Outcome) -> None:
+        """Let nobody but root change a file, if it is there. Raises RunError."""
+        place = self.at(path)
+        if not place.is_file():
+            return
+        if not self.dry_run:
+            try:
+                place.chmod(0o644)
+                if os.geteuid() == 0:
+                    os.chown(place, 0, 0)
+            except OSError as error:
+                raise RunError(f"{place}: not given back to root: {error.strerror}") from error
+        outcome.tell("updated", path, "nobody but root may change it")
+
     def run(self, outcome: Outcome, *command: str) -> None:
         """Run a command, in the running system only. Raises RunError where it fails."""
         if not self.running:

@@ -174,8 +174,13 @@ def test_a_gantry_that_is_removed_leaves_no_rule_of_its_configuration(root: Path
     run("remove", "left", "--root", root)
     before = {name for name in tree(root) if "left" in name}
     run("install", "left", "--root", root, "--configurators", "tuners")
-    run("remove", "left", "--root", root)
+    config = root / "etc/motorctl/left.yaml"
+    config.chmod(0o664)  # as the rule makes it
+    told = run("remove", "left", "--root", root)
     assert {name for name in tree(root) if "left" in name} == before
+    assert config.stat().st_mode & 0o777 == 0o644
+    assert re.search(r"updated +/etc/motorctl/left.yaml +\(nobody but root may change it\)", told)
+    assert re.search(r"kept +group tuners", told)
 
 
 def test_what_is_next_tells_who_may_command(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -352,6 +357,7 @@ def test_files_that_a_configuration_names_have_to_lie_beside_its_new_place(
         (("install", "left", "--operators", "a,b"), "--operators 'a,b'"),
         (("install", "left", "--operators", "root"), "root may command all the same"),
         (("install", "left", "--configurators", "a b"), "--configurators 'a b'"),
+        (("install", "left", "--configurators", "motorctl"), "is the socket's group"),
         (("install", "right"), "right.yaml is not there: name the configuration with --config"),
         (("install", "right", "--config", "nowhere.yaml"), "nowhere.yaml: there is no such file"),
     ],
