@@ -71,7 +71,7 @@ def test_a_loop_that_broke_off_goes_on_with_what_is_there(
 ) -> None:
     config, out = tmp_path / "bench.yaml", tmp_path / "closed"
     config.write_text(bench_config("shuttle"))
-    words = ["close-loop", str(config), "--out", str(out), "--rounds", "1", "--motion", "own"]
+    words = ["close-loop", str(config), "--out", str(out), "--rounds", "1"]
     words += ["--duration", "4"]
     simulate, runs = rigs.simulate, []
 
