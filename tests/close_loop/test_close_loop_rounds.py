@@ -52,7 +52,7 @@ def recording(tmp_path_factory):
 def given(monkeypatch, recording):
     """Let the rounds see this recording, errors that follow from the model, and no simulation."""
 
-    def try_out(config, folder, names, motions, duration_s, progress):
+    def try_out(config, folder, names, motions, duration_s, rig, progress):
         machine = load(config)
         share = np.prod([LEFT.get(name, 1.0) for name in machine.axes["x"].declared.names])
         measures = Measures(40e-6 * share, 30e-6 * share, 5e-6 * share, 9.0)
@@ -65,7 +65,7 @@ def given(monkeypatch, recording):
 
     monkeypatch.setattr(rounds_module, "try_out", try_out)
     monkeypatch.setattr(rounds_module, "first_trial", lambda *a: (try_out(*a), a[3]))
-    monkeypatch.setattr(rounds_module, "record_rich", lambda c, log, m, p: (recording, m))
+    monkeypatch.setattr(rounds_module, "record_rich", lambda c, log, m, rig, p: (recording, m))
 
     def finding(*rounds, unknown=None):
         left = list(rounds)
