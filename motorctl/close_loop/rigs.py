@@ -1,16 +1,14 @@
-"""Where motions are run and recorded: in virtual time, or on the machine that a daemon runs."""
+"""What runs motions and records them; and what passes over those that were run before."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 from motorctl.config import Machine
-from motorctl.errors import RunError
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
 
@@ -83,39 +81,16 @@ class ResumedRig:
         self._rig.insist(machine)
 
     def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Share) -> None:
-        """Run it where that was not done before; one that tripped then raises that again."""
-        note = log.with_suffix(".run.json")
+        """Run it where that was not done before; what tripped or was broken off was not."""
+        note = log.with_suffix(".run")
         asked = _digest(machine, duration_s)
-        done = _read(note) if self._reuse else None
-        if done is not None and done["asked"] == asked:
-            if done["tripped"]:
-                raise RunError(str(done["tripped"]))
-            if log.is_file():
-                return
+        if self._reuse and log.is_file() and note.is_file() and note.read_text() == asked:
+            return
         note.unlink(missing_ok=True)
-        # of one that is broken off nothing is noted: it is run again
-        try:
-            self._rig.run(machine, log, duration_s, progress)
-        except RunError as error:
-            _write(note, {"asked": asked, "tripped": str(error)})
-            raise
-        _write(note, {"asked": asked, "tripped": ""})
+        self._rig.run(machine, log, duration_s, progress)
+        note.write_text(asked)
 
 
 def _digest(machine: Machine, duration_s: float | None) -> str:
     text = json.dumps([machine.resolved, duration_s], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _read(note: Path) -> dict[str, str] | None:
-    try:
-        done = json.loads(note.read_text())
-    except (OSError, ValueError):
-        return None
-    return done if isinstance(done, dict) and done.keys() == {"asked", "tripped"} else None
-
-
-def _write(note: Path, done: dict[str, str]) -> None:
-    draft = note.with_name(f"{note.name}.{os.getpid()}")
-    draft.write_text(json.dumps(done))
-    draft.replace(note)

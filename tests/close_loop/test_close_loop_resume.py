@@ -51,10 +51,10 @@ def test_only_what_was_run_whole_on_the_same_machine_is_passed_over(tmp_path: Pa
     log.unlink()
     assert run(load("published_gantry", "C1"), 3.0) == 4  # its log is gone
     counted.trips = True
-    for _ in range(2):  # what tripped is not tried again
+    for runs in (5, 6):  # what tripped is tried again
         with pytest.raises(RunError, match="axis x tripped"):
             run(machine)
-    assert counted.runs == 5
+        assert counted.runs == runs
 
 
 def test_without_resume_everything_is_run(tmp_path: Path) -> None:
