@@ -22,7 +22,7 @@ from motorctl.service.configurators import (
     group_of_configurators,
     tmpfiles_of,
 )
-from motorctl.service.outcome import Outcome
+from motorctl.service.outcome import Outcome, unit_of
 from motorctl.service.system import System
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -107,10 +107,7 @@ def install(request: Request) -> Outcome:
     for one in interfaces:
         found = (f"--sysname-match={one.name}", "--subsystem-match=net")
         system.run(outcome, "udevadm", "trigger", "--action=add", *found)
-    outcome.next += _next(system, outcome.unit, accounts, program)
-    if system.running and configurators not in {None, NOBODY_BUT_ROOT}:
-        people = f"usermod -aG {configurators} USER"
-        outcome.next.insert(0, f"{people}          configurators: may change {configuration}")
+    outcome.next += _next(system, request.name, accounts, configurators, program)
     return outcome
 
 
@@ -234,7 +231,14 @@ def _refuse_foreign(system: System, planned: Iterable[Path]) -> None:
         )
 
 
-def _next(system: System, unit: str, accounts: files.Accounts, program: Path) -> list[str]:
+def _next(
+    system: System,
+    name: str,
+    accounts: files.Accounts,
+    configurators: str | None,
+    program: Path,
+) -> list[str]:
+    unit = unit_of(name)
     if not system.running:
         told = [f"systemctl --root={system.root} enable {unit}"]
         if not system.at(program).exists():
@@ -248,6 +252,9 @@ def _next(system: System, unit: str, accounts: files.Accounts, program: Path) ->
             f"usermod -aG {group},{operators} USER          operators: may command the machine",
             f"usermod -aG {group} USER          observers: may look, and stop it at once",
         ]
+    if configurators not in {None, NOBODY_BUT_ROOT}:
+        may = f"configurators: may change {files.configuration_of(name)}"
+        people.insert(0, f"usermod -aG {configurators} USER          {may}")
     return [
         *people,
         f"systemctl enable --now {unit}",

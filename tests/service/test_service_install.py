@@ -188,7 +188,9 @@ def test_what_is_next_tells_who_may_command(root: Path, monkeypatch: pytest.Monk
     there, exists = "/opt/motorctl", Path.exists
     monkeypatch.setattr(sys, "prefix", there)
     monkeypatch.setattr(Path, "exists", lambda path: str(path).startswith(there) or exists(path))
-    said = run("install", "left", "--config", config, "--dry-run", "--operators", "ops")
+    groups = ("--operators", "ops", "--configurators", "tuners")
+    said = run("install", "left", "--config", config, "--dry-run", *groups)
+    assert re.search(r"usermod -aG tuners USER +configurators: may change /etc/motorctl/left", said)
     assert re.search(r"usermod -aG motorctl,ops USER +operators: may command", said)
     assert re.search(r"usermod -aG motorctl USER +observers: may look, and stop", said)
 
