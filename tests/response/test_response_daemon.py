@@ -23,9 +23,21 @@ QUICK = ("--band", "4,60", "--amplitude", "1.5", "--yes")
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     with Daemon(tmp_path_factory.mktemp("response")) as one:
         yield one
+
+
+@pytest.fixture
+def daemon(running: Daemon) -> Daemon:
+    """Both axes without drive, whatever the test before left behind."""
+    for axis in ("x", "y"):
+        if running.state(axis) == "fault":
+            running.ask_when_it_stands("reset", axis)
+        if running.state(axis) != "off":
+            running.ask("stop", axis=axis)
+            wait_until(lambda axis=axis: running.state(axis) == "off")
+    return running
 
 
 def respond(daemon: Daemon, *words: object) -> Any:
