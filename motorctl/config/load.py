@@ -22,6 +22,7 @@ from motorctl.config.programs import build_programs, check_followed, check_progr
 from motorctl.config.rates import axis_rate, loop_rate, read_divisors
 from motorctl.config.recording_rules import RecordingRate, check_recording, recording_rate
 from motorctl.config.shipped import locate
+from motorctl.config.slow_motion_rules import check_slow_motion
 from motorctl.config.validation import read_keys, validate
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document, read_document
@@ -165,7 +166,8 @@ def _build(
         thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
         rates = {n: own for n in parts if (own := axis_rate(document, n, rate_hz, divisors))}
         problems += check_heat(document, programs, thermals, limits, voltages, rates)
-        for name in parts:
+        for name, part in parts.items():
+            problems += check_slow_motion(document, part, rates.get(name))
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)
     problems += refused if hardware else []  # a log may be read where they are not installed

@@ -27,6 +27,7 @@ from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.keys import LoopSettings
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
+from motorctl.config.motion_notes import notes_on_motion
 from motorctl.config.recording_summary import (
     notes_on_recording,
     recording_rate_of,
@@ -88,6 +89,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "notes": [
             *notes_on_groups(machine),
             *notes_on_guards(machine, {n: driver["watchdog_s"] for n, driver in drivers.items()}),
+            *notes_on_motion(machine),
             *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(

@@ -4,6 +4,7 @@ import math
 
 import pytest
 import yaml
+from beam_bench import absolute, beam
 from config_bench import problems, write
 from loop_bench import (
     TS,
@@ -17,7 +18,7 @@ from loop_bench import (
 )
 
 from motorctl.config import load, shipped_config, summarise
-from motorctl.config.guard_keys import EncoderNoise, Thermal
+from motorctl.config.guard_keys import EncoderNoise, Skew, Thermal
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.motion import point_to_point
 
@@ -155,14 +156,17 @@ def test_noise_beyond_thrice_as_much_would_be_told_as_something_else(most_noise_
 
 
 @pytest.mark.parametrize(("limit_m", "trips"), [(3e-6, True), (4.3e-6, False)])
-def test_a_slow_start_against_friction_trips_only_a_limit_that_check_notes(
+def test_a_slow_start_against_friction_trips_only_a_limit_that_check_refuses_or_notes(
     tmp_path, limit_m, trips
 ):
-    # 0.1 V by ks k1, 95 V s/m x 250 1/s: 4.2 um.
+    # 0.1 V by ks k1, 95 V s/m x 250 1/s: 4.2 um; with the fast adaptation 3.3 um.
     error = {"minimum_m": limit_m, "per_velocity_s": 0.0, "filter_time_s": 0.0}
-    path = write(tmp_path, shipped(limits={"following_error": error}))
-    notes = [note for note in summarise(load(path))["notes"] if "friction holds" in note]
-    assert bool(notes) is trips
+    data = shipped(limits={"following_error": error})
+    refused = problems(tmp_path, data)
+    assert bool(refused) is trips
+    if not refused:
+        notes = summarise(load(write(tmp_path, data)))["notes"]
+        assert not [note for note in notes if "friction holds" in note]
     sticky = {**THETA_0, "presliding": {"kind": "dahl", "displacement_m": 1e-6}}
     plant = with_sim(gantry(), plants={0: sticky})
     with Rig(with_axes(plant, ["x"], limits={"following_error": error})) as rig:
@@ -170,3 +174,18 @@ def test_a_slow_start_against_friction_trips_only_a_limit_that_check_notes(
         rig.follow({"x": point_to_point(0.0, 0.2e-3, 0.3e-3, 5.0, 500.0)})
         rig.seconds(0.4)
         assert (rig.fault_of("x") is FaultCause.FOLLOWING_ERROR) is trips
+
+
+# A beam that is squared
+
+
+@pytest.mark.parametrize(("limit_m", "trips"), [(4e-6, True), (17e-6, False)])
+def test_squaring_a_beam_trips_a_skew_limit_that_check_refuses(tmp_path, limit_m, trips):
+    data = yaml.safe_load(shipped_config("dual_gantry").read_text())
+    data["axes"]["x"]["guards"]["skew"]["limit_m"] = limit_m
+    assert bool(problems(tmp_path, data)) is trips
+    askew = absolute(beam(), apart_m=0.3e-3)
+    with Rig(with_axes(askew, ["x"], guards={"skew": Skew(limit_m=limit_m)})) as rig:
+        rig.start()
+        rig.seconds(0.5)
+        assert (rig.fault_of("x") is FaultCause.SKEW) is trips
