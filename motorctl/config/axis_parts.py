@@ -32,6 +32,7 @@ from motorctl.config.guard_rules import (
     check_reactions,
 )
 from motorctl.config.hardware import Wiring, wire
+from motorctl.config.heat_rules import count_noise_v
 from motorctl.config.keys import Keys
 from motorctl.config.loop_rules import check_monotonicity, check_stability
 from motorctl.config.machine import Estimate
@@ -95,6 +96,12 @@ class AxisParts:
         if not smallest_slope(self.model, theta, u_max, self.limits.travel_m)[0] > 0.0:
             return None
         return required_command(self.model, theta, u_max)
+
+    def count_noise_v(self, rate_hz: float) -> float | None:
+        """Return what the steps of the count add to the command [V rms], None without the keys."""
+        if self.gains is None or self.encoder is None:
+            return None
+        return count_noise_v(self.gains, self.encoder, rate_hz, 1 if self.dual is None else 2)
 
     def fullest_acceleration_m_s2(self) -> float:
         """Return what the full voltage accelerates at theta_hat(0), or the limit if it is more."""

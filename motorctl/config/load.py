@@ -165,7 +165,8 @@ def _build(
         problems += check_programs(document, programs, limits, voltages)
         thermals = {n: p.guards.thermal for n, p in parts.items() if p.guards and p.guards.thermal}
         rates = {n: own for n in parts if (own := axis_rate(document, n, rate_hz, divisors))}
-        problems += check_heat(document, programs, thermals, limits, voltages, rates)
+        noises = {n: v for n, hz in rates.items() if (v := parts[n].count_noise_v(hz))}
+        problems += check_heat(document, programs, thermals, limits, voltages, rates, noises)
         for name, part in parts.items():
             problems += check_slow_motion(document, part, rates.get(name))
             problems += check_followed(document, name, programs)

@@ -8,6 +8,7 @@ import numpy as np
 
 from motorctl.config.analysis import required_command
 from motorctl.config.analysis.skew_motion import skew_of_m, squaring_lag_m
+from motorctl.config.heat_rules import NEAR, program_heat_v
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.slow_motion_rules import plant_of
 from motorctl.motion import Program, RequiredVoltage
@@ -39,7 +40,23 @@ def notes_on_motion(machine: Machine) -> Iterator[str]:
             continue
         theta = np.array([estimate.initial for estimate in axis.estimates])
         need = required_command(axis.model, theta, axis.limits.max_voltage_v)
+        yield from _heat(axis, program, need, machine.period_of(name))
         yield from _skew(axis, program, need, machine.period_of(name))
+
+
+def _heat(axis: Axis, program: Program, need: RequiredVoltage, period_s: float) -> Iterator[str]:
+    thermal = axis.guards.thermal
+    if thermal is None:
+        return
+    warmed_v = program_heat_v(thermal, program, axis.name, need, period_s)
+    if thermal.continuous_voltage_v < NEAR * warmed_v:
+        above = thermal.continuous_voltage_v / warmed_v - 1.0
+        yield (
+            f"axis {axis.name}: guards.thermal.continuous_voltage_v "
+            f"{thermal.continuous_voltage_v:g} V is {above:.0%} above what program "
+            f"'{program.name}' needs at theta(0), {warmed_v:.3g} V rms: it may trip where the axis "
+            "resists more than its model says, or is loaded more"
+        )
 
 
 def _squaring(axis: Axis, period_s: float) -> Iterator[str]:

@@ -70,12 +70,14 @@ def test_a_motor_that_the_peak_of_its_program_always_trips_is_refused(tmp_path):
     told = ("found 2.2", "would always trip", "at its hottest program 'there' needs 2.",
             "time_constant_s 0.001 s", "make the program slower")  # fmt: skip
     refuses(tmp_path, HOT, *told, **heat(2.2, 1e-3))
-    takes(tmp_path, **heat(2.25, 1e-3))
+    takes(tmp_path, **heat(2.35, 1e-3))  # 5 % more for a warm motor
 
 
 def test_a_motor_that_is_slow_to_warm_is_judged_by_the_mean(tmp_path):
-    takes(tmp_path, **heat(0.55, 1.0))
-    refuses(tmp_path, HOT, "needs 0.544 V rms over time_constant_s 1 s", **heat(0.54, 1.0))
+    # Warm, and with what the count's steps of 1 um add: 40 V s/m by 1 um by 2 kHz by sqrt(6).
+    takes(tmp_path, **heat(0.58, 1.0))
+    told = ("needs 0.544 V rms over time_constant_s 1 s", "5% more", "0.033 V rms that the steps")
+    refuses(tmp_path, HOT, *told, **heat(0.57, 1.0))
 
 
 def test_a_motor_that_warms_from_cycle_to_cycle_is_judged_by_the_last(tmp_path):

@@ -32,7 +32,7 @@ ALWAYS = [
     ("host_frozen", {"time_s": 5e-4}, "time_s", ["0.0005", "two periods", "0.001 s"]),
     ("thermal", {"continuous_voltage_v": 0.2, "time_constant_s": 0.1}, "continuous_voltage_v",
      ["0.2", "always", "program 'there'"]),
-    ("thermal", {"continuous_voltage_v": 0.05, "time_constant_s": 1e4}, "continuous_voltage_v",
+    ("thermal", {"continuous_voltage_v": 0.05, "time_constant_s": 5e3}, "continuous_voltage_v",
      ["0.05", "always", "slow motion back and forth, at 0.1 m/s", "0.119 V rms"]),
 ]  # fmt: skip
 

@@ -94,3 +94,36 @@ def test_a_skew_limit_that_the_program_may_trip_is_noted_with_how_far_the_ends_m
     (note,) = notes(tmp_path, beam(limit_m=60e-6), "in program 'shuttle'")
     assert "guards.skew.limit_m 6e-05" in note
     assert "where the ends differ by 0.12 of its command" in note
+
+
+# The motor's heat
+
+
+def beam_with(volts, seconds=10.0):
+    data = beam()
+    thermal = {"continuous_voltage_v": volts, "time_constant_s": seconds}
+    data["axes"]["x"]["guards"]["thermal"] = thermal
+    return data
+
+
+def test_a_limit_of_heat_that_a_warm_motor_passes_in_its_program_is_refused(tmp_path):
+    # The model needs 0.862 V rms; the motor of the simulated beam comes to 0.936 V.
+    (told,) = problems(tmp_path, beam_with(0.867))
+    assert told.key == "axes.x.guards.thermal.continuous_voltage_v"
+    for part in ("found 0.867", "always trip", "0.862 V rms", "0.907 V with 5% more", "0.065 V"):
+        assert part in told.message
+
+
+def test_a_limit_of_heat_that_more_friction_would_trip_is_noted(tmp_path):
+    words = "guards.thermal.continuous_voltage_v"
+    assert notes(tmp_path, beam_with(1.13), words) == []
+    (note,) = notes(tmp_path, beam_with(0.95), words)
+    assert "10% above what program 'shuttle' needs at theta(0), 0.862 V rms" in note
+
+
+def test_a_time_constant_that_no_motor_has_is_refused_with_the_hours_that_it_means(tmp_path):
+    assert problems(tmp_path, beam_with(3.5, 7200.0)) == ()
+    (told,) = problems(tmp_path, beam_with(9.0, 1e5))
+    assert told.key == "axes.x.guards.thermal.time_constant_s"
+    for part in ("found 100000", "10 V would have to stand for 46.1 h", "at most", "7200 s"):
+        assert part in told.message

@@ -19,6 +19,7 @@ from loop_bench import (
 
 from motorctl.config import load, shipped_config, summarise
 from motorctl.config.guard_keys import EncoderNoise, Skew, Thermal
+from motorctl.config.heat_rules import WARM
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.motion import point_to_point
 
@@ -108,7 +109,8 @@ def test_a_motor_trips_on_its_program_where_check_says_that_it_always_would(tmp_
 
     plant = with_sim(gantry(), plants={0: THETA_0})
     taken, refused = edge(lambda v: takes(tmp_path, guards={"thermal": thermal(v)}), 9.7, 0.5)
-    for volts, fault in ((1.02 * taken, FaultCause.NONE), (0.98 * refused, FaultCause.THERMAL)):
+    cold = refused / WARM  # `check` reckons with a warm motor, which the plant is not
+    for volts, fault in ((1.02 * taken, FaultCause.NONE), (0.98 * cold, FaultCause.THERMAL)):
         guards = {"thermal": Thermal(**thermal(volts))}
         with Rig(with_axes(plant, ["x"], guards=guards)) as rig:
             rig.start()
