@@ -35,6 +35,9 @@ LOOP_ENDED = "loop_ended"
 LIBRARIES = ("numpy", "numba", "pyarrow", "pydantic")
 """Told in a record beside Python's version and motorctl's own: what computes, checks and writes."""
 
+DEVICE_WORD = 0xFFFF_FFFF
+"""Of a fault's status, the bits that are the driver's; above them stands what the loop adds."""
+
 _log = logging.getLogger("motorctl")
 
 
@@ -194,7 +197,7 @@ def _fault(status: np.void, told: Mapping[str, str] | None) -> dict[str, Any]:
         **(told or {}),
         "time_s": float(status["fault_time_s"]),
         **number,
-        "device_status": int(status["fault_status"]),
+        "device_status": int(status["fault_status"]) & DEVICE_WORD,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
 import numpy as np
 
@@ -60,6 +61,8 @@ AXIS_SETTINGS = np.dtype(
         ("heat_kept", "f8"),  # of the motor's heat, after a tick
         ("frozen_ticks", "i8"),  # ticks that may be skipped at once
         ("patience_ticks", "i8"),  # and after which the device is sure not to have given up
+        ("frozen_by", "i8"),  # a StallLimit: which limit frozen_ticks are
+        ("patience_by", "i8"),
         ("skew_limit_m", "f8"),  # of a dual drive
         ("group", "i8"),  # axes of one number stop together; 0: of none
         ("stops_with_program", "i8"),  # so do those that run one program
@@ -178,6 +181,21 @@ COOLED_RATIO = 0.9
 # Of `quick_stops`, where every other guard has the number of its cause: a computer that stood still
 # is told by the same cause as late ticks are.
 HOST_FROZEN_BIT = 62
+# Where the number of a `StallLimit` stands in `fault_status`: above a driver's 32 bits.
+STALL_LIMIT_SHIFT = 32
+STALL_LIMIT_MASK = 0x7
+
+
+class StallLimit(IntEnum):
+    """Which limit a stall of the loop was beyond that tripped an axis."""
+
+    HOST_FROZEN = 1
+    WATCHDOG = 2
+    COMMANDS_APART = 3
+    """The watchdog, less what lies between two commands besides: COMMAND_PERIODS."""
+    HOLD_TICKS = 4
+    COUNTER = 5
+    """How long the encoder's counter needs for a quarter of its range."""
 
 
 def fill_axis_settings(
@@ -263,11 +281,19 @@ def fill_guards(record: np.void, axis: Axis, period_s: float, watchdog_s: float 
     held_ticks = record["hold_ticks"] if record["exchange"] else math.inf
     frozen_s = guards.frozen_s(period_s, watchdog_s, held_ticks * period_s)
     frozen_ticks = max(1 if held_ticks else 0, round(frozen_s / period_s))
+    frozen_by = patience_by = StallLimit.HOLD_TICKS
+    if frozen_s == guards.frozen_s(period_s, None, math.inf):
+        frozen_by = StallLimit.HOST_FROZEN
+    elif frozen_s == watchdog_s:
+        frozen_by = StallLimit.WATCHDOG
     if watchdog_s is None:
         patience_ticks = int(record["hold_ticks"])
     elif math.isfinite(watchdog_s):
         patience_ticks = max(0, math.floor(watchdog_s / period_s) - COMMAND_PERIODS)
+        patience_by = StallLimit.COMMANDS_APART
     else:
         patience_ticks = frozen_ticks
-    record["frozen_ticks"] = frozen_ticks
-    record["patience_ticks"] = min(patience_ticks, frozen_ticks)
+    if patience_ticks >= frozen_ticks:
+        patience_ticks, patience_by = frozen_ticks, frozen_by
+    record["frozen_ticks"], record["frozen_by"] = frozen_ticks, frozen_by
+    record["patience_ticks"], record["patience_by"] = patience_ticks, patience_by

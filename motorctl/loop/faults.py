@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from motorctl.hal import FAULT_BITS, Status, error_code, error_words
 from motorctl.log.sample import FaultCause
-from motorctl.loop.axis_records import COOLED_RATIO
+from motorctl.loop.axis_records import (
+    COMMAND_PERIODS,
+    COOLED_RATIO,
+    STALL_LIMIT_MASK,
+    STALL_LIMIT_SHIFT,
+    StallLimit,
+)
 from motorctl.loop.guards.device import ENDS, FIRST_END, SECOND_END
 
 _WITH_LIMIT = {
@@ -110,6 +116,20 @@ _TROUBLES = {
     Status.ESTOP: _WITHOUT_LIMIT[FaultCause.ESTOP],
     Status.STALE: "no new sample arrives",
 }
+_STALL_LIMITS = {
+    StallLimit.HOST_FROZEN: "guards.host_frozen.time_s",
+    StallLimit.WATCHDOG: "its device's watchdog, beyond which the amplifier is off",
+    StallLimit.COMMANDS_APART: (
+        f"its device's watchdog less {COMMAND_PERIODS} periods, as commands lie further apart than "
+        "a pause lasts"
+    ),
+    StallLimit.HOLD_TICKS: "its driver's late.hold_ticks",
+    StallLimit.COUNTER: (
+        "in which the counter may turn a quarter round at 1.2 times limits.max_velocity_m_s: "
+        "encoder.counter_bits"
+    ),
+}
+"""Which limit it was, with its key."""
 _ENDS = {
     FIRST_END: "at the first end",
     SECOND_END: "at the second end",
@@ -222,9 +242,8 @@ def fault_message(
         )
     elif cause is FaultCause.OVERRUN and value > 0.0:
         text = (
-            f"the loop was stalled for {_ticks(value, period_s)}; limit {limit:.0f}, by "
-            "guards.host_frozen, late.hold_ticks, the device's watchdog or what the counter may "
-            "turn meanwhile. `motorctl latency` measures this computer"
+            f"the loop was stalled for {_ticks(value, period_s)}; limit {_ticks(limit, period_s)}"
+            f"{_stall_limit_words(status)}. `motorctl latency` measures this computer"
         )
     elif cause in _SENTENCES:
         text = _SENTENCES[cause](value, limit, status)
@@ -244,6 +263,11 @@ def fault_message(
     if told := told + [words for bit, words in _DEVICE.items() if status & bit]:
         text += f" ({'; '.join(told)})"
     return f"{text}, at {time_s:.3f} s"
+
+
+def _stall_limit_words(status: int) -> str:
+    number = status >> STALL_LIMIT_SHIFT & STALL_LIMIT_MASK
+    return f", {_STALL_LIMITS[StallLimit(number)]}" if number else ""
 
 
 def partner_words(

@@ -8,6 +8,7 @@ import pytest
 from motorctl.daemon.axis_faults import fault_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
+from motorctl.loop.axis_records import STALL_LIMIT_SHIFT, StallLimit
 from motorctl.loop.shared import axis_status
 
 PERIOD_S = 0.2e-3
@@ -36,6 +37,21 @@ def test_a_stalled_loop_tells_ticks_time_limit_and_what_measures_the_computer():
     message = told(FaultCause.OVERRUN, 42, 3)
     for part in ("stalled", "42 ticks (8.4 ms)", "limit 3", "`motorctl latency`"):
         assert part in message
+
+
+@pytest.mark.parametrize("limit", StallLimit)
+def test_a_stalled_loop_tells_the_one_limit_that_acted(limit):
+    keys = {
+        StallLimit.HOST_FROZEN: "guards.host_frozen.time_s",
+        StallLimit.WATCHDOG: "watchdog, beyond",
+        StallLimit.COMMANDS_APART: "watchdog less 2 periods",
+        StallLimit.HOLD_TICKS: "late.hold_ticks",
+        StallLimit.COUNTER: "encoder.counter_bits",
+    }
+    message = told(FaultCause.OVERRUN, 42, 3, device=limit << STALL_LIMIT_SHIFT)
+    assert [key for key in keys.values() if key in message] == [keys[limit]]
+    assert "limit 3 ticks (0.6 ms), " in message
+    assert "late ticks" not in message  # which have the same cause
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,38 @@ def test_whatever_a_device_says_after_a_pause_that_its_watchdog_did_not_stand_th
             assert "heartbeat" in told(hand)
 
 
+LIMITS = {
+    "host_frozen": (
+        {"watchdog_s": math.inf}, 600, "limit 500 ticks (100 ms), guards.host_frozen.time_s"
+    ),
+    "watchdog": (
+        {"report": 0}, 300, f"limit {DOG_TICKS} ticks (20 ms), its device's watchdog, beyond which"
+    ),
+    "watchdog less two periods": (
+        {}, DOG_TICKS - 1,
+        f"limit {DOG_TICKS - 2} ticks (19.6 ms), its device's watchdog less 2 periods",
+    ),
+    "hold_ticks": (
+        {"watchdog_s": None}, 300, "limit 200 ticks (40 ms), its driver's late.hold_ticks"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+def test_a_pause_is_told_with_the_one_limit_that_it_was_beyond_and_its_key(limit):
+    members, stalled, words = LIMITS[limit]
+    members = {"report": REPORTS["amplifier"], **members}
+    machine = on(with_sim(gantry()), members.pop("report"), hold_ticks=200, **members)
+    with moving(machine) as hand:
+        hand.step(stalled + 1)
+        hand.steps(2)
+        assert cause_of(hand) is FaultCause.OVERRUN
+        assert f"stalled for {stalled} ticks" in told(hand)
+        assert words in told(hand)
+        others = [text for name, (*_, text) in LIMITS.items() if name != limit]
+        assert not any(text.split("), ")[1] in told(hand) for text in others)
+
+
 @pytest.mark.parametrize("report", OWN)
 def test_without_a_pause_or_with_one_that_the_device_stands_its_own_word_is_the_cause(report):
     for stalled in (0, DOG_TICKS - 3):

@@ -7,7 +7,8 @@ from typing import Any
 from motorctl.hal import FAULT_BITS, Status
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.axis_records import StallLimit
+from motorctl.loop.guards.reactions import trip, trip_on_stall
 
 ENCODER_LOST = int(Status.ENCODER_LOST)
 AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
@@ -16,6 +17,7 @@ HARDWARE_ESTOP = int(Status.ESTOP)
 HOME_SWITCH = int(Status.HOME_SWITCH)
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 DEVICE_FAULTS = int(FAULT_BITS)
+BY_HOLD_TICKS = int(StallLimit.HOLD_TICKS)
 FORGET_PLACE = 1 << 31
 """Beside a driver's bits of `Status`: it is being opened anew, and what it counted is void."""
 FIRST_END, SECOND_END = 1 << 29, 1 << 30
@@ -59,7 +61,7 @@ def _trip_on_report(settings: Any, axis: Any, cause: int, t: float) -> None:
 @inner_kernel
 def _trip_on_pause(settings: Any, axis: Any, t: float) -> None:
     stalled, patience = float(axis.stalled_ticks), float(settings.patience_ticks)
-    trip(axis, FaultCause.OVERRUN, stalled, patience, t)
+    trip_on_stall(axis, stalled, patience, settings.patience_by, t)
 
 
 @inner_kernel
@@ -73,11 +75,11 @@ def check_freshness(settings: Any, axis: Any, elapsed: int, t: float) -> None:
         return
     stopped, hold_ticks = elapsed - 1, settings.hold_ticks
     if stopped > 0 and elapsed > hold_ticks:
-        trip(axis, FaultCause.OVERRUN, float(stopped), float(hold_ticks), t)
+        trip_on_stall(axis, float(stopped), float(hold_ticks), BY_HOLD_TICKS, t)
     elif axis.stalled_ticks:
         _trip_on_pause(settings, axis, t)
     elif axis.paused_ticks > hold_ticks:
-        trip(axis, FaultCause.OVERRUN, float(axis.paused_ticks), float(hold_ticks), t)
+        trip_on_stall(axis, float(axis.paused_ticks), float(hold_ticks), BY_HOLD_TICKS, t)
     else:
         without = float(ticks_without(axis))
         trip(axis, FaultCause.NO_NEW_SAMPLE, without, float(hold_ticks), t)

@@ -8,10 +8,12 @@ from motorctl.config import count_limits
 from motorctl.config.guard_keys import OVERSPEED_RATIO
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.guards.reactions import trip
+from motorctl.loop.axis_records import StallLimit
+from motorctl.loop.guards.reactions import trip, trip_on_stall
 from motorctl.loop.states import is_off
 
 _ambiguous_counts = inner_kernel(count_limits.ambiguous_counts)
+BY_COUNTER = int(StallLimit.COUNTER)
 _longest_step_m = inner_kernel(count_limits.longest_step_m)
 
 
@@ -56,7 +58,7 @@ def jump(settings: Any, axis: Any, step: int, elapsed: int, paused: int, t: floa
         quarter_m = _ambiguous_counts(settings.counter_span) * abs(settings.metres_per_count)
         longest = quarter_m / (fastest * settings.period_s)
         if settings.counter_span and paused and paused + 1 >= longest:
-            trip(axis, FaultCause.OVERRUN, float(paused), float(int(longest)), t)
+            trip_on_stall(axis, float(paused), float(int(longest)), BY_COUNTER, t)
         else:
             limit_m = longest_step_m(settings, elapsed)
             if settings.counter_span:

@@ -6,6 +6,7 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
+from motorctl.loop.axis_records import STALL_LIMIT_SHIFT
 from motorctl.loop.reference import UNDECIDED
 from motorctl.loop.states import Event, is_powered, take
 
@@ -55,6 +56,28 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
     """
     if take(axis, Event.TRIP):
         _let_go(axis, cause, value, limit, t)
+
+
+@inner_kernel
+def trip_on_stall(axis: Any, stalled: float, limit: float, by: int, t: float) -> None:
+    """Put the axis into FAULT because the loop was stalled, keeping which limit that was beyond."""
+    before = axis.fault
+    trip(axis, FaultCause.OVERRUN, stalled, limit, t)
+    _note_limit(axis, before, by)
+
+
+@inner_kernel
+def ramp_on_stall(axis: Any, stalled: float, limit: float, by: int, t: float) -> None:
+    """Let the axis ramp down because the loop was stalled, keeping which limit that was beyond."""
+    before = axis.fault
+    quick_stop(axis, FaultCause.OVERRUN, stalled, limit, t)
+    _note_limit(axis, before, by)
+
+
+@inner_kernel
+def _note_limit(axis: Any, before: int, by: int) -> None:
+    if before == 0 and axis.fault == FaultCause.OVERRUN:
+        axis.fault_status |= by << STALL_LIMIT_SHIFT
 
 
 @inner_kernel

@@ -10,7 +10,7 @@ from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import HOST_FROZEN_BIT
 from motorctl.loop.fences import load_acquire
-from motorctl.loop.guards.reactions import quick_stop, react_to_others, trip
+from motorctl.loop.guards.reactions import ramp_on_stall, react_to_others, trip_on_stall
 
 PAUSE_PARTS = 5
 """One pause of the loop counts for at most this part of the silence that the supervisor may keep: a
@@ -108,7 +108,7 @@ def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> bool:
     skipped, before = elapsed - 1, axis.state
     if skipped > settings.frozen_ticks:
         if settings.quick_stops >> HOST_FROZEN_BIT & 1:
-            quick_stop(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+            ramp_on_stall(axis, float(skipped), float(settings.frozen_ticks), settings.frozen_by, t)
         else:
-            trip(axis, FaultCause.OVERRUN, float(skipped), float(settings.frozen_ticks), t)
+            trip_on_stall(axis, float(skipped), float(settings.frozen_ticks), settings.frozen_by, t)
     return axis.state != before  # type: ignore[no-any-return]
