@@ -81,10 +81,12 @@ def _missed(name: str, samples: Mapping[str, int]) -> Text:
 
 def _title(document: Mapping[str, Any]) -> Text:
     loop, daemon = document["loop"], document["daemon"]
-    phase = "stopping" if daemon["stopping"] else loop["phase"]
+    phase = loop["phase"]
+    if daemon["stopping"]:
+        phase = "ending, its loop is gone" if phase == "failed" else "stopping"
     return Text.assemble(
         (document["machine"], "bold not dim"),
-        ("  ● ", f"{PHASE_STYLES.get(phase, 'yellow')} not dim"),
+        ("  ● ", f"{PHASE_STYLES.get(loop['phase'], 'yellow')} not dim"),
         (phase, "not dim"),
         (f"  {loop['rate_hz']:g} Hz  up {_duration(daemon['uptime_s'])}", "dim"),
     )

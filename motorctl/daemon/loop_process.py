@@ -150,6 +150,7 @@ class LoopProcess:
                 "Its drivers are told to disable all the same",
                 KILL_TIMEOUT_S,
             )
+        self.memory.phase = Phase.FAILED  # it can no longer say so itself
         for name, problem in self._make_safe().items():
             if problem is None:
                 _log.warning(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
@@ -24,6 +25,20 @@ from motorctl.loop import LoopMemory, reasons
 from motorctl.loop.faults import device_message
 from motorctl.loop.states import State
 
+LOOP_ENDED = "loop_ended"
+"""Beside the names of `FaultCause`: the loop that could have told one is gone."""
+_OF_THE_MOMENT = (
+    "position_m",
+    "velocity_m_s",
+    "reference_m",
+    "following_error_m",
+    "command_v",
+    "skew_m",
+    "skew_reference_m",
+    "skew_command_v",
+)
+"""What is no longer known of an axis once its loop is gone."""
+
 
 class Report:
     """Reads everything that `status` tells from where it stands."""
@@ -38,6 +53,8 @@ class Report:
         self.keeper: LogKeeper | None = None
         self.config: ConfigWatch | None = None
         self.stopping = False
+        self.loop_ended: str | None = None
+        """Why no axis is led any more, where the loop did not end in order."""
 
     def document(
         self, axes: Sequence[str], motions: Mapping[str, dict[str, Any]]
@@ -46,6 +63,8 @@ class Report:
         index = list(self._machine.axes)
         statuses = self._memory.axis_status
         faults = faults_of(self._machine, statuses)
+        if self.loop_ended is not None:
+            statuses, faults = self._let_go(statuses.copy(), faults, self.loop_ended)
         return {
             "machine": self._machine.name,
             "daemon": self._daemon(),
@@ -60,6 +79,22 @@ class Report:
                 )
                 for name in axes
             },
+        }
+
+    def _let_go(
+        self, statuses: NDArray[np.void], faults: Mapping[str, dict[str, str] | None], why: str
+    ) -> tuple[NDArray[np.void], dict[str, dict[str, str] | None]]:
+        """Return what is true of axes that were led by a loop that is gone: where is not known."""
+        led = ~np.isin(statuses["state"], (AxisState.OFF, AxisState.FAULT))
+        statuses["state"][led], statuses["inner_state"][led] = AxisState.FAULT, State.FAULT
+        statuses["excitation_left"][led] = 0
+        for name in _OF_THE_MOMENT:
+            statuses[name][led] = np.nan
+        told = {"cause": LOOP_ENDED, "message": f"{why}; the journal tells whether its outputs are "
+                "disabled; it can be commanded once the daemon is started anew"}  # fmt: skip
+        return statuses, {
+            name: told if gone else fault
+            for (name, fault), gone in zip(faults.items(), led, strict=True)
         }
 
     def loop(self) -> dict[str, Any]:

@@ -132,14 +132,15 @@ class Supervisor:
         wrong: list[str] = []
         orderly = False
         try:
-            wrong += await _problems(self._begin_and_serve())
+            wrong += self._told_at_once(await _problems(self._begin_and_serve()))
             # Whatever it was that failed: a loop that ticks can ramp its axes down.
             if not wrong or self._loop.ticks:
-                not_stopped = await _problems(self._stop())
+                not_stopped = self._told_at_once(await _problems(self._stop()))
                 orderly = not not_stopped
                 wrong += not_stopped
         finally:
             self._report.stopping = True
+            self._report.loop_ended = "; ".join(wrong) if wrong and not orderly else None
             # From here on no tick feeds the watchdog: what a dead loop leaves takes its time, too.
             self._notifier.stopping("making outputs safe and closing the log")
             wrong += await _problems(asyncio.to_thread(self._loop.end))
@@ -157,6 +158,13 @@ class Supervisor:
             self._notifier.close()
         if wrong:
             raise RunError("\n".join(wrong))
+
+    def _told_at_once(self, wrong: list[str]) -> list[str]:
+        """Tell why a run that was under way ends: closing a large log may take its time."""
+        if self._recorder is not None:
+            for problem in wrong:
+                _log.error("ending: %s", problem)
+        return wrong
 
     def _on_signal(self) -> None:
         """Stop in order at the first signal, at once at the second; the log is kept anyhow."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import signal
 import socket
 import threading
@@ -55,6 +56,41 @@ def test_a_daemon_whose_disk_hangs_ends_all_the_same_and_its_log_can_be_recovere
         )
         (partial,) = daemon.partial_logs()
     assert recover(partial).rows > 0
+
+
+SLOW_TO_CLOSE = (
+    "import time; from motorctl.daemon import rotating_log; close = rotating_log.RotatingLog.close;"
+    "rotating_log.RotatingLog.close = lambda *given: (time.sleep(6.0), close(*given))[1];"
+)
+
+
+def test_a_loop_that_died_is_told_at_once_and_its_axes_are_not_shown_as_running(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*arguments: str) -> list[str]:
+        python, option, code, *rest = command(*arguments)
+        return [python, option, SLOW_TO_CLOSE + code, *rest]
+
+    monkeypatch.setattr(daemon_rig, "command", slow)
+    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+        daemon.ask("start", axis="x")
+        os.kill(daemon.ask("status")["loop"]["pid"], signal.SIGKILL)
+        cause = "the loop process ended (killed by SIGKILL)"
+        wait_until(lambda: f"motorctl: ending: {cause}" in daemon.said)
+        wait_until(lambda: daemon.ask("status")["loop"]["phase"] == "failed", 5.0)
+        status = daemon.ask("status")
+        assert status["daemon"]["stopping"]
+        x, y = status["axes"]["x"], status["axes"]["y"]
+        assert (x["state"], x["motion"], x["command_v"]) == ("fault", None, None)
+        assert x["fault"]["cause"] == "loop_ended"
+        assert x["fault"]["message"].startswith(cause)
+        assert y["state"] == "off"
+        shown = daemon.cli("status").stdout
+        assert "ending, its loop is gone" in shown
+        assert "running" not in shown
+        assert daemon.process.poll() is None  # all of this while the log is closed
+        assert daemon.process.wait(60) == 1
+        assert daemon.said.splitlines()[-1] == f"motorctl: {cause}"
 
 
 def test_a_disk_that_is_slow_to_save_what_was_learned_holds_up_nothing_else(
