@@ -200,9 +200,9 @@ def _ask(client: Client, do: str, **arguments: Any) -> dict[str, Any]:
     return client.ask_when_ready(do, _tell_wait, **arguments)
 
 
-def _tell_wait() -> None:
+def _tell_wait(why: str) -> None:
     if sys.stderr.isatty():
-        say("motorctl: waiting for the control loop to be ready and the axis to stand", err=True)
+        say(f"motorctl: waiting: {why}", err=True)
 
 
 def _in(*states: str) -> Any:

@@ -42,6 +42,8 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
             parts.append(Text(f"{name}: its device now: {one_line(axis['device'])}", "yellow"))
         if axis.get("samples", {}).get("missed"):
             parts.append(_missed(name, axis["samples"]))
+    if preparing := document["loop"].get("preparing"):
+        parts.append(Text(preparing, "yellow"))
     if any(axis["fault"] for axis in document["axes"].values()):
         parts += _flight_record(document["recording"].get("flight_records") or {})
     if detailed:

@@ -128,7 +128,7 @@ class Client:
         return _content(json.loads(reply))
 
     def ask_when_ready(
-        self, do: str, on_wait: Callable[[], None], **arguments: Any
+        self, do: str, on_wait: Callable[[str], None], **arguments: Any
     ) -> dict[str, Any]:
         """Send one request, again and again while it is too early for it.
 
@@ -140,7 +140,7 @@ class Client:
         do, **arguments
             As of `ask`.
         on_wait
-            Called once where the request has to wait.
+            Called once where the request has to wait, with the reason.
         """
         began = time.monotonic()
         waits = False
@@ -150,9 +150,10 @@ class Client:
             except DaemonRefusedError as no:
                 if time.monotonic() - began > PATIENCE_S.get(no.code, 0.0):
                     raise
+                why = str(no)
             if not waits:
                 waits = True
-                on_wait()
+                on_wait(why)
             time.sleep(READY_POLL_S)
 
     def axis(self, axis: str) -> dict[str, Any]:

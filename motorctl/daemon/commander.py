@@ -419,8 +419,8 @@ class Commander:
             message = "the loop process has ended: the daemon is stopping"
             raise RefusedError(Code.STOPPING, message)
         if phase is not Phase.RUNNING:
-            message = f"the loop process is {phase.name.lower()}; try again in some seconds"
-            raise RefusedError(Code.NOT_READY, message)
+            message = self._report.preparing or "the loop is about to begin"
+            raise RefusedError(Code.NOT_READY, f"{message}; try again in some seconds")
 
     def _must_stand(self, command: str, name: str) -> None:
         if self._state(name) is not AxisState.IDLE:

@@ -21,7 +21,8 @@ from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.json_values import finite
 from motorctl.log.sample import AxisState
-from motorctl.loop import LoopMemory, reasons
+from motorctl.loop import LoopMemory, Phase, reasons
+from motorctl.loop.compiling_time import compiling_words
 from motorctl.loop.faults import device_message
 from motorctl.loop.states import State
 
@@ -55,6 +56,25 @@ class Report:
         self.stopping = False
         self.loop_ended: str | None = None
         """Why no axis is led any more, where the loop did not end in order."""
+
+    @property
+    def uptime_s(self) -> float:
+        """How long the daemon runs."""
+        return time.monotonic() - self._started_at
+
+    @property
+    def preparing(self) -> str | None:
+        """What is done before the loop ticks, and how long that takes; None where it has begun."""
+        phase, so_far = self._memory.phase, f"{self.uptime_s:.0f} s so far"
+        if phase is Phase.STARTING:
+            return f"the loop process is starting: it loads its libraries; {so_far}"
+        if phase is Phase.COMPILING:
+            takes = compiling_words(len(self._machine.axes))
+            return (
+                f"the control loop is being compiled, once for this configuration ({takes}), or "
+                f"taken from the cache; {so_far}"
+            )
+        return None
 
     def document(
         self, axes: Sequence[str], motions: Mapping[str, dict[str, Any]]
@@ -103,6 +123,7 @@ class Report:
         timing = self.recorder.timing.result() if self.recorder else {}
         return {
             "phase": self._memory.phase.name.lower(),
+            "preparing": self.preparing,
             "pid": int(status["pid"]),
             "rate_hz": self._machine.rate_hz,
             "ticks": int(status["tick"]),
@@ -131,7 +152,7 @@ class Report:
             "config": str(self._machine.source),
             "config_difference": self.config.difference if self.config else None,
             "socket": str(self._socket),
-            "uptime_s": round(time.monotonic() - self._started_at, 3),
+            "uptime_s": round(self.uptime_s, 3),
             "stopping": self.stopping,
         }
 

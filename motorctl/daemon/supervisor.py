@@ -39,6 +39,7 @@ from motorctl.kernels import CompilingBeside
 from motorctl.log.folder import must_be_writable
 from motorctl.loop import Phase, Verb, reasons
 from motorctl.loop.compiled_beside import compile_beside
+from motorctl.loop.compiling_time import compiling_words
 
 BEAT_PERIOD_S = 0.02
 WATCH_PERIOD_S = 0.05
@@ -197,12 +198,18 @@ class Supervisor:
         told = False
         while (phase := self._loop.phase) is not Phase.RUNNING:
             if self._asked.is_set():
+                _log.info(
+                    "told to stop after %.1f s of starting, before the first tick: no axis was "
+                    "enabled",
+                    self._report.uptime_s,
+                )
                 return
             self._loop.insist()
             if phase is Phase.COMPILING and not told:
                 told = True
-                self._notifier.status("compiling")
-                _log.info("compiling the control loop, or taking it from the cache")
+                self._notifier.status(self._report.preparing or "compiling the control loop")
+                takes = compiling_words(len(self._machine.axes))
+                _log.info("compiling the control loop (%s), or taking it from the cache", takes)
             await asyncio.sleep(WATCH_PERIOD_S)
         # In threads: the loop ticks already, and waits half a second for a sign of life.
         await asyncio.to_thread(self._beside.end)

@@ -21,6 +21,7 @@ from motorctl.hal import Driver, Inputs, Outputs
 from motorctl.kernels import compiling_told, kernels_cached, specialise
 from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.clock import NS_PER_S
+from motorctl.loop.compiling_time import compiling_words
 from motorctl.loop.compose import compose_tick
 from motorctl.loop.dual_records import DUAL_SETTINGS, DUAL_STATE, fill_dual_drive
 from motorctl.loop.guards.supervision import WATCH
@@ -28,9 +29,6 @@ from motorctl.loop.shared import LoopMemory
 
 with kernels_cached():
     from motorctl.loop.publish import publish
-
-COMPILED_S, AXIS_COMPILED_S = 7.0, 1.5
-"""What compiling takes on a virtual machine with two CPUs: the common part, each axis' own."""
 
 T = TypeVar("T")
 Move = tuple[Callable[[T], None], T, int]
@@ -201,8 +199,8 @@ class Tick:
         in_place = self._in_place = [self._reads_and_writes()]
         count = len(self.machine.axes)
         told = (
-            f"compiling the kernels of {count} {'axis' if count == 1 else 'axes'}, once for this "
-            f"configuration: about {COMPILED_S + count * AXIS_COMPILED_S:.0f} s"
+            f"motorctl: compiling the kernels of {count} {'axis' if count == 1 else 'axes'}, once "
+            f"for this configuration: {compiling_words(count)}"
         )
         with compiling_told(told):
             kernel = specialise(module.tick, *self._all_arguments(inputs_outputs))

@@ -334,14 +334,15 @@ def test_a_client_waits_for_a_loop_that_is_not_ready_and_tells_once(
     monkeypatch.setattr(f"{__name__}.before_start", refusals)
     told: list[str] = []
     with Client(path) as client:
-        answer = client.ask_when_ready("start", lambda: told.append("waits"), axis="x")
+        answer = client.ask_when_ready("start", told.append, axis="x")
         assert answer == {"did": "start"}
-        assert told == ["waits"]
-        assert client.ask_when_ready("start", lambda: told.append("again"), axis="x") == answer
-        assert (told, refusals) == (["waits"], [])
+        (why,) = told
+        assert "the loop process is compiling" in why
+        assert client.ask_when_ready("start", lambda _: told.append("again"), axis="x") == answer
+        assert (told, refusals) == ([why], [])
         with pytest.raises(DaemonRefusedError, match="not now"):
-            client.ask_when_ready("estop", lambda: told.append("never"))
+            client.ask_when_ready("estop", lambda _: told.append("never"))
         monkeypatch.setattr(client_module, "PATIENCE_S", {})
         refusals += [RefusedError(Code.NOT_READY, "still compiling")] * 100
         with pytest.raises(DaemonRefusedError, match="still compiling"):
-            client.ask_when_ready("start", lambda: None, axis="x")
+            client.ask_when_ready("start", lambda _: None, axis="x")

@@ -103,7 +103,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         with running_daemon(options.config, folder) as (process, client):
             before = client.ask("status")
             for axis in before["axes"]:
-                client.ask_when_ready("start", lambda: None, axis=axis)
+                client.ask_when_ready("start", lambda _: None, axis=axis)
             for number in range(len(KINDS) * options.rounds):
                 kind = KINDS[number % len(KINDS)]
                 _keep_moving(client)
@@ -148,7 +148,7 @@ def _keep_moving(client: Client) -> None:
     for name, axis in client.ask("status")["axes"].items():
         if axis["state"] == "idle":
             client.ask("stop", axis=name)
-            client.ask_when_ready("start", lambda: None, axis=name)
+            client.ask_when_ready("start", lambda _: None, axis=name)
 
 
 def _ticks(client: Client) -> int:

@@ -76,7 +76,7 @@ def run_kill(key: BusKey) -> KillOutcome:
                 wait_until_running(daemon, ends.socket)
                 with Client(ends.socket) as client:
                     for axis in AXES:
-                        client.ask_when_ready("start", lambda: None, axis=axis)
+                        client.ask_when_ready("start", lambda _: None, axis=axis)
                     time.sleep(UNDER_WAY_S)
                     loop = int(client.ask("status")["loop"]["pid"])
                 if key.fault == BOTH_KILLED:  # the supervisor first: it may do nothing any more

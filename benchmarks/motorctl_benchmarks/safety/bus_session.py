@@ -264,7 +264,7 @@ def _soon(do: Callable[[], object], soon_s: float) -> str:
 
 def _each(client: Client, do: str, **arguments: Any) -> None:
     for axis in AXES:
-        client.ask_when_ready(do, lambda: None, axis=axis, **arguments)
+        client.ask_when_ready(do, lambda _: None, axis=axis, **arguments)
 
 
 def _refused(do: Callable[[], object]) -> str:
