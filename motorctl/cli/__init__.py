@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
+from typing import TYPE_CHECKING
 
-import typer
-
-from motorctl import __version__
-from motorctl.cli.installed import Commands
+from motorctl.cli.beginning import say_first
 from motorctl.cli.say import say
 from motorctl.errors import MotorctlError
+
+if TYPE_CHECKING:
+    import typer
 
 GROUPS = (
     "demo",
@@ -37,34 +37,14 @@ GROUPS = (
 
 def make_app() -> typer.Typer:
     """Assemble the commands of every group."""
-    app = typer.Typer(
-        name="motorctl",
-        cls=Commands,
-        help="Real-time motion control that closes the loop with measured data.",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        add_completion=False,
-        rich_markup_mode=None,
-    )
+    from motorctl.cli.app import assemble  # long to load: something is said before
 
-    @app.callback(invoke_without_command=True)
-    def options(
-        context: typer.Context,
-        version: bool = typer.Option(False, "--version", help="Print the version."),
-    ) -> None:
-        if version:
-            say(__version__)
-            raise typer.Exit
-        if context.invoked_subcommand is None:
-            raise typer.Exit(2)
-
-    for group in GROUPS:
-        importlib.import_module(f"motorctl.cli.{group}").register(app)
-    return app
+    return assemble(GROUPS)
 
 
 def main() -> None:
     """Run the command line; a foreseen error is one message and an exit status."""
+    say_first(sys.argv[1:])
     try:
         make_app()()
     except MotorctlError as error:

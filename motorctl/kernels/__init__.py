@@ -1,7 +1,8 @@
 """Compiled kernels: how they are compiled, and where compiled code is kept between starts."""
 
+from motorctl.cache_folder import cache_root
 from motorctl.kernels.beside import CompilingBeside
-from motorctl.kernels.cache import cache_root, kernels_cached
+from motorctl.kernels.cache import kernels_cached
 from motorctl.kernels.generated import is_kept, load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
 from motorctl.kernels.telling import compiling_told

@@ -21,6 +21,7 @@ from typing import Any
 import numba
 from numba.core.caching import _CacheLocator
 
+from motorctl.cache_folder import cache_root
 from motorctl.errors import RunError
 from motorctl.kernels.checked_files import files_checked
 from motorctl.kernels.digest import digest_of_file
@@ -33,20 +34,6 @@ LARGEST_BYTES = 1 << 30
 KEPT_DAYS = 1.0
 """Nothing is removed that was used so recently: another process may be working with it."""
 DAY_S = 86400.0
-
-
-def cache_root() -> Path:
-    """Return the folder for compiled kernels.
-
-    Returns
-    -------
-    Path
-        That of systemd's CacheDirectory=, else the user's cache; it may not exist yet.
-    """
-    if directory := os.environ.get("CACHE_DIRECTORY"):
-        return Path(directory.split(":")[0])
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "motorctl"
 
 
 def generated_folder() -> Path:

@@ -187,6 +187,32 @@ def test_a_killed_supervisor_leaves_no_loop_and_a_recoverable_log(tmp_path: Path
         assert pq.read_metadata(found.path).num_rows == found.rows
 
 
+def test_a_daemon_says_a_word_before_it_loads_anything_and_a_stop_while_starting_is_told(
+    tmp_path: Path,
+) -> None:
+    daemon = Daemon(tmp_path)
+    wait_until(lambda: bool(daemon.said))
+    assert daemon.end() == 0
+    first, *_, last = daemon.said.splitlines()
+    assert first == "motorctl: starting"
+    assert "motorctl: told to stop" in daemon.said, daemon.said
+    assert last.startswith("motorctl: ")
+    assert not list(tmp_path.glob("*.sock"))
+
+
+def test_a_stop_while_the_loop_is_compiled_is_told_and_so_is_what_takes_long(
+    tmp_path: Path,
+) -> None:
+    daemon = Daemon(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))  # nothing is kept there
+    wait_until(lambda: "compiling the control loop (about 10 s" in daemon.said, 240)
+    told = daemon.ask("status")["loop"]["preparing"]
+    assert "the control loop is being compiled, once for this configuration (about 10 s" in told
+    wait_until(lambda: "compiling the kernels of 2 axes" in daemon.said, 240)
+    assert daemon.end() == 0
+    assert "s of starting, before the first tick: no axis was enabled" in daemon.said
+    assert all(line.startswith("motorctl: ") for line in daemon.said.splitlines()), daemon.said
+
+
 @pytest.mark.slow
 def test_a_stop_before_the_first_tick_forgets_nothing(tmp_path: Path) -> None:
     kept = tmp_path / "state" / "motorctl" / "bench.json"
