@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.error_text import in_words
+from motorctl.loop import EndNote
 
 _FORMAT = "motorctl-run-1"
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -35,6 +36,8 @@ class _Run(BaseModel):
     config: dict[str, Any]
     ended: str | None
     """How; None: it is under way, or was killed."""
+    loop_tells: bool = False
+    """Whether its loop process leaves a note where it ends without a supervisor."""
 
 
 class LastRun:
@@ -53,6 +56,15 @@ class LastRun:
         self._path = path
         self._run: _Run | None = None
 
+    @property
+    def loop_note(self) -> EndNote | None:
+        """What the loop process leaves where it ends without a supervisor; None before `begin`."""
+        return EndNote(self._note_path, self._run.process) if self._run else None
+
+    @property
+    def _note_path(self) -> Path:
+        return self._path.with_name(f"{self._path.name}.loop")
+
     def begin(self) -> list[str]:
         """Note that a run is under way.
 
@@ -70,7 +82,10 @@ class LastRun:
             source=str(self._machine.source),
             config=dict(self._machine.resolved),
             ended=None,
+            loop_tells=True,
         )
+        with contextlib.suppress(OSError):  # one that stays names another run
+            self._note_path.unlink()
         return told + self._keep()
 
     def end(self, problems: str) -> list[str]:
@@ -99,7 +114,7 @@ class LastRun:
         told = []
         since = f"the last run (since {before.started})"
         if before.ended is None and not _lives(before.process):
-            told.append(f"{since} did not end in order: {_how_it_was_cut_short(before.process)}")
+            told.append(f"{since} did not end in order: {self._how_it_was_cut_short(before)}")
         elif before.ended not in (None, IN_ORDER):
             told.append(f"{since} ended with: {before.ended}")
         changes = list(_changes(before.config, self._machine.resolved))
@@ -108,6 +123,26 @@ class LastRun:
             named = "; ".join(changes[:CHANGES_TOLD]) + (f"; and {more} more" if more > 0 else "")
             told.append(f"the configuration has changed since {since}: {named}")
         return told
+
+    def _how_it_was_cut_short(self, run: _Run) -> str:
+        try:
+            same = run.process.endswith(_BOOT.read_text().strip())
+        except OSError:
+            same = False
+        if not same:
+            return "the computer went down, or was restarted"
+        if not run.loop_tells:
+            return "its supervisor was killed"
+        try:
+            stopped = self._note_path.read_text() == run.process
+        except OSError:
+            stopped = False
+        if stopped:
+            return "its supervisor was killed; its loop process then stopped every axis and ended"
+        return (
+            "its supervisor and its loop process were killed, so nothing but the devices' own "
+            "watchdogs disabled the outputs"
+        )
 
     def _keep(self) -> list[str]:
         assert self._run is not None
@@ -139,14 +174,6 @@ def _process(pid: int) -> str:
 def _lives(process: str) -> bool:
     pid = process.split(maxsplit=1)[0]
     return pid.isdecimal() and _process(int(pid)) == process
-
-
-def _how_it_was_cut_short(process: str) -> str:
-    try:
-        same = process.endswith(_BOOT.read_text().strip())
-    except OSError:
-        same = False
-    return "its supervisor was killed" if same else "the computer went down, or was restarted"
 
 
 def _changes(before: Any, now: Any, key: str = "") -> Iterator[str]:

@@ -18,7 +18,7 @@ from motorctl.config.guard_keys import STALLED_S
 from motorctl.config.machine import Machine
 from motorctl.daemon.error_text import in_words
 from motorctl.errors import RunError
-from motorctl.loop import LoopMemory, Phase, spawn
+from motorctl.loop import EndNote, LoopMemory, Phase, spawn
 from motorctl.loop.fences import require_known_processor
 from motorctl.loop.tick import make_drivers
 
@@ -76,7 +76,12 @@ class LoopProcess:
         )
         return 2.0 * max(ramps) + STOP_SLACK_S
 
-    def start(self, learned: Mapping[str, Sequence[float]], keep_open: Sequence[int]) -> None:
+    def start(
+        self,
+        learned: Mapping[str, Sequence[float]],
+        keep_open: Sequence[int],
+        end_note: EndNote | None = None,
+    ) -> None:
         """Start the process.
 
         Parameters
@@ -85,6 +90,8 @@ class LoopProcess:
             theta_hat (n,) to start from, by axis.
         keep_open
             File descriptors that it holds as long as it lives.
+        end_note
+            What it leaves where it ends without this process.
 
         Raises
         ------
@@ -98,6 +105,7 @@ class LoopProcess:
                 learned=learned,
                 keep_open=keep_open,
                 bell_fd=self._bell_fd,
+                end_note=end_note,
             )
         except OSError as error:
             raise RunError(f"the loop process did not start: {error.strerror}") from error

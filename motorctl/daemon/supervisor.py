@@ -194,7 +194,8 @@ class Supervisor:
         theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
         for remark in remarks:
             _log.info("%s", remark)
-        await asyncio.to_thread(self._loop.start, theta, (self._control.lock_fd,))
+        note = self._last_run.loop_note
+        await asyncio.to_thread(self._loop.start, theta, (self._control.lock_fd,), note)
         told = False
         while (phase := self._loop.phase) is not Phase.RUNNING:
             if self._asked.is_set():

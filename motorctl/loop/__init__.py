@@ -1,7 +1,7 @@
 """The loop process: clock, tick, axis state machine, limits, timing, the shared memory."""
 
 from motorctl.loop.excitation import Excitation
-from motorctl.loop.process import spawn
+from motorctl.loop.process import EndNote, spawn
 from motorctl.loop.realtime import isolated_cpus, reasons
 from motorctl.loop.shared import LoopMemory
 from motorctl.loop.virtual import VirtualMachine
@@ -9,6 +9,7 @@ from motorctl.loop.vocabulary import Degraded, Phase, Reply, Verb
 
 __all__ = [
     "Degraded",
+    "EndNote",
     "Excitation",
     "LoopMemory",
     "Phase",

@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
@@ -29,6 +30,19 @@ usual 5 ms are 25 periods of 5 kHz."""
 
 
 @dataclass(frozen=True)
+class EndNote:
+    """What the loop process leaves where it ends in order, but without its supervisor."""
+
+    path: Path
+    words: str
+
+    def leave(self) -> None:
+        """Write it; where that fails, the next start takes the process for killed."""
+        with contextlib.suppress(OSError):
+            self.path.write_text(self.words)
+
+
+@dataclass(frozen=True)
 class Orders:
     """What the supervisor hands to the loop process on its standard input."""
 
@@ -38,6 +52,7 @@ class Orders:
     """theta_hat to start from, by axis; axes that are missing start from their configuration."""
     bell_fd: int | None = None
     """An eventfd that is rung for each driver to open anew; None: drivers are opened once."""
+    end_note: EndNote | None = None
 
 
 def spawn(
@@ -47,6 +62,7 @@ def spawn(
     learned: Mapping[str, Sequence[float]] | None = None,
     keep_open: Sequence[int] = (),
     bell_fd: int | None = None,
+    end_note: EndNote | None = None,
 ) -> subprocess.Popen[bytes]:
     """Start the loop process on this memory.
 
@@ -62,6 +78,8 @@ def spawn(
         File descriptors that it holds as long as it lives.
     bell_fd
         An eventfd that this process rings when a driver shall be opened anew.
+    end_note
+        What it leaves where it loses this process and ends by itself.
 
     Returns
     -------
@@ -79,7 +97,7 @@ def spawn(
     with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
         # Drivers and effects are found there wherever they were found here.
         pickle.dump(sys.path, pipe)
-        pickle.dump(Orders(machine, memory.fd, learned or {}, bell_fd), pipe)
+        pickle.dump(Orders(machine, memory.fd, learned or {}, bell_fd, end_note), pipe)
     return process
 
 
@@ -105,6 +123,8 @@ def main() -> int:
             limit_s = orders.machine.loop.patience_s
             told = f"no sign of life from the supervisor for {limit_s:g} s"
             status["message"][0] = f"{told}: every axis was stopped".encode()
+            if orders.end_note is not None:
+                orders.end_note.leave()
         memory.phase = Phase.STOPPED
         return 0
     status["message"][0] = message.encode()[:512]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -57,10 +58,46 @@ def test_a_run_that_was_killed_is_told_with_when_it_began(machine: Machine, path
     began = json.loads(path.read_text())["started"]
     of_a_dead_process(path)
     (told,) = LastRun(machine, path).begin()
-    assert told == (f"the last run (since {began}) did not end in order: its supervisor was killed")
+    assert told.startswith(
+        f"the last run (since {began}) did not end in order: its supervisor and its loop process "
+        "were killed"
+    )
     of_a_dead_process(path, boot="another-life")
     (told,) = LastRun(machine, path).begin()
     assert told.endswith("the computer went down, or was restarted")
+
+
+def test_a_loop_that_stopped_after_its_supervisor_was_killed_is_not_told_as_killed(
+    machine: Machine, path: Path
+) -> None:
+    def killed() -> str:
+        of_a_dead_process(path)
+        (told,) = LastRun(machine, path).begin()
+        return told
+
+    run = LastRun(machine, path)
+    run.begin()
+    of_a_dead_process(path)
+    note = run.loop_note
+    assert note is not None
+    # The run's file names the process as the note does.
+    dataclasses.replace(note, words=json.loads(path.read_text())["process"]).leave()
+    (told,) = LastRun(machine, path).begin()
+    assert told.endswith("its supervisor was killed; its loop process then stopped every axis and "
+                         "ended")  # fmt: skip
+    assert "its loop process were killed" in killed()  # a note counts for its own run alone
+
+
+def test_a_run_of_a_version_whose_loop_left_no_note_tells_of_its_supervisor_alone(
+    machine: Machine, path: Path
+) -> None:
+    LastRun(machine, path).begin()
+    of_a_dead_process(path)
+    run = json.loads(path.read_text())
+    del run["loop_tells"]
+    path.write_text(json.dumps(run))
+    (told,) = LastRun(machine, path).begin()
+    assert told.endswith("did not end in order: its supervisor was killed")
 
 
 @pytest.mark.slow
@@ -76,7 +113,7 @@ def test_a_run_that_a_process_really_left_by_sigkill_is_told(machine: Machine, p
     )
     assert done.returncode == -9
     (told,) = LastRun(machine, path).begin()
-    assert "did not end in order: its supervisor was killed" in told
+    assert "did not end in order: its supervisor and its loop process were killed" in told
 
 
 def test_a_run_that_is_under_way_is_not_called_dead(machine: Machine, path: Path) -> None:

@@ -75,7 +75,7 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
         daemon.process.wait()
         wait_until(lambda: not alive(pid))
         said = start_anew(daemon)
-        assert "did not end in order: its supervisor was killed" in said
+        assert "did not end in order: its supervisor and its loop process were killed" in said
         assert "1 of earlier runs are unfinished" in said
         assert "Traceback" not in said
         assert daemon.end() == 0, daemon.said
@@ -99,7 +99,7 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
         wait_until(lambda: not alive(loop) and not alive(converter))
         assert closed.exists()  # whole, as its log is not
         said = start_anew(daemon)
-        assert "did not end in order: its supervisor was killed" in said
+        assert "its supervisor was killed; its loop process then stopped every axis" in said
         assert "2 of earlier runs are unfinished" in said
         assert closed.name in said
         assert "Traceback" not in said
