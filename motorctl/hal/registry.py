@@ -84,6 +84,7 @@ def _remedy(point: EntryPoint) -> str:
 def _import(target: str, name: str, remedy: str) -> type[Driver]:
     """Import a driver; `remedy` is told where a library is missing. Raises UsageError."""
     module_name, _, attribute = target.partition(":")
+    who = f"driver '{name}'" + (f" ({target})" if name != target else "")
     try:
         driver = getattr(importlib.import_module(module_name), attribute)
     except Exception as error:  # a third party's module may fail in any way
@@ -92,7 +93,7 @@ def _import(target: str, name: str, remedy: str) -> type[Driver]:
             own = f"{module_name}.".startswith(f"{error.name}.")
             hint = "is its folder on PYTHONPATH?" if own else remedy
             cause = f"module '{error.name}' is missing" + (f"; {hint}" if hint else "")
-        raise UsageError(f"driver '{name}' ({target}) failed to import: {cause}") from error
+        raise UsageError(f"{who} failed to import: {cause}") from error
     if not (isinstance(driver, type) and issubclass(driver, Driver)):
-        raise UsageError(f"driver '{name}' ({target}) is not a subclass of motorctl.hal.Driver")
+        raise UsageError(f"{who} is not a subclass of motorctl.hal.Driver")
     return driver
