@@ -73,9 +73,12 @@ def _flight_record(flight: Mapping[str, str | None]) -> list[RenderableType]:
 
 
 def _missed(name: str, samples: Mapping[str, int]) -> Text:
-    longest, allowed = samples["longest_missed"], samples["allowed"]
+    missed, longest, allowed = (samples[key] for key in ("missed", "longest_missed", "allowed"))
+    if samples.get("lost"):
+        told = f"{missed} ticks without a sample, at most {longest} in a row"
+        return Text(f"{name}: device lost; before that {told}", "yellow")
     return Text(
-        f"{name}: {samples['missed']} ticks without a new sample, at most {longest} in a row; "
+        f"{name}: {missed} ticks without a new sample, at most {longest} in a row; "
         f"{allowed} are allowed",
         "yellow" if 2 * longest > allowed else "dim",
     )

@@ -28,6 +28,8 @@ from motorctl.loop.states import State
 
 LOOP_ENDED = "loop_ended"
 """Beside the names of `FaultCause`: the loop that could have told one is gone."""
+_NO_SAMPLES = Status.ENCODER_LOST | Status.COMMUNICATION_LOST
+"""With one of them no sample can be trusted, and none is missed: the device is lost."""
 _OF_THE_MOMENT = (
     "position_m",
     "velocity_m_s",
@@ -207,6 +209,7 @@ class Report:
                 "missed": int(status["missed_ticks"]),
                 "longest_missed": int(status["longest_missed_ticks"]),
                 "allowed": self._machine.drivers[axis.driver].late.hold_ticks,
+                "lost": bool(int(status["device_status"]) & _NO_SAMPLES),
             },
             "homed": bool(status["homed"]),
             "controller": axis.controller,

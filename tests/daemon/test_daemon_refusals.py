@@ -15,6 +15,7 @@ from motorctl.daemon.client import DaemonRefusedError
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.protocol import RefusedError, parse_request
 from motorctl.daemon.report import Report
+from motorctl.hal import Status
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.states import OPERATION, State
 
@@ -98,6 +99,23 @@ def test_only_a_loop_that_is_about_to_tick_is_called_not_ready(loop: Loop, phase
     assert PREPARING[phase][0] in told["preparing"]
     loop.phase(Phase.RUNNING)
     assert loop.ask('{"do": "status"}')["loop"]["preparing"] is None
+
+
+@pytest.mark.parametrize(
+    ("word", "lost"),
+    [
+        (Status(0), False),
+        (Status.STALE | Status.ESTOP, False),
+        (Status.COMMUNICATION_LOST | Status.BUS_OFF, True),
+        (Status.ENCODER_LOST | Status.DEVICE_RESTARTED, True),
+    ],
+)
+def test_the_status_tells_whether_samples_are_missing_or_the_device_is_lost(
+    loop: Loop, word: Status, lost: bool
+) -> None:
+    loop.memory.axis_status_rows["device_status"][:, 0] = word
+    axes = loop.ask('{"do": "status"}')["axes"]
+    assert (axes["x"]["samples"]["lost"], axes["y"]["samples"]["lost"]) == (lost, False)
 
 
 @pytest.mark.parametrize("command", ["start", "reset"])

@@ -159,6 +159,10 @@ def test_samples_that_are_missing_and_a_device_in_trouble_are_told_whatever_the_
     text = " ".join(drawn(document).split())
     assert "x: 932 ticks without a new sample, at most 4 in a row; 50 are allowed" in text
     assert "y: its device now: no new sample comes" in text
+    document["axes"]["x"]["samples"]["lost"] = True
+    text = " ".join(drawn(document).split())
+    assert "x: device lost; before that 932 ticks without a sample, at most 4 in a row" in text
+    assert "are allowed" not in text
 
 
 def test_an_axis_with_two_motors_shows_its_skew_and_how_far_it_may_go():
