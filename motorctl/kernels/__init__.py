@@ -5,16 +5,20 @@ from motorctl.kernels.beside import CompilingBeside
 from motorctl.kernels.cache import kernels_cached
 from motorctl.kernels.generated import is_kept, load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
+from motorctl.kernels.sent import SentKernel, packed, unpacked
 from motorctl.kernels.telling import compiling_told
 
 __all__ = [
     "CompilingBeside",
+    "SentKernel",
     "cache_root",
     "compiling_told",
     "inner_kernel",
     "is_kept",
     "kernels_cached",
     "load_generated",
+    "packed",
     "source_digest",
     "specialise",
+    "unpacked",
 ]
