@@ -16,6 +16,11 @@ from motorctl.hal import Driver, DriverOptions
 from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
 
+ROOM_STEP = 8
+"""Entries of theta that records may hold beyond the longest, at least. More cost memory in every
+row of the ring, fewer send whoever adds an effect to a restart. By hand: most effects have one to
+three."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -102,9 +107,13 @@ class Machine:
         return next((number for number, group in groups if axis in group), 0)
 
     @property
-    def most_parameters(self) -> int:
-        """Length of the longest theta: records in shared memory are made for it."""
-        return max(len(axis.model) for axis in self.axes.values())
+    def parameter_room(self) -> int:
+        """Length of theta that records are made for: that of the longest, and room to add effects.
+
+        Models with more parameters may follow while the loop runs.
+        """
+        longest = max(len(axis.model) for axis in self.axes.values())
+        return (longest // ROOM_STEP + 2) * ROOM_STEP
 
     @property
     def followed_programs(self) -> list[str]:

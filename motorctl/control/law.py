@@ -19,6 +19,9 @@ from motorctl.control.law_records import LawFlag
 from motorctl.kernels import inner_kernel
 
 SATURATED = int(LawFlag.SATURATED)
+LONG_S = 1e3
+"""How long a command has been standing for effects that remember it, where a model takes over [s].
+Any other would do that is long beside a drive's memory. By hand."""
 
 
 @inner_kernel
@@ -89,6 +92,42 @@ def shift_law(
     _settle_contexts(advance_context, settings, state, y + shift)
     after = _at_rest(feedforward, settings, state, t, y + shift)
     state.d0 = min(max(state.d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
+
+
+@inner_kernel
+def take_over_law(
+    feedforward: Callable[..., float],
+    input_map: Callable[..., float],
+    advance_context: Callable[..., None],
+    advance_inputs: Callable[..., None],
+    settings: Any,
+    state: Any,
+    before: Any,
+    t: float,
+) -> bool:
+    """Go on at rest where the law of another model left off, with the command that it gave last.
+
+    The fast adaptation takes up what the two models compensate differently there. `state` is that
+    of the new model, of which `others` and `others_far` are filled, `before` that of the old one.
+
+    Returns
+    -------
+    bool
+        Whether the fast adaptation may be as much as that; else nobody shall go on with `state`.
+    """
+    x, u = before.xd1, before.u
+    start_law(feedforward, advance_context, settings, state, t, x)
+    at_rest = _at_rest(feedforward, settings, state, t, x)
+    state.y1, state.y2, state.xd1, state.t1 = before.y1, before.y2, x, before.t1
+    # What remembers commands has had this one for as long as the axis stands.
+    advance_inputs(u, LONG_S, state.context)
+    advance_inputs(u, LONG_S, state.context1)
+    v = input_map(u, x, 0.0, t, state.context, state.theta)
+    d0 = at_rest - settings.ks_v_s_m * settings.k1_1_s * (before.y1 - x) - v
+    state.d0 = min(max(d0, -settings.d_hat_max_v), settings.d_hat_max_v)
+    state.u, state.v, state.lagged = u, v, u
+    state.blind = before.blind
+    return state.d0 == d0  # type: ignore[no-any-return]
 
 
 @inner_kernel(error_model="numpy")

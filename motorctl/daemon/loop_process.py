@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import pickle
 import signal
 import subprocess
 import threading
@@ -20,6 +21,7 @@ from motorctl.daemon.error_text import in_words
 from motorctl.errors import RunError
 from motorctl.loop import EndNote, LoopMemory, Phase, spawn
 from motorctl.loop.fences import require_known_processor
+from motorctl.loop.model_thread import ModelOrder
 from motorctl.loop.tick import make_drivers
 
 _log = logging.getLogger("motorctl")
@@ -35,9 +37,10 @@ class LoopProcess:
     def __init__(self, machine: Machine) -> None:
         require_known_processor()
         self.machine = machine
-        parameters = machine.most_parameters
+        parameters = machine.parameter_room
         self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
         self._bell_fd = os.eventfd(0)
+        self._models_in, self._models_out = os.pipe2(os.O_CLOEXEC)
         self._process: subprocess.Popen[bytes] | None = None
         self._tick = -1
         self._progress_at = time.monotonic()
@@ -106,6 +109,7 @@ class LoopProcess:
                 keep_open=keep_open,
                 bell_fd=self._bell_fd,
                 end_note=end_note,
+                models_fd=self._models_in,
             )
         except OSError as error:
             raise RunError(f"the loop process did not start: {error.strerror}") from error
@@ -113,6 +117,18 @@ class LoopProcess:
     def ring(self) -> None:
         """Wake the thread of the process that opens drivers anew."""
         os.eventfd_write(self._bell_fd, 1)
+
+    def send(self, order: ModelOrder) -> None:
+        """Send an order for other models; waits until the process has taken most of it.
+
+        Raises RunError where it cannot be sent.
+        """
+        sent = memoryview(pickle.dumps(order))
+        try:
+            while sent:
+                sent = sent[os.write(self._models_out, sent) :]
+        except OSError as error:
+            raise RunError(f"the loop process takes no models: {error.strerror}") from error
 
     @property
     def ticks(self) -> bool:
@@ -225,7 +241,8 @@ class LoopProcess:
 
     def close(self) -> None:
         """Release the memory."""
-        os.close(self._bell_fd)
+        for descriptor in (self._bell_fd, self._models_in, self._models_out):
+            os.close(descriptor)
         self.memory.close()
 
     def _why_it_ended(self) -> str:

@@ -19,6 +19,7 @@ MAIL_HEAD = int(Word.MAIL_HEAD)
 MAIL_TAIL = int(Word.MAIL_TAIL)
 REOPEN_ASKED = int(Word.REOPEN_ASKED)
 REOPEN_DONE = int(Word.REOPEN_DONE)
+MODELS_DONE = int(Word.MODELS_DONE)
 
 
 @njit(cache=True)
@@ -35,6 +36,8 @@ def look_at(status: Any, word: int) -> int:
         return load_acquire(status[0], "reopen_asked")  # type: ignore[no-any-return]
     if word == REOPEN_DONE:
         return load_acquire(status[0], "reopen_done")  # type: ignore[no-any-return]
+    if word == MODELS_DONE:
+        return load_acquire(status[0], "models_done")  # type: ignore[no-any-return]
     return load_acquire(status[0], "mail_tail")  # type: ignore[no-any-return]
 
 
@@ -51,5 +54,7 @@ def announce(status: Any, word: int, value: int) -> None:
         store_release(status[0], "reopen_asked", value)
     elif word == REOPEN_DONE:
         store_release(status[0], "reopen_done", value)
+    elif word == MODELS_DONE:
+        store_release(status[0], "models_done", value)
     else:
         store_release(status[0], "mail_tail", value)

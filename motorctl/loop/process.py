@@ -16,6 +16,7 @@ from pathlib import Path
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
 from motorctl.loop.clock import WallClock
+from motorctl.loop.model_thread import ModelThread
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
 from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.runner import run_wall
@@ -53,6 +54,8 @@ class Orders:
     bell_fd: int | None = None
     """An eventfd that is rung for each driver to open anew; None: drivers are opened once."""
     end_note: EndNote | None = None
+    models_fd: int | None = None
+    """A pipe from which orders for other models come; None: the models stay."""
 
 
 def spawn(
@@ -63,6 +66,7 @@ def spawn(
     keep_open: Sequence[int] = (),
     bell_fd: int | None = None,
     end_note: EndNote | None = None,
+    models_fd: int | None = None,
 ) -> subprocess.Popen[bytes]:
     """Start the loop process on this memory.
 
@@ -80,24 +84,27 @@ def spawn(
         An eventfd that this process rings when a driver shall be opened anew.
     end_note
         What it leaves where it loses this process and ends by itself.
+    models_fd
+        The end of a pipe that orders for other models are read from.
 
     Returns
     -------
     Popen
         The process; one that died at once is found dead by whoever watches it.
     """
-    bells = () if bell_fd is None else (bell_fd,)
+    given = [fd for fd in (bell_fd, models_fd) if fd is not None]
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "motorctl.loop"],
         stdin=subprocess.PIPE,
-        pass_fds=(memory.fd, *bells, *keep_open),
+        pass_fds=(memory.fd, *given, *keep_open),
     )
     assert process.stdin is not None
     # A process that died at once is found dead by whoever watches it.
     with contextlib.suppress(BrokenPipeError), process.stdin as pipe:
         # Drivers and effects are found there wherever they were found here.
         pickle.dump(sys.path, pipe)
-        pickle.dump(Orders(machine, memory.fd, learned or {}, bell_fd, end_note), pipe)
+        orders = Orders(machine, memory.fd, learned or {}, bell_fd, end_note, models_fd)
+        pickle.dump(orders, pipe)
     return process
 
 
@@ -163,6 +170,8 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
         if orders.bell_fd is not None:
             reopening = ReopeningThread(tick, memory, orders.bell_fd)
             reopening.begin(orders.machine.loop)
+        if orders.models_fd is not None:
+            ModelThread(tick, memory, orders.models_fd).begin(orders.machine.loop)
         memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:

@@ -33,6 +33,9 @@ def run_wall(tick: Tick, clock: Clock) -> None:
         if step(number, elapsed, overran, missed, woke):
             return
         number += 1
+        if tick.successor is not None:
+            tick = tick.successor(number)
+            step = tick.step
         deadline += period_ns
         elapsed = 1
         overran = now() > deadline
@@ -48,9 +51,13 @@ class VirtualRun:
 
     def advance(self, ticks: int) -> bool:
         """Do so many ticks and return True as soon as the loop may end."""
-        step, wait = self.tick.step, self._clock.wait_until_ns
+        tick, wait = self.tick, self._clock.wait_until_ns
+        step = tick.step
         for number in range(self.number, self.number + ticks):
             self.number = number + 1
             if step(number, 1, False, 0, wait(0)):
                 return True
+            if tick.successor is not None:
+                self.tick = tick = tick.successor(self.number)
+                step = tick.step
         return False

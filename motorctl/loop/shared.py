@@ -28,6 +28,7 @@ with kernels_cached():
 HEADER_BYTES = 4096
 NOTES_BYTES = 4096
 REOPEN_TOLD_BYTES = 1024
+MODELS_TOLD_BYTES = 1024
 MAILBOX_SIZE = 64
 KEPT_FOR_STOPS = 4
 """Of its places: whoever floods it with commands leaves room for an emergency stop."""
@@ -57,6 +58,10 @@ LOOP_STATUS = np.dtype(
         ("reopen_done", "i8"),  # orders of these that are done
         ("reopen_failed", "i8"),  # 1: the last one is not open
         ("reopen_told", f"S{REOPEN_TOLD_BYTES}"),  # why, or what it notes, a line each
+        ("models_done", "i8"),  # the last order for other models that is done
+        ("models_refused", "i8"),  # 1: the old ones go on
+        ("models_told", f"S{MODELS_TOLD_BYTES}"),  # why
+        ("models_row", "i8"),  # rows written so far when the models last changed
     ],
     align=True,
 )
@@ -361,6 +366,20 @@ class LoopMemory:
         """
         head = self._look_at(self.status, Word.RING_HEAD)
         return self._copy_from(max(0, head - rows))[:2]
+
+    @property
+    def models_row(self) -> int:
+        """Of the rows, counted from the beginning, the first that is of the models that run now."""
+        return int(self.status["models_row"][0])
+
+    @property
+    def drained(self) -> int:
+        """How many rows were drained so far."""
+        return self._drained
+
+    def newest_of_models(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Copy the rows that the ring still holds of the models that run now; as `newest`."""
+        return self._copy_from(self.models_row)[:2]
 
     def _copy_from(self, row: int) -> tuple[NDArray[np.void], NDArray[np.void], int, int]:
         """Copy every whole row from this one on; return the number of the first and of the next."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from functools import partial
 from types import ModuleType
 from typing import Any, Protocol, TypeVar
@@ -18,7 +19,14 @@ from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.errors import RunError
 from motorctl.hal import Driver, Inputs, Outputs
-from motorctl.kernels import compiling_told, kernels_cached, specialise
+from motorctl.kernels import (
+    SentKernel,
+    compiling_told,
+    kernels_cached,
+    packed,
+    specialise,
+    unpacked,
+)
 from motorctl.loop.axis_records import AXIS_SETTINGS, AXIS_STATE, fill_axis_settings
 from motorctl.loop.clock import NS_PER_S
 from motorctl.loop.compiling_time import compiling_words
@@ -88,8 +96,11 @@ class Tick:
     ) -> None:
         self.machine = machine
         self.memory = memory
+        self.virtual = virtual
         self.waits = machine.loop.waits and not virtual
         """Whether the machine's time stands still while the computer pauses."""
+        self.successor: Callable[[int], Tick] | None = None
+        """Asked between two ticks, with the number of the next, which tick goes on; None: this."""
         self.drivers = make_drivers(machine, driver_class)
         self.closed: set[str] = set()
         """Drivers that were closed and could not be opened anew."""
@@ -141,21 +152,23 @@ class Tick:
             self.watch["bucket_size"] = sizes[policy]
         self.measured_s = np.zeros((memory.ring_rows, 4))
         """Wall-clock turnaround, read, compute and write of each ring row, in virtual time too."""
-        self._arrays: dict[str, tuple[Inputs, Outputs, int]] = {}
+        self._channels, self._arrays = self._make_arrays()
+        self._in_place = [self._reads_and_writes()]
         # A machine without dual drives has a tick that knows nothing of them.
         self._two_ended = (self.dual_settings, self.duals) if dual else ()
-        self.step = self._make_step(virtual)
+        self._finish = self._make_finish()
+        self.go_on: Callable[[], None]
+        """Count rows from here on; called between two ticks of which this one's is the second."""
+        self.step = self._make_step(self._compiled())
 
-    def _compose(self) -> tuple[ModuleType, tuple[Any, ...]]:
-        """Return the generated module, and the arguments that its tick begins with."""
-        axes = list(self.machine.axes.values())
-        order = [channel.axis for driver in self.drivers.values() for channel in driver.channels]
-        place = {name: i for i, name in enumerate(order)}
-        counts = np.zeros(len(order), np.int64)
-        index_counts = np.zeros(len(order), np.int64)
-        words = np.zeros(len(order), np.uint32)
-        volts = np.zeros(len(order))
-        enable = np.zeros(len(order), np.uint8)
+    def _make_arrays(self) -> tuple[tuple[Any, ...], dict[str, tuple[Inputs, Outputs, int]]]:
+        """Return the arrays that the tick begins with, and each driver's part of them."""
+        count = sum(len(driver.channels) for driver in self.drivers.values())
+        counts, index_counts = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        words = np.zeros(count, np.uint32)
+        volts, enable = np.zeros(count), np.zeros(count, np.uint8)
+        arrays: dict[str, tuple[Inputs, Outputs, int]] = {}
+        axes = self.machine.axes.values()
         first = 0
         for name, driver in self.drivers.items():
             last = first + len(driver.channels)
@@ -164,17 +177,23 @@ class Tick:
             inputs.status = words[first:last]
             outputs.volts, outputs.enable = volts[first:last], enable[first:last]
             divisor = next(axis.divisor for axis in axes if axis.driver == name)
-            self._arrays[name] = inputs, outputs, divisor
+            arrays[name] = inputs, outputs, divisor
             first = last
-        module = compose_tick(
+        return (counts, index_counts, words, volts, enable), arrays
+
+    def _compose(self) -> ModuleType:
+        """Return the generated module."""
+        axes = list(self.machine.axes.values())
+        order = [channel.axis for driver in self.drivers.values() for channel in driver.channels]
+        place = {name: i for i, name in enumerate(order)}
+        return compose_tick(
             [axis.model for axis in axes],
             [place[name] for name in self.machine.axes],
             [axis.divisor for axis in axes],
             [place.get(name + SECOND_END) for name in self.machine.axes],
         )
-        return module, (counts, index_counts, words, volts, enable)
 
-    def _all_arguments(self, inputs_outputs: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _all_arguments(self) -> tuple[Any, ...]:
         """Return what a tick is called with, of the types of every later call."""
         memory = self.memory
         commands = (self.watch, memory.status, memory.mailbox, memory.replies)
@@ -182,7 +201,7 @@ class Tick:
         programs = (memory.segments, memory.segment_counts, memory.excitations)
         samples = (memory.samples, 0, memory.axis_status_rows)
         return (
-            *inputs_outputs,
+            *self._channels,
             *(1, 0, False, 0, 0.0),
             *commands,
             *records,
@@ -191,25 +210,59 @@ class Tick:
             *self._two_ended,
         )
 
-    def _make_step(self, virtual: bool) -> Step:
-        module, inputs_outputs = self._compose()
-        advances = [
-            (driver.advance, self._arrays[name][2]) for name, driver in self.drivers.items()
-        ]
-        in_place = self._in_place = [self._reads_and_writes()]
+    def _compiled(self) -> Callable[..., Any]:
+        """Return the compiled tick, of these arguments alone."""
+        module = self._compose()
         count = len(self.machine.axes)
         told = (
             f"motorctl: compiling the kernels of {count} {'axis' if count == 1 else 'axes'}, once "
             f"for this configuration: {compiling_words(count)}"
         )
         with compiling_told(told):
-            kernel = specialise(module.tick, *self._all_arguments(inputs_outputs))
+            return specialise(module.tick, *self._all_arguments())
+
+    def packed(self) -> SentKernel:
+        """Return the compiled tick as it is sent to another process."""
+        return packed(self._compose().tick, *self._all_arguments())
+
+    def with_other_models(
+        self,
+        settings: NDArray[np.void],
+        law_settings: NDArray[np.void],
+        laws: NDArray[np.void],
+        beside: NDArray[np.int64],
+        kernel: SentKernel,
+    ) -> Tick:
+        """Return a tick of the same machine, drivers, states and memory, with other laws.
+
+        Parameters
+        ----------
+        settings, law_settings, laws, beside
+            Its records, of its own.
+        kernel
+            What another tick of this machine has `packed`.
+        """
+        after = copy(self)
+        after.successor = None
+        after.settings, after.law_settings = settings, law_settings
+        after.laws, after.beside = laws, beside
+        after.step = after._make_step(unpacked(kernel, *after._all_arguments()))
+        return after
+
+    def _make_finish(self) -> Callable[..., Any]:
+        rows_out = (self.memory.status, self.memory.ticks, self.measured_s)
+        return specialise(publish, *rows_out, 0, 0, 0, 0.0, self.virtual, 0, 0, 0, 0, 0)
+
+    def _make_step(self, kernel: Callable[..., Any]) -> Step:
+        advances = [
+            (driver.advance, self._arrays[name][2]) for name, driver in self.drivers.items()
+        ]
+        in_place = self._in_place
         memory = self.memory
-        rows_out = (memory.status, memory.ticks, self.measured_s)
         # Ordinary machines call it straight, without an argument or a step more.
         compute = partial(_with_more, kernel, self._two_ended) if self._two_ended else kernel
-        finish = specialise(publish, *rows_out, 0, 0, 0, 0.0, virtual, 0, 0, 0, 0, 0)
-        counts, index_counts, words, volts, enable = inputs_outputs
+        virtual, finish = self.virtual, self._finish
+        counts, index_counts, words, volts, enable = self._channels
         watch, status, mailbox, replies = self.watch, memory.status, memory.mailbox, memory.replies
         settings, axis_records, law_records = self.settings, self.axes, self.law_settings
         laws, beside = self.laws, self.beside
@@ -222,6 +275,12 @@ class Tick:
         waits = self.waits
         moves_time = virtual or waits
         written = 0
+
+        def go_on() -> None:
+            nonlocal written
+            written = int(status["ring_head"][0])
+
+        self.go_on = go_on
 
         def step(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
             nonlocal written

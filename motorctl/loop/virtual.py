@@ -13,9 +13,11 @@ from motorctl.errors import RunError, UsageError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.excitation import Excitation
 from motorctl.loop.faults import fault_message
+from motorctl.loop.other_models import other_models
 from motorctl.loop.plan import plan_program
 from motorctl.loop.runner import VirtualRun
 from motorctl.loop.shared import LoopMemory
+from motorctl.loop.succession import Succession
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Reply, Verb
 from motorctl.motion import Trajectory
@@ -53,7 +55,7 @@ class VirtualMachine:
         require_virtual_time(machine)
         self.machine = machine
         self.names = list(machine.axes)
-        parameters = machine.most_parameters
+        parameters = machine.parameter_room
         self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
         self.tick = Tick(machine, self.memory, virtual=True, learned=learned)
         self._run = VirtualRun(self.tick)
@@ -95,6 +97,27 @@ class VirtualMachine:
             new_ticks, samples, _ = self.memory.drain()
             self._on_rows(new_ticks, samples)
             ticks -= chunk
+
+    def change_models(self, machine: Machine) -> str | None:
+        """Let other models take axes over that hold or are off, within a tick.
+
+        Parameters
+        ----------
+        machine
+            The same machine with other models.
+
+        Returns
+        -------
+        str or None
+            Why the old models go on; None where the new ones run.
+        """
+        room = self.memory.layout["parameters"]
+        succession = Succession(self.tick, other_models(self.machine, machine, room))
+        self.tick.successor = succession
+        self.advance(1)
+        if succession.outcome.refused is None:
+            self.tick, self.machine = succession.after, machine
+        return succession.outcome.refused
 
     def order(
         self, verb: Verb, axis: str, *, slot: int = 0, tick: int = 0, program: int = 0

@@ -85,3 +85,5 @@ class Word(IntEnum):
     """Announces of which axis the driver is to be opened anew."""
     REOPEN_DONE = 5
     """Announces what came of that."""
+    MODELS_DONE = 6
+    """Announces what came of an order for other models."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from motorctl.config.machine import Machine
 from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
 from motorctl.kernels import is_kept, specialise
 from motorctl.loop.runner import VirtualRun
 from motorctl.loop.shared import LoopMemory
-from motorctl.loop.tick import Step, Tick
+from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Verb
 
 WARM_UP_TICKS = 400
@@ -48,9 +51,8 @@ class Unconnected(Driver):
 class _Analysed(Tick):
     """A tick of which the steps are analysed, and nothing is made that runs."""
 
-    def _make_step(self, virtual: bool) -> Step:
-        module, inputs_outputs = self._compose()
-        arguments = self._all_arguments(inputs_outputs)
+    def _compiled(self) -> Callable[..., Any]:
+        module, arguments = self._compose(), self._all_arguments()
         if not is_kept(module.tick, *arguments):
             specialise(module.steps, *arguments)
         return _never
@@ -61,14 +63,14 @@ def analyse_steps(machine: Machine) -> None:
 
     Where the tick is there, nothing is needed.
     """
-    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
     _Analysed(machine, memory, virtual=True, driver_class=Unconnected)
     memory.close()
 
 
 def warm_up(machine: Machine) -> None:
     """Compile, or load from the cache, and exercise the tick of this machine."""
-    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True, driver_class=Unconnected)
     run = VirtualRun(tick)
     for i in range(len(machine.axes)):
@@ -79,5 +81,5 @@ def warm_up(machine: Machine) -> None:
     memory.close()
 
 
-def _never(number: int, elapsed: int, overran: bool, scheduled_ns: int, woke_ns: int) -> bool:
+def _never(*_: object) -> bool:
     raise AssertionError("a tick that was only analysed is called")

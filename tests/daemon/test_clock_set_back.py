@@ -126,7 +126,7 @@ def test_a_flight_record_is_never_removed_for_being_older_than_those_before(
     config.write_text(bench_config() + text)
     machine = load(config)
     clock = Clock()
-    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
     flight = FlightRecorder(machine, memory, tmp_path, dict, clock)
     written: list[Path] = []
     for number in range(1, 6):

@@ -29,7 +29,7 @@ class FakeLoop:
     """Does to the memory what a loop does, as fast as a test wants."""
 
     def __init__(self, machine: Machine) -> None:
-        self.memory = LoopMemory.create(list(machine.axes), machine.most_parameters, RATE_HZ)
+        self.memory = LoopMemory.create(list(machine.axes), machine.parameter_room, RATE_HZ)
         self._faults: dict[int, tuple[FaultCause, float]] = {}
 
     @property

@@ -59,7 +59,8 @@ def run(
 
     machine = SimpleNamespace(period_s=PERIOD_NS * 1e-9)
     memory = SimpleNamespace(status={"skipped_periods": np.zeros(1, np.int64)})
-    run_wall(SimpleNamespace(machine=machine, step=step, waits=waits, memory=memory), clock)
+    tick = SimpleNamespace(machine=machine, step=step, waits=waits, memory=memory, successor=None)
+    run_wall(tick, clock)
     waited.append(int(memory.status["skipped_periods"][0]))
     return seen
 

@@ -285,7 +285,7 @@ EXPECTED = {
 def _loop_running(processors: int) -> Iterator[LoopMemory]:
     """Have another process tick the shipped gantry in virtual time, as fast as it goes."""
     machine = gantry()
-    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True)
     tick.open(virtual=True)
     run = VirtualRun(tick)
@@ -324,7 +324,7 @@ def test_every_command_gets_its_own_answer(processors, duration_s):
 
 def test_an_answer_comes_after_the_status_that_shows_what_it_did():
     machine = gantry()
-    memory = LoopMemory.create(list(machine.axes), machine.most_parameters, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
     seen: list[tuple[Reply | None, bool]] = []
 
     class Asking(Unconnected):

@@ -113,7 +113,7 @@ def test_the_driver_of_a_slow_axis_is_called_at_its_own_rate_only():
             write(outputs)
 
         driver.write = counted
-    rig.tick.step = rig.tick._make_step(True)
+        rig.tick.put_in_place(name, driver)
     with rig:
         rig.advance(1000)
     assert calls == {"slow": 100, "fast": 1000}

@@ -187,7 +187,7 @@ class Hand:
 
     def __init__(self, machine: Machine) -> None:
         self.names = list(machine.axes)
-        parameters = machine.most_parameters
+        parameters = machine.parameter_room
         self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
         self.tick = Tick(machine, self.memory)
         self.driver: Any = self.tick.drivers["gantry"]

@@ -42,7 +42,7 @@ class Stand:
     ) -> None:
         self.machine = machine
         self.names = list(machine.axes)
-        self.memory = LoopMemory.create(self.names, machine.most_parameters, machine.rate_hz)
+        self.memory = LoopMemory.create(self.names, machine.parameter_room, machine.rate_hz)
         self._tick = Tick(machine, self.memory, learned=learned)
         (driver,) = self._tick.drivers.values()
         self.device = cast(FaultyGantry, driver)
