@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from motorctl.cli import axis_commands, status
+from motorctl.cli import axis_commands, model_commands, status
 from motorctl.cli.allowed_code_option import AllowedCodeOption
 from motorctl.cli.socket_option import SocketOption
 
@@ -51,8 +51,9 @@ def run(
     from motorctl.daemon.journal import journal
     from motorctl.daemon.supervisor import DaemonOptions, run_daemon
 
-    options = DaemonOptions(socket, group, operators, log_dir)
     allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
+    may_run = None if allowed is None else allowed.allows
+    options = DaemonOptions(socket, group, operators, log_dir, may_run)
     with journal():
         run_daemon(load(config, allowed_code=allowed), options)
 
@@ -62,3 +63,4 @@ def register(app: typer.Typer) -> None:
     app.command()(run)
     status.register(app)
     axis_commands.register(app)
+    model_commands.register(app)

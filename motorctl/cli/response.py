@@ -194,14 +194,9 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
     """Excite the axis of a running daemon, once somebody has said yes."""
     from motorctl.cli.progress import showing_stages
     from motorctl.daemon.client import Client
+    from motorctl.daemon.running_machine import ended_in_order, machine_of_daemon
     from motorctl.response.measurement import measure_response
-    from motorctl.response.rigs import (
-        beyond_allowed,
-        ended_in_order,
-        machine_of_daemon,
-        record_through_daemon,
-        require_holding,
-    )
+    from motorctl.response.rigs import beyond_allowed, record_through_daemon, require_holding
 
     with Client(socket) as client:
         machine = machine_of_daemon(client)

@@ -17,6 +17,9 @@ from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 
 ANSWER_TIMEOUT_S = 30.0
+SLOW_TIMEOUT_S = 600.0
+SLOW = ("apply", "revert")
+"""Commands that compile before they do anything: minutes on a slow computer."""
 CONNECT_TIMEOUT_S = 5.0
 PATIENCE_S: dict[str, float] = {Code.NOT_READY: 120.0, Code.STILL_MOVING: 5.0}
 """How long a loop may compile, and an unpowered axis come to rest, until a client gives up."""
@@ -105,20 +108,23 @@ class Client:
         Raises
         ------
         RunError
-            Where the daemon does not answer within ANSWER_TIMEOUT_S or closes the connection.
+            Where the daemon does not answer within ANSWER_TIMEOUT_S (of a slow command
+            SLOW_TIMEOUT_S), or closes the connection.
         DaemonRefusedError
             Where the daemon refuses the request.
         """
         self._count += 1
         given = {key: value for key, value in arguments.items() if value is not None}
         line = json.dumps({"id": self._count, "do": do, **given}) + "\n"
+        timeout_s = SLOW_TIMEOUT_S if do in SLOW else ANSWER_TIMEOUT_S
+        self._socket.settimeout(timeout_s)
         try:
             # A daemon that refuses the client, or finds the request too long, answers unread.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 self._socket.sendall(line.encode())
             reply = self._lines.readline()
         except TimeoutError:
-            message = f"the daemon on {self.path} did not answer within {ANSWER_TIMEOUT_S:g} s"
+            message = f"the daemon on {self.path} did not answer within {timeout_s:g} s"
             raise RunError(message) from None
         except OSError as error:
             message = f"the daemon on {self.path} closed the connection: {error.strerror}"

@@ -16,29 +16,32 @@ from typing import Any
 import numpy as np
 
 from motorctl.config.machine import Axis, Machine
+from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
 from motorctl.daemon.protocol import (
+    ApplyCommand,
     AxisCommand,
     Code,
     EmergencyStopCommand,
     ExciteCommand,
+    ModelsCommand,
     MoveCommand,
     ProgramCommand,
     RefusedError,
     Request,
+    RevertCommand,
     StatusCommand,
 )
+from motorctl.daemon.refusals import START_MARGIN_S, Refusals
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.hal import Status
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState
 from motorctl.loop import Excitation, LoopMemory, Phase, Reply, Verb
-from motorctl.loop.axis_records import STANDSTILL_RATIO
-from motorctl.loop.faults import device_message, lasting_words
 from motorctl.loop.plan import plan_move, plan_program
-from motorctl.loop.states import State, possible_words, state_words
+from motorctl.loop.states import State
 from motorctl.motion import Program, Trajectory
 
 REPLY_TIMEOUT_S = 1.0
@@ -46,14 +49,6 @@ POWER_TIMEOUT_S = 20.0
 """How long a command waits for an amplifier to be enabled; a client waits for 30 s."""
 POLL_S = 0.002
 MOST_MOTIONS = 1000
-START_MARGIN_S = 0.05
-"""How long before its first tick a motion is ordered: time for the orders of all its axes."""
-
-_WHY = {
-    Reply.NOT_AT_START: "the axis no longer stands where the motion was planned to begin",
-    Reply.LATE: f"the loop took the order after its first tick, {START_MARGIN_S * 1e3:g} ms ahead",
-}
-"""Refusals that come of time that passed while a motion was planned."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +73,12 @@ class Commander:
         report: Report,
         reopening: Reopening | None = None,
         before_reset: Callable[[], None] | None = None,
+        models: ModelChanges | None = None,
     ) -> None:
-        self._machine = machine
+        self.machine = machine
+        """What runs; another one once its models have changed."""
+        self._models = models
+        self._refusals = Refusals(machine, memory)
         self._reopening = reopening
         self._before_reset = before_reset
         """Called while the fault still stands: whoever looks only now and then sees it, too."""
@@ -128,12 +127,17 @@ class Commander:
             self._stops.emergencies += 1
             await self._stop_all_at_once()
             return {"axes": self._names}
+        if isinstance(request, ApplyCommand | RevertCommand):
+            self._must_go_on()
+            assert self._models is not None  # as the supervisor makes it
+            if isinstance(request, ApplyCommand):
+                return await self._models.apply(request)
+            return await self._models.revert()
         if request.axis not in self._names:
-            raise self._unknown(request.axis)
-        if self._report.stopping:
-            message = "the daemon is stopping; it takes no command but estop"
-            raise RefusedError(Code.STOPPING, message)
-        self._must_tick()
+            raise self._refusals.unknown(request.axis)
+        if isinstance(request, ModelsCommand):
+            return {"axis": request.axis, "models": await self._models_of(request.axis)}
+        self._must_go_on()
         self._waiting.pop(request.axis, None)
         begun = self._stops.begin(request.do)
         match request:
@@ -148,7 +152,7 @@ class Commander:
                     return await self._excite(request, begun)
             case AxisCommand(do="start"):
                 async with self._ordering:
-                    axis = self._machine.axes[request.axis]
+                    axis = self.machine.axes[request.axis]
                     return await self._start(axis, request.hold, begun)
             case AxisCommand(do="home"):
                 return await self._home(request.axis, begun)
@@ -159,14 +163,24 @@ class Commander:
                 await self._order(Verb[request.do.upper()], request.axis)
                 return {"axis": request.axis, "state": self._state(request.axis).name.lower()}
 
+    def _must_go_on(self) -> None:
+        if self._report.stopping:
+            message = "the daemon is stopping; it takes no command but estop"
+            raise RefusedError(Code.STOPPING, message)
+        self._must_tick()
+
+    async def _models_of(self, axis: str) -> list[dict[str, Any]]:
+        models = self._models
+        return [] if models is None else await asyncio.to_thread(models.history, axis)
+
     def _status(self, axis: str | None) -> dict[str, Any]:
         if axis is not None and axis not in self._names:
-            raise self._unknown(axis)
+            raise self._refusals.unknown(axis)
         tick = int(self._memory.status["tick"][0])
         motions = {
             name: {
                 "name": motion.name,
-                "elapsed_s": (tick - motion.start_tick) * self._machine.period_s,
+                "elapsed_s": (tick - motion.start_tick) * self.machine.period_s,
                 "approach_s": motion.approach_s,
                 "duration_s": motion.duration_s,
             }
@@ -184,7 +198,7 @@ class Commander:
             answer["opened"] = await self._reopening.open_anew(name)
         elif self._reopening is not None and self._reopening.may_clear(name):
             if not await self._reopening.clear_fault(name):
-                raise self._refusal(Verb.RESET, name, Reply.STILL_FAULTY)
+                raise self._refusals.of(Verb.RESET, name, Reply.STILL_FAULTY)
             answer["cleared"] = True
         if not answer.keys() & {"opened", "cleared"} or self._state(name) is AxisState.FAULT:
             if self._before_reset is not None:
@@ -197,9 +211,9 @@ class Commander:
         """Enable the axis; then its program, as soon as every axis of it is enabled."""
         begun.insist(axis.name)
         own = None if hold else axis.program
-        program = self._machine.programs[own] if own else None
+        program = self.machine.programs[own] if own else None
         if program is not None and not self._homed(axis.name):
-            raise self._not_homed(axis.name)
+            raise self._refusals.not_homed(axis.name)
         if self._state(axis.name) is not AxisState.IDLE:
             await self._order(Verb.START, axis.name)
             await self._until_idle(axis.name, begun)
@@ -225,7 +239,7 @@ class Commander:
             await self._until_idle(name, begun)
             reply = await self._reply(self._post(Verb.HOME, name))
         if reply is not Reply.OK:
-            raise self._refusal(Verb.HOME, name, reply)
+            raise self._refusals.of(Verb.HOME, name, reply)
         return {"axis": name, "state": self._state(name).name.lower()}
 
     async def _move(self, request: MoveCommand, begun: Begun) -> dict[str, Any]:
@@ -235,7 +249,7 @@ class Commander:
         try:
             trajectory = await asyncio.to_thread(
                 plan_move,
-                self._machine,
+                self.machine,
                 name,
                 self._reference(name),
                 request.position_m,
@@ -255,9 +269,9 @@ class Commander:
 
     async def _program(self, request: ProgramCommand, begun: Begun) -> dict[str, Any]:
         if request.document is None:
-            program = self._machine.programs.get(request.name)
+            program = self.machine.programs.get(request.name)
             if program is None:
-                known = ", ".join(self._machine.programs) or "none"
+                known = ", ".join(self.machine.programs) or "none"
                 message = f"unknown program '{request.name}'; known: {known}"
                 raise RefusedError(Code.UNKNOWN_PROGRAM, message)
         else:
@@ -277,16 +291,16 @@ class Commander:
         """Write the excitation into the axis' slot, and have the loop begin it."""
         name = request.axis
         begun.insist(name)
-        axis, index = self._machine.axes[name], self._names.index(name)
-        period_s = self._machine.period_of(name)
+        axis, index = self.machine.axes[name], self._names.index(name)
+        period_s = self.machine.period_of(name)
         volts = np.array(request.volts)
         excitation = Excitation(volts, request.periods, request.fade_periods)
         if problem := excitation.problem(axis.limits, period_s):
             raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {problem}")
         if self._state(name) not in (AxisState.IDLE, AxisState.RUNNING):
-            raise self._wrong_state("excite", name)
+            raise self._refusals.wrong_state("excite", name)
         if int(self._memory.axis_status["excitation_left"][index]):
-            raise self._refusal(Verb.EXCITE, name, Reply.EXCITED)
+            raise self._refusals.of(Verb.EXCITE, name, Reply.EXCITED)
         self._memory.load_excitation(index, excitation)
         await self._order(Verb.EXCITE, name)
         return {"axis": name, "duration_s": excitation.total_ticks * period_s}
@@ -295,7 +309,7 @@ class Commander:
         standing = {name: self._reference(name) for name in program.axes}
         try:
             # Nothing of the program's motion is asked for here: its signs of life would wait.
-            plan = await asyncio.to_thread(plan_program, self._machine, program, standing)
+            plan = await asyncio.to_thread(plan_program, self.machine, program, standing)
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
         motion = _Motion(
@@ -318,7 +332,7 @@ class Commander:
             name: self._memory.load_program(self._names.index(name), plan.segments)
             for name, plan in plans.items()
         }
-        margin = max(round(START_MARGIN_S * self._machine.rate_hz), 2)
+        margin = max(round(START_MARGIN_S * self.machine.rate_hz), 2)
         tick = int(self._memory.status["tick"][0]) + margin
         # What else moves at that time is another program, and not stopped for this one.
         shared = self._memory.program_number()
@@ -336,7 +350,7 @@ class Commander:
         if refused:
             await self._take_back(name for name in replies if name not in refused)
             name, reply = next(iter(refused.items()))
-            raise self._refusal(Verb.FOLLOW, name, reply)
+            raise self._refusals.of(Verb.FOLLOW, name, reply)
         started = _Motion(**{**vars(motion), "start_tick": tick})
         self._motions.update(dict.fromkeys(plans, started))
         for name in plans:
@@ -372,7 +386,7 @@ class Commander:
         while (state := self._state(name)) is not AxisState.IDLE or self._waits_for_power(name):
             allowed_s = POWER_TIMEOUT_S if state is AxisState.IDLE else REPLY_TIMEOUT_S
             if state is AxisState.FAULT or time.monotonic() > began + allowed_s:
-                raise self._refusal(Verb.START, name, Reply.WRONG_STATE)
+                raise self._refusals.of(Verb.START, name, Reply.WRONG_STATE)
             await asyncio.sleep(POLL_S)
             begun.insist(name)
         begun.insist(name)  # the loop may not have taken the stop yet
@@ -384,12 +398,12 @@ class Commander:
             number = self._stopping = self._post(Verb.ESTOP, self._names[0])
         reply = await self._reply(number)
         if reply is not Reply.OK:
-            raise self._refusal(Verb.ESTOP, self._names[0], reply)
+            raise self._refusals.of(Verb.ESTOP, self._names[0], reply)
 
     async def _order(self, verb: Verb, name: str) -> None:
         reply = await self._reply(self._post(verb, name))
         if reply is not Reply.OK:
-            raise self._refusal(verb, name, reply)
+            raise self._refusals.of(verb, name, reply)
 
     def _post(
         self, verb: Verb, name: str, *, slot: int = 0, tick: int = 0, program: int = 0
@@ -424,63 +438,9 @@ class Commander:
 
     def _must_stand(self, command: str, name: str) -> None:
         if self._state(name) is not AxisState.IDLE:
-            raise self._wrong_state(command, name)
+            raise self._refusals.wrong_state(command, name)
         if not self._homed(name):
-            raise self._not_homed(name)
-
-    def _refusal(self, verb: Verb, name: str, reply: Reply) -> RefusedError:
-        command = verb.name.lower()
-        match reply:
-            case Reply.WRONG_STATE:
-                return self._wrong_state(command, name)
-            case Reply.NOT_HOMED:
-                return self._not_homed(name)
-            case Reply.STILL_FAULTY:
-                message = f"axis {name}: {command} refused: the device still reports a fault"
-                word = int(self._memory.axis_status["device_status"][self._names.index(name)])
-                if told := device_message(word):
-                    message += f": {told}"
-                return RefusedError(Code.STILL_FAULTY, message)
-            case Reply.NOT_POWERED:
-                message = f"axis {name}: {command} is possible once its amplifier is enabled"
-                return RefusedError(Code.WRONG_STATE, message)
-            case Reply.CAUSE_LASTS:
-                status = self._memory.axis_status[self._names.index(name)]
-                told = lasting_words(FaultCause(int(status["fault"])))
-                message = f"axis {name}: {command} refused: what tripped it is still so: {told}"
-                return RefusedError(Code.STILL_FAULTY, message)
-            case Reply.STILL_MOVING:
-                message = (
-                    f"axis {name} still moves: {command} is possible once it stands below "
-                    f"{STANDSTILL_RATIO:.0%} of its top speed"
-                )
-                return RefusedError(Code.STILL_MOVING, message)
-            case Reply.EXCITED:
-                message = f"axis {name} is excited already: wait until that ends, or stop the axis"
-                return RefusedError(Code.WRONG_STATE, message)
-            case Reply.NO_HOMING:
-                message = f"axis {name} has an absolute encoder: there is nothing to home"
-                return RefusedError(Code.NO_HOMING, message)
-            case _:
-                message = f"axis {name}: {command}: {_WHY[reply]}; try again"
-                return RefusedError(Code.INTERNAL, message)
-
-    def _not_homed(self, name: str) -> RefusedError:
-        message = f"axis {name} is not homed: `motorctl home {name}` first"
-        return RefusedError(Code.NOT_HOMED, message)
-
-    def _wrong_state(self, command: str, name: str) -> RefusedError:
-        state = State(int(self._memory.axis_status["inner_state"][self._names.index(name)]))
-        absolute = self._machine.axes[name].homing.method == "absolute"
-        message = (
-            f"axis {name} is {state_words(state)}: {command} is not possible; "
-            f"possible now: {possible_words(state, absolute)}"
-        )
-        return RefusedError(Code.WRONG_STATE, message)
-
-    def _unknown(self, axis: str) -> RefusedError:
-        known = ", ".join(self._names)
-        return RefusedError(Code.UNKNOWN_AXIS, f"unknown axis '{axis}'; known: {known}")
+            raise self._refusals.not_homed(name)
 
     def _state(self, name: str) -> AxisState:
         return AxisState(int(self._memory.axis_status["state"][self._names.index(name)]))

@@ -48,6 +48,8 @@ class _Incident:
     due_at: float
     """By the monotonic clock: then the seconds after the fault are in the ring."""
     faults: dict[str, dict[str, Any]]
+    machine: Machine
+    """That ran then."""
 
 
 class FlightRecorder:
@@ -79,7 +81,8 @@ class FlightRecorder:
         self.newest: Path | None = None
         self.failure: str | None = None
         """Why the last record could not be written, or None."""
-        self._machine = machine
+        self.machine = machine
+        """What runs; another one once its models have changed."""
         self._memory = memory
         self._facts = facts
         self._now = now
@@ -93,11 +96,16 @@ class FlightRecorder:
         new = self._new_faults()
         if new and self._incident is None:
             due_at = time.monotonic() + self._settings.after_s
-            self._incident = _Incident(due_at, {})
+            self._incident = _Incident(due_at, {}, self.machine)
         if self._incident is not None:
             self._incident.faults |= new
             if time.monotonic() >= self._incident.due_at:
                 self._hand_over(self._incident)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a fault's record waits for the seconds after it."""
+        return self._incident is not None
 
     def finish(self, loop_ended: str | None = None) -> None:
         """Write what is left to write; call when the loop has ended.
@@ -110,7 +118,7 @@ class FlightRecorder:
         """
         self.watch()
         if loop_ended and self._incident is None and len(self._memory.newest(1)[0]):
-            self._incident = _Incident(0.0, {})
+            self._incident = _Incident(0.0, {}, self.machine)
         if self._incident is not None:
             self._hand_over(self._incident, loop_ended)
         self._writer.shutdown(wait=True)
@@ -119,7 +127,7 @@ class FlightRecorder:
         statuses = self._memory.axis_status
         told: dict[str, dict[str, str] | None] = {}
         new = {}
-        for name, status in zip(self._machine.axes, statuses, strict=True):
+        for name, status in zip(self.machine.axes, statuses, strict=True):
             if AxisState(int(status["state"])) is not AxisState.FAULT:
                 self._seen.pop(name, None)
                 continue
@@ -127,17 +135,17 @@ class FlightRecorder:
             if self._seen.get(name) == mark:
                 continue
             self._seen[name] = mark
-            told = told or faults_of(self._machine, statuses, with_remedy=False)
+            told = told or faults_of(self.machine, statuses, with_remedy=False)
             new[name] = _fault(status, told[name])
         return new
 
     def _hand_over(self, incident: _Incident, loop_ended: str | None = None) -> None:
         self._incident = None
-        self._writer.submit(self._write, incident.faults, loop_ended)
+        self._writer.submit(self._write, incident, loop_ended)
 
-    def _write(self, faults: Mapping[str, dict[str, Any]], loop_ended: str | None) -> None:
+    def _write(self, incident: _Incident, loop_ended: str | None) -> None:
         try:
-            path = self._written(_in_order(faults), loop_ended)
+            path = self._written(incident.machine, _in_order(incident.faults), loop_ended)
             removed = remove_oldest(
                 self.folder, self._settings.keep_records, self._settings.max_size_mb * MEGABYTE
             )
@@ -150,7 +158,9 @@ class FlightRecorder:
         if removed:
             _log.info("flight record: the oldest were removed: %d", len(removed))
 
-    def _written(self, faults: Mapping[str, dict[str, Any]], loop_ended: str | None) -> Path:
+    def _written(
+        self, machine: Machine, faults: Mapping[str, dict[str, Any]], loop_ended: str | None
+    ) -> Path:
         ticks, samples = self._seconds(faults)
         now = self._now()
         axis, first = next(iter(faults.items()), (None, None))
@@ -166,7 +176,6 @@ class FlightRecorder:
             "settings": self._settings.model_dump(),
             "libraries": {name: version(name) for name in LIBRARIES},
         }
-        machine = self._machine
         axes = log_axes(machine)
         metadata = {**log_metadata(machine), "clock": "wall", METADATA: own}
         path = free_record_path(self.folder, later_than_all(self.folder, now), axis, cause)
@@ -179,7 +188,7 @@ class FlightRecorder:
     ) -> tuple[NDArray[np.void], NDArray[np.void]]:
         """Copy the seconds around the first fault out of the ring."""
         settings = self._settings
-        ticks, samples = self._memory.newest(self._memory.ring_rows)
+        ticks, samples = self._memory.newest_of_models()
         times = ticks["time_s"]
         at = min((fault["time_s"] for fault in faults.values()), default=float(times[-1]))
         # An axis may have tripped before the first tick was written, at no time of its own.

@@ -28,8 +28,8 @@ SHORT_LINE_BYTES = 16 << 10
 """Longest request that is neither program nor excitation [bytes]. Larger: reading one takes longer
 from the signs of life; smaller: a long name is refused. By hand: a hundred times what a command
 needs."""
-MAY_BE_LONG = ("program", "excite")
-"""Requests that bring what they ask for with them: points, a period of an excitation."""
+MAY_BE_LONG = ("program", "excite", "apply")
+"""Requests that bring what they ask for with them: points, a period of an excitation, models."""
 MOST_PARTS = 100_000
 """So many quotation marks, and so many values, a long request may have besides the text in it.
 More: reading it keeps the supervisor from its signs of life, which every axis is stopped without.
@@ -135,6 +135,31 @@ class ExciteCommand(_Request):
     fade_periods: Annotated[int, Field(ge=1, le=MOST_PARTS)]
 
 
+class ApplyCommand(_Request):
+    """Let other models take axes over that hold or are off."""
+
+    do: Literal["apply"]
+    config: dict[str, Any]
+    """The machine with its other models, every default filled in, as logs hold it."""
+    source: Annotated[str, Field(max_length=4096)]
+    """Names it in messages and in the history."""
+    story: Annotated[list[Annotated[str, Field(max_length=400)]], Field(max_length=100)] = []
+    """What it says of how it was found."""
+
+
+class RevertCommand(_Request):
+    """Let the models that ran before the last `apply` take over again."""
+
+    do: Literal["revert"]
+
+
+class ModelsCommand(_Request):
+    """Tell which models an axis has run, and why."""
+
+    do: Literal["models"]
+    axis: str
+
+
 class EmergencyStopCommand(_Request):
     """Zero and disable every axis at once."""
 
@@ -153,6 +178,9 @@ Request = (
     | MoveCommand
     | ProgramCommand
     | ExciteCommand
+    | ApplyCommand
+    | RevertCommand
+    | ModelsCommand
     | EmergencyStopCommand
     | StatusCommand
 )

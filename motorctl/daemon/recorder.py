@@ -56,6 +56,10 @@ class Recorder:
         self.lost_because: str | None = None
         """Why rows of this recording were refused, also where later ones could be written again."""
         self.timing = TimingSummary()
+        self.begin_other_models: Callable[[], None] | None = None
+        """Called before the first row of other models comes, which has other columns."""
+        self.models_row = 0
+        """The first row of the models whose log is being recorded."""
         self._memory = memory
         self._log = log
         self._ending = threading.Event()
@@ -91,6 +95,11 @@ class Recorder:
         self._take()
         return self._log.close(extra())
 
+    def _change_models(self, row: int) -> None:
+        assert self.begin_other_models is not None  # announced before the loop is told
+        self.begin_other_models()
+        self.models_row = row
+
     def _new_thread(self) -> threading.Thread:
         return threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -110,8 +119,19 @@ class Recorder:
         if not len(ticks):
             return
         failure = None
-        for first in range(0, len(ticks), ROWS_AT_ONCE):
-            rows = slice(first, first + ROWS_AT_ONCE)
+        ends = [*range(ROWS_AT_ONCE, len(ticks), ROWS_AT_ONCE), len(ticks)]
+        changed = self._memory.models_row
+        change = changed - (self._memory.drained - len(ticks))
+        if changed > self.models_row and change < len(ticks):
+            change = max(change, 0)  # the ring may have lost the first rows of the models
+            ends = sorted({*ends, change} - {0})
+        else:
+            change = -1
+        begin = 0
+        for end in ends:
+            if begin == change:
+                self._change_models(changed)
+            rows, begin = slice(begin, end), end
             written, refused = self._log.rows, self._log.rows_lost
             try:
                 self._log.append(ticks[rows], samples[rows])

@@ -17,6 +17,7 @@ from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.config_watch import ConfigWatch
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.daemon.log_keeper import LogKeeper
+from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.recorder import Recorder
 from motorctl.hal import Status
 from motorctl.json_values import finite
@@ -47,7 +48,8 @@ class Report:
     """Reads everything that `status` tells from where it stands."""
 
     def __init__(self, machine: Machine, memory: LoopMemory, socket: Path) -> None:
-        self._machine = machine
+        self.machine = machine
+        """What runs; another one once its models have changed."""
         self._memory = memory
         self._socket = socket
         self._started_at = time.monotonic()
@@ -55,6 +57,7 @@ class Report:
         self.flight: FlightRecorder | None = None
         self.keeper: LogKeeper | None = None
         self.config: ConfigWatch | None = None
+        self.models: ModelChanges | None = None
         self.stopping = False
         self.loop_ended: str | None = None
         """Why no axis is led any more, where the loop did not end in order."""
@@ -71,7 +74,7 @@ class Report:
         if phase is Phase.STARTING:
             return f"the loop process is starting: it loads its libraries; {so_far}"
         if phase is Phase.COMPILING:
-            takes = compiling_words(len(self._machine.axes))
+            takes = compiling_words(len(self.machine.axes))
             return (
                 f"the control loop is being compiled, once for this configuration ({takes}), or "
                 f"taken from the cache; {so_far}"
@@ -82,20 +85,20 @@ class Report:
         self, axes: Sequence[str], motions: Mapping[str, dict[str, Any]]
     ) -> dict[str, Any]:
         """Return the whole status, with these axes and what each of them follows."""
-        index = list(self._machine.axes)
+        index = list(self.machine.axes)
         statuses = self._memory.axis_status
-        faults = faults_of(self._machine, statuses)
+        faults = faults_of(self.machine, statuses)
         if self.loop_ended is not None:
             statuses, faults = self._let_go(statuses.copy(), faults, self.loop_ended)
         return {
-            "machine": self._machine.name,
+            "machine": self.machine.name,
             "daemon": self._daemon(),
             "loop": self.loop(),
             "recording": self._recording(),
             "axes": {
                 name: self._axis(
                     statuses[index.index(name)],
-                    self._machine.axes[name],
+                    self.machine.axes[name],
                     motions.get(name),
                     faults[name],
                 )
@@ -127,12 +130,12 @@ class Report:
             "phase": self._memory.phase.name.lower(),
             "preparing": self.preparing,
             "pid": int(status["pid"]),
-            "rate_hz": self._machine.rate_hz,
+            "rate_hz": self.machine.rate_hz,
             "ticks": int(status["tick"]),
             "time_s": finite(status["time_s"]),
             "overruns": int(status["overruns"]),
             "skipped_periods": int(status["skipped_periods"]),
-            "waits": self._machine.loop.waits,
+            "waits": self.machine.loop.waits,
             "degraded": [*reasons(int(status["degraded"])), *self._memory.notes],
             "turnaround": timing.get("turnaround"),
             "lateness": timing.get("lateness"),
@@ -142,7 +145,7 @@ class Report:
         """Return in one line what the machine does."""
         states = ", ".join(
             f"{name} {_state(self._memory, i).name.lower()}"
-            for i, name in enumerate(self._machine.axes)
+            for i, name in enumerate(self.machine.axes)
         )
         overruns = int(self._memory.status["overruns"][0])
         return f"{states}; {overruns} overruns"
@@ -151,7 +154,7 @@ class Report:
         return {
             "version": __version__,
             "pid": os.getpid(),
-            "config": str(self._machine.source),
+            "config": str(self.machine.source),
             "config_difference": self.config.difference if self.config else None,
             "socket": str(self._socket),
             "uptime_s": round(self.uptime_s, 3),
@@ -182,14 +185,14 @@ class Report:
     def _trouble(self, axis: Axis, status: np.void) -> str | None:
         """Return what the driver reports now; that a sample is missing, once it is for too long."""
         word = int(status["device_status"])
-        if status["held_ticks"] <= self._machine.drivers[axis.driver].late.hold_ticks:
+        if status["held_ticks"] <= self.machine.drivers[axis.driver].late.hold_ticks:
             word &= ~int(Status.STALE | Status.CORRUPT)
         return device_message(word) or None
 
     def _excitation(self, axis: Axis, status: np.void) -> dict[str, float] | None:
         """Return how long the axis is still excited; None where it is not."""
         left = int(status["excitation_left"])
-        return {"left_s": left * self._machine.period_of(axis.name)} if left else None
+        return {"left_s": left * self.machine.period_of(axis.name)} if left else None
 
     def _axis(
         self,
@@ -208,11 +211,12 @@ class Report:
             "samples": {
                 "missed": int(status["missed_ticks"]),
                 "longest_missed": int(status["longest_missed_ticks"]),
-                "allowed": self._machine.drivers[axis.driver].late.hold_ticks,
+                "allowed": self.machine.drivers[axis.driver].late.hold_ticks,
                 "lost": bool(int(status["device_status"]) & _NO_SAMPLES),
             },
             "homed": bool(status["homed"]),
             "controller": axis.controller,
+            "trial_motions_left": self.models.on_trial(axis.name) if self.models else None,
             "position_m": finite(status["position_m"]),
             "velocity_m_s": finite(status["velocity_m_s"]),
             "reference_m": finite(status["reference_m"]),

@@ -182,6 +182,33 @@ class RotatingLog:
         if self._begin_s is not None and self.time_s - self._begin_s >= self._max_s:
             self._rotated()  # though no row comes, as in a pause
 
+    def change_models(
+        self, axes: Sequence[LogAxis], opening: Callable[[], Mapping[str, Any]]
+    ) -> None:
+        """End the run of logs, and begin another: rows of other models have other columns.
+
+        Parameters
+        ----------
+        axes
+            Of the logs from here on.
+        opening
+            Asked for the metadata with which each of them begins.
+        """
+        ended, self._writer = self._writer, None
+        if ended is not None and ended.rows == 0:
+            ended.discard()
+        elif ended is not None:
+            self._seal(ended, None)
+        self._axes, self._opening = tuple(axes), opening
+        self._row_bytes = sum(column.dtype.itemsize for column in log_columns(axes))
+        self.part, self._last, self._begin_s = 0, None, None
+        try:
+            self._writer = self._open(None)
+        except (MotorctlError, OSError) as error:
+            self.trouble = f"the log of the new models cannot be begun: {error}"  # tried again
+        else:
+            self._path, self.trouble = self._writer.path, None
+
     def flush(self) -> None:
         """Do nothing: `append` brings every row onto the disk."""
 

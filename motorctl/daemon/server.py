@@ -24,6 +24,7 @@ from motorctl.daemon.protocol import (
     AxisCommand,
     Code,
     EmergencyStopCommand,
+    ModelsCommand,
     RefusedError,
     Request,
     StatusCommand,
@@ -35,7 +36,7 @@ from motorctl.daemon.protocol import (
 
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
 
-OBSERVERS_COMMANDS = (StatusCommand, EmergencyStopCommand)
+OBSERVERS_COMMANDS = (StatusCommand, ModelsCommand, EmergencyStopCommand)
 BACKLOG = 1024
 """Connections that wait to be accepted; a client that comes later is turned away by the kernel."""
 ACCEPTED_AT_ONCE = 16

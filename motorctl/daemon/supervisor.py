@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from motorctl.config.chosen_code import MayRun, allowed_by
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon import learned
@@ -27,6 +28,8 @@ from motorctl.daemon.journal import Journal
 from motorctl.daemon.last_run import LastRun
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.loop_process import LoopProcess
+from motorctl.daemon.model_changes import ModelChanges
+from motorctl.daemon.model_history import ModelHistory
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.daemon.paths import daemon_socket, run_file, state_file
 from motorctl.daemon.recorder import Recorder
@@ -44,6 +47,9 @@ from motorctl.loop.compiling_time import compiling_words
 BEAT_PERIOD_S = 0.02
 WATCH_PERIOD_S = 0.05
 NOTIFY_PERIOD_S = 0.5
+TAKE_ON_S = 10.0
+"""How long the recorder may take to begin the log of other models [s]. Larger keeps who asked
+waiting for a disk that hangs; smaller gives up slow ones. By hand."""
 NICENESS = -10
 """Before ordinary programs: a busy computer would starve it of its signs of life, which the loop
 misses after half a second, and then stops every axis."""
@@ -61,6 +67,9 @@ class DaemonOptions:
     operators: str | None = None
     """Whose members may command, of those who may connect; None: all of them."""
     log_directory: Path | None = None
+    may_run: MayRun | None = None
+    """What of the code that models name which come later may be imported; None: what this user
+    chose before."""
 
 
 def run_daemon(machine: Machine, options: DaemonOptions) -> None:
@@ -88,7 +97,8 @@ async def _run(machine: Machine, options: DaemonOptions, beside: CompilingBeside
     must_be_writable(directory, "log directory")
     control = ControlSocket(options.socket or daemon_socket(), options.group, options.operators)
     try:
-        await Supervisor(machine, control, directory, beside).live()
+        may_run = options.may_run or allowed_by()
+        await Supervisor(machine, control, directory, beside, may_run).live()
     finally:
         control.close()
 
@@ -97,9 +107,15 @@ class Supervisor:
     """Holds everything that lives as long as the daemon."""
 
     def __init__(
-        self, machine: Machine, control: ControlSocket, directory: Path, beside: CompilingBeside
+        self,
+        machine: Machine,
+        control: ControlSocket,
+        directory: Path,
+        beside: CompilingBeside,
+        may_run: MayRun,
     ) -> None:
-        self._machine = machine
+        self.machine = machine
+        """What runs; another one once its models have changed."""
         self._beside = beside
         self._control = control
         self._directory = directory
@@ -109,13 +125,25 @@ class Supervisor:
         reopening = Reopening(machine, self._loop.memory, self._loop.ring)
         self._flight = FlightRecorder(machine, self._loop.memory, directory, self._loop_facts)
         self._journal = Journal(machine, self._loop.memory)
+        self._models = self._report.models = ModelChanges(
+            machine,
+            self._loop.memory,
+            self._loop.send,
+            self._announce_models,
+            self._take_on,
+            may_run,
+            ModelHistory(machine.name),
+            lambda: not self._flight.busy,
+            lambda: self._loop.cpus,
+        )
         self._commander = Commander(
-            machine, self._loop.memory, self._report, reopening, self._look_at_axes
+            machine, self._loop.memory, self._report, reopening, self._look_at_axes, self._models
         )
         self._server = ControlServer(control, self._commander.handle)
         self._notifier = ServiceNotifier()
         self._ending = Ending(self._notifier)
         self._recorder: Recorder | None = None
+        self._log: RotatingLog | None = None
         self._keeper = LogKeeper(machine, directory)
         self._last_run = LastRun(machine, run_file(machine.name))
         self._config = self._report.config = ConfigWatch(machine.source, named_files(machine))
@@ -191,7 +219,7 @@ class Supervisor:
         for remark in await asyncio.to_thread(self._last_run.begin):
             _log.warning("%s", remark)
         self._config.start()
-        theta, remarks = await asyncio.to_thread(learned.take_up, self._machine, self._state)
+        theta, remarks = await asyncio.to_thread(learned.take_up, self.machine, self._state)
         for remark in remarks:
             _log.info("%s", remark)
         note = self._last_run.loop_note
@@ -209,12 +237,12 @@ class Supervisor:
             if phase is Phase.COMPILING and not told:
                 told = True
                 self._notifier.status(self._report.preparing or "compiling the control loop")
-                takes = compiling_words(len(self._machine.axes))
+                takes = compiling_words(len(self.machine.axes))
                 _log.info("compiling the control loop (%s), or taking it from the cache", takes)
             await asyncio.sleep(WATCH_PERIOD_S)
         # In threads: the loop ticks already, and waits half a second for a sign of life.
         await asyncio.to_thread(self._beside.end)
-        log = await asyncio.to_thread(self._new_log)
+        log = self._log = await asyncio.to_thread(self._new_log)
         self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
         self._recorder.start()
         self._keeper.start(log, self._loop.cpus)
@@ -232,6 +260,7 @@ class Supervisor:
                 self._notifier.status(self._report.summary())
             self._recorder.insist()
             self._look_at_axes()
+            self._models.watch()
             await asyncio.sleep(WATCH_PERIOD_S)
 
     def _look_at_axes(self) -> None:
@@ -289,12 +318,12 @@ class Supervisor:
         return failed
 
     async def _keep_learned(self) -> list[str]:
-        if not learned.keeps_learned(self._machine):
+        if not learned.keeps_learned(self.machine):
             return []
         # A copy: the memory is closed, even where a disk hangs and this is given up.
         estimates = self._loop.memory.axis_status["theta_hat"].copy()
-        theta = dict(zip(self._machine.axes, estimates, strict=True))
-        save = partial(learned.save, self._machine, theta, self._state)
+        theta = dict(zip(self.machine.axes, estimates, strict=True))
+        save = partial(learned.save, self.machine, theta, self._state)
         try:
             await self._ending.wait_for("saving the learned parameters", save)
         except (OSError, ValueError, RunError) as error:
@@ -302,16 +331,36 @@ class Supervisor:
         return []
 
     def _new_log(self) -> RotatingLog:
-        machine = self._machine
+        machine = self.machine
         return RotatingLog(
             self._directory,
             machine.name,
             log_axes(machine),
-            lambda: {**log_metadata(machine), "clock": "wall"},
+            partial(_opening_of, machine),
             self._closing_facts,
             machine.recording,
             self._keeper.take,
         )
+
+    def _announce_models(self, machine: Machine) -> None:
+        """Say what the rows are like that come once other models run."""
+        assert self._recorder is not None  # the loop ticks only while it records
+        assert self._log is not None
+        opening = partial(_opening_of, machine, log_before=self._recorder.path.name)
+        begin = partial(self._log.change_models, log_axes(machine), opening)
+        self._recorder.begin_other_models = begin
+
+    def _take_on(self, machine: Machine) -> str | None:
+        """Go on with other models; return the log that was begun for them, once it was."""
+        for part in (self, self._report, self._flight, self._commander):
+            part.machine = machine
+        assert self._recorder is not None
+        deadline = time.monotonic() + TAKE_ON_S
+        while self._recorder.models_row != self._loop.memory.models_row:
+            if time.monotonic() > deadline:
+                return None
+            time.sleep(WATCH_PERIOD_S)
+        return self._recorder.path.name
 
     def _closing_facts(self) -> dict[str, Any]:
         lost = self._recorder.rows_lost if self._recorder else 0
@@ -321,7 +370,7 @@ class Supervisor:
         return {"loop": self._report.loop(), "motions": self._commander.history}
 
     def _announce(self, recorder: Recorder) -> None:
-        machine = self._machine
+        machine = self.machine
         axes = f"{'axis' if len(machine.axes) == 1 else 'axes'} {', '.join(machine.axes)}"
         self._notifier.ready(f"{axes} at {machine.rate_hz:g} Hz")
         _log.info("%s: %s at %g Hz", machine.name, axes, machine.rate_hz)
@@ -336,6 +385,11 @@ class Supervisor:
                 )
         for note in self._loop.memory.notes:
             _log.warning("%s", note)
+
+
+def _opening_of(machine: Machine, log_before: str | None = None) -> dict[str, Any]:
+    """Return the metadata with which a log of this machine begins."""
+    return {**log_metadata(machine), "clock": "wall", "other_models_before": log_before}
 
 
 async def _problems(doing: Awaitable[object]) -> list[str]:

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from motorctl.config import Machine, load_resolved
-from motorctl.config.chosen_code import allowed_by
+from motorctl.config import Machine
 from motorctl.config.experiment_envelope import beyond_envelope
 from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.client import Client
-from motorctl.errors import ConfigError, DataError, RunError, UsageError
+from motorctl.daemon.recorded_rows import ON_DISK_S, cut_rows, partial_log
+from motorctl.errors import RunError, UsageError
 from motorctl.log import LogWriter
-from motorctl.log.convert import load_metadata
-from motorctl.log.partial import SUFFIX, PartialFile
+from motorctl.log.partial import SUFFIX
 from motorctl.loop.plan import plan_program
 from motorctl.loop.virtual import VirtualMachine
 from motorctl.motion import Trajectory
@@ -32,8 +26,6 @@ POLL_S = 0.1
 """Between two looks at a daemon [s]. Shorter asks more often than anybody sees, longer is late."""
 AFTER_S = 0.2
 """Rows recorded after the end [s]; any that are more than none would do."""
-ON_DISK_S = 1.5
-"""How long after the end the last row is on the disk [s]: the recorder writes once a second."""
 
 
 def beyond_allowed(machine: Machine, plan: ResponsePlan, reference_m: float) -> list[str]:
@@ -103,26 +95,6 @@ def _pass(virtual: VirtualMachine, seconds: float, progress: Callable[[float], N
         progress(min(1.0 - left / total, 1.0))
 
 
-def machine_of_daemon(client: Client) -> Machine:
-    """Return the machine that a daemon runs, as the log says that it records.
-
-    Raises RunError where that log cannot be read.
-    """
-    partial = _partial(client)
-    try:
-        source = PartialFile(partial)
-        try:
-            metadata = load_metadata(source.schema)
-        finally:
-            source.close()
-        return load_resolved(metadata["config"], str(partial), hardware=True, may_run=allowed_by())
-    except (DataError, ConfigError, KeyError, OSError) as error:
-        raise RunError(
-            f"the log that the daemon records cannot be read ({error}): run this command on its "
-            "computer, as a user who may read its logs"
-        ) from error
-
-
 def require_holding(client: Client, name: str) -> None:
     """Insist that an axis holds, before anybody is asked; raises UsageError with what to do."""
     axis = client.axis(name)
@@ -154,7 +126,7 @@ def record_through_daemon(
     RunError
         Where the axis trips or is stopped meanwhile.
     """
-    name, partial = plan.axis, _partial(client)
+    name, partial = plan.axis, partial_log(client)
     begun = int(client.ask("status")["loop"]["ticks"])
     try:
         if plan.motion is not None:
@@ -168,12 +140,12 @@ def record_through_daemon(
         _stop(client, name)
         raise
     time.sleep(ON_DISK_S)
-    if _partial(client) != partial:
+    if partial_log(client) != partial:
         raise RunError(
             f"the daemon began a new log meanwhile: `motorctl response {name} --recording` with "
             f"both tells the response: {partial.name.removesuffix(SUFFIX)} and the next one"
         )
-    return _cut(partial, begun, log)
+    return cut_rows(partial, begun, log)
 
 
 def _excite(client: Client, plan: ResponsePlan) -> None:
@@ -218,42 +190,3 @@ def _stop(client: Client, name: str) -> None:
             own.ask("stop", axis=name)
     except Exception:  # it may be in fault, or the daemon gone: the first error tells more
         return
-
-
-@contextmanager
-def ended_in_order() -> Iterator[None]:
-    """Let a lost terminal or an order to end be what Ctrl-C is: the axis is stopped before."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    for number in before:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _partial(client: Client) -> Path:
-    recording = client.ask("status")["recording"]
-    if not recording["file"]:
-        raise RunError("the daemon records nothing: a response is read from its log")
-    file = Path(recording["file"])
-    return file.with_name(file.name + SUFFIX)
-
-
-def _cut(partial: Path, first_tick: int, log: Path) -> Path:
-    """Write the rows of a log that is still recorded, from a tick on, as a log of their own."""
-    source = PartialFile(partial)
-    try:
-        kept = []
-        for batch in source.batches():
-            ticks = batch.column("tick")
-            if len(ticks) and ticks[len(ticks) - 1].as_py() >= first_tick:
-                kept.append(batch)
-        if not kept:
-            raise RunError(f"{partial}: has no row since the axis was excited")
-        table = pa.Table.from_batches(kept).replace_schema_metadata(source.schema.metadata)
-        pq.write_table(table, log)
-    finally:
-        source.close()
-    return log
