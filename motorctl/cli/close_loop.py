@@ -1,15 +1,20 @@
-"""`motorctl close-loop`: simulate, diagnose, refine and simulate again, until it is good."""
+"""`motorctl close-loop`: run, diagnose, refine and run again, until it is good."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motorctl.cli.say import say
+
+if TYPE_CHECKING:  # takes long to import: the command does so when it runs
+    from motorctl.close_loop.machine_rig import MachineRig
 
 
 class MotionChoice(StrEnum):
@@ -42,14 +47,29 @@ def _close_loop(
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Length of each simulated motion.")
     ] = None,
+    socket: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="On the machine that this daemon runs; else in virtual time."
+        ),
+    ] = None,
+    yes: Annotated[
+        bool,
+        typer.Option(
+            "--yes",
+            help="With --socket: do not ask before each motion; only where the machine is "
+            "simulated, or within what axes.NAME.experiments allows.",
+        ),
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with what --out holds of a run that broke off.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
-    """Go round: simulate, diagnose, refine, simulate again, compare, until nothing more is found.
+    """Go round: run, diagnose, refine, run again, compare, until nothing more is found.
 
-    For machines whose drivers support virtual time. A round counts only where no error becomes
+    In virtual time, or through a running daemon: its axes then move, other models are applied while
+    they hold, and before each motion somebody is asked. A round counts only where no error becomes
     larger: of the model, and of the closed loop on the machine's own motion and on one that was
     not used.
     """
@@ -63,13 +83,16 @@ def _close_loop(
 
     if duration is not None and not 2.0 <= duration < float("inf"):
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
-    with showing_stages() as progress:
+    with ExitStack() as machine:
+        progress = machine.enter_context(showing_stages(bar=socket is None))
+        rig = machine.enter_context(_rig_of(socket, out, yes=yes)) if socket else None
         loop = close_loop(
             config,
             out,
             rounds=rounds,
             motion=None if motion is None else motion.value,
             duration_s=duration,
+            rig=rig,
             resume=resume,
             progress=progress,
         )
@@ -99,3 +122,26 @@ def _close_loop(
         say(f"  {error_row(judgement)}")
         say(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
     say(f"{loop.refined}\n{page}")
+
+
+@contextmanager
+def _rig_of(socket: Path, out: Path, *, yes: bool) -> Iterator[MachineRig]:
+    """Yield the machine behind a daemon's socket; what ends it early stops its axes before."""
+    from motorctl.cli.consent import Consents
+    from motorctl.close_loop.machine_rig import MachineRig
+    from motorctl.daemon.client import Client
+    from motorctl.daemon.running_machine import ended_in_order, machine_of_daemon
+
+    with ended_in_order(), Client(socket) as client:
+        rig = MachineRig(client, machine_of_daemon(client), Consents(yes=yes).ask)
+        try:
+            yield rig
+        except BaseException:
+            if rig.begun:
+                say(
+                    "broken off; the axes were told to stop, and the daemon's logs hold what was "
+                    f"recorded. {out} keeps {rig.motions} of {rig.begun} motions that were begun, "
+                    "run whole: the same command with --resume goes on after them",
+                    err=True,
+                )
+            raise

@@ -31,17 +31,20 @@ def showing_progress(what: str) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def showing_stages(*, lines: bool = False) -> Iterator[Callable[[str, float], None]]:
+def showing_stages(
+    *, lines: bool = False, bar: bool = True
+) -> Iterator[Callable[[str, float], None]]:
     """Show what is being done, and the share of it that is: (what, 0 to 1).
 
-    With `lines` a line for each stage where there is no terminal, so that minutes are not silent.
+    With `lines` a line for each stage where there is no terminal, so that minutes are not silent;
+    without `bar` in a terminal, too, so that somebody can be asked something meanwhile.
     """
-    if lines and not sys.stderr.isatty():
+    if not bar or (lines and not sys.stderr.isatty()):
         yield _telling_stages(time.monotonic())
         return
-    with _line(BarColumn(), TaskProgressColumn(), TimeElapsedColumn()) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)
+    with _line(BarColumn(), TaskProgressColumn(), TimeElapsedColumn()) as shown:
+        task = shown.add_task("", total=1.0)
+        yield lambda what, share: shown.update(task, description=what, completed=share)
 
 
 @contextmanager

@@ -272,14 +272,12 @@ def _require_rig(rig: Rig, machine: Machine, config: str | Path) -> None:
     try:
         rig.insist(machine)
     except UsageError as error:
+        if rig.verb != SimulatedRig.verb:
+            raise
         name = shlex.quote(str(config))
         raise UsageError(
-            f"{error}, so the loop cannot be closed by simulation. On the machine, each round by "
-            "hand:\n"
-            f"  motorctl run {name}                        (follow the programs, then stop)\n"
-            f"  motorctl refine LOG --config {name} --out refined.yaml\n"
-            "  motorctl run refined.yaml\n"
-            "  motorctl compare LOG NEW-LOG               (keep the refined one if it is better)"
+            f"{error}, so the loop cannot be closed by simulation. On the machine, while its "
+            f"daemon runs: motorctl close-loop {name} --socket SOCKET"
         ) from error
 
 

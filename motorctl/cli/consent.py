@@ -1,0 +1,99 @@
+"""Ask before a motion of a machine, with how much of each limit it uses and how long it takes."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from rich.table import Table
+
+from motorctl.cli.terminal import Terminal
+from motorctl.close_loop.machine_rig import AskedMotion
+from motorctl.config.experiment_envelope import beyond_envelope
+from motorctl.config.machine import Axis, Machine
+from motorctl.errors import UsageError
+from motorctl.motion import Peaks
+
+
+class Consents:
+    """Asks a person before each motion, or holds it against the envelopes of the configuration.
+
+    Parameters
+    ----------
+    yes
+        Nobody is asked: every axis that moves is simulated, or stays within its envelope.
+    """
+
+    def __init__(self, *, yes: bool) -> None:
+        self._yes = yes
+        self._minutes: dict[str, float] = {}
+
+    def ask(self, machine: Machine, motion: AskedMotion) -> None:
+        """Return once the motion is agreed to.
+
+        Raises
+        ------
+        UsageError
+            Where it is not: by a person, or because it is beyond an envelope.
+        """
+        moved = {
+            name: trajectory.peaks()
+            for plan in motion.plans.values()
+            for name, trajectory in plan.trajectories.items()
+        }
+        for name in moved:
+            self._minutes[name] = self._minutes.get(name, 0.0) + motion.duration_s / 60.0
+        self._show(machine, motion, moved)
+        if self._yes:
+            self._hold_against_envelopes(machine, moved)
+            return
+        if not sys.stdin.isatty():
+            raise UsageError(
+                "nobody is there to say yes to this motion: run this in a terminal; or with --yes, "
+                "where axes.NAME.experiments in the configuration allows it"
+            )
+        if not typer.confirm("Run it?", err=True):
+            raise UsageError("nothing was moved: nobody said yes")
+
+    def _hold_against_envelopes(self, machine: Machine, moved: dict[str, Peaks]) -> None:
+        for name, peaks in moved.items():
+            axis = machine.axes[name]
+            if machine.drivers[axis.driver].cls.simulated:
+                continue
+            beyond = list(beyond_envelope(axis, peaks, self._minutes[name]))
+            if beyond:
+                raise UsageError(
+                    f"axis {name}: --yes does not do, a person has to say yes: {'; '.join(beyond)}"
+                )
+
+    def _show(self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]) -> None:
+        table = Table(
+            title=f"next motion: {', '.join(motion.plans)}, {motion.duration_s:.0f} s",
+            title_justify="left",
+        )
+        for heading in ("axis", "from", "to", "speed", "of limit", "acceleration", "of limit"):
+            table.add_column(heading, justify="left" if heading == "axis" else "right")
+        for name, peaks in moved.items():
+            table.add_row(*_row(machine.axes[name], peaks))
+        console = Terminal(stderr=True)
+        console.print(table)
+        for name, why in motion.tripped.items():
+            told = f"  axis {name} tripped and is reset before: {why}"
+            console.print(told, markup=False, highlight=False)
+        if motion.other_models:
+            names = ", ".join(motion.other_models)
+            told = f"  axis {names}: with other models than the daemon was started with"
+            console.print(told, markup=False, highlight=False)
+
+
+def _row(axis: Axis, peaks: Peaks) -> tuple[str, ...]:
+    limits = axis.limits
+    return (
+        axis.name,
+        f"{peaks.range_m[0]:.4g} m",
+        f"{peaks.range_m[1]:.4g} m",
+        f"{peaks.max_velocity_m_s:.3g} m/s",
+        f"{peaks.max_velocity_m_s / limits.max_velocity_m_s:.0%}",
+        f"{peaks.max_acceleration_m_s2:.3g} m/s^2",
+        f"{peaks.max_acceleration_m_s2 / limits.max_acceleration_m_s2:.0%}",
+    )

@@ -1,0 +1,82 @@
+"""`close-loop --socket`: the rounds on a running daemon, broken off and gone on with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from daemon_rig import Daemon, bench_config
+from typer.testing import CliRunner
+
+from motorctl.cli import make_app
+from motorctl.close_loop import machine_rig
+from motorctl.errors import MotorctlError, UsageError
+
+pytestmark = pytest.mark.wall_clock(lanes=2)
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    document = yaml.safe_load(bench_config("shuttle"))
+    shuttle = document["programs"]["shuttle"]
+    document["programs"]["beside"] = shuttle | {"axis": "y", "distance_m": 0.04}
+    document["axes"]["y"]["program"] = "beside"
+    with Daemon(tmp_path_factory.mktemp("close"), yaml.safe_dump(document)) as running:
+        yield running
+
+
+def asked(daemon: Daemon, config: Path, *words: object) -> Any:
+    arguments = ["close-loop", str(config), *daemon.at, "--yes", *map(str, words)]
+    return CliRunner().invoke(make_app(), arguments)
+
+
+def close(daemon: Daemon, config: Path, *words: object) -> Any:
+    result = asked(daemon, config, *words)
+    if isinstance(result.exception, MotorctlError | KeyboardInterrupt):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def test_a_configuration_of_another_machine_is_refused_with_the_key(daemon: Daemon) -> None:
+    document = yaml.safe_load(daemon.config.read_text())
+    document["axes"]["y"]["limits"]["max_voltage_v"] = 9
+    path = daemon.config.with_name("another.yaml")
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(UsageError, match=r"axes\.y\.limits\.max_voltage_v is 9.*runs 10"):
+        close(daemon, path, "--out", daemon.config.parent / "another")
+    assert daemon.state("x") == "off"
+
+
+def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = daemon.config.parent / "closed"
+    words = ("--out", out, "--rounds", 1, "--motion", "own", "--duration", 3, "--json")
+    waited = machine_rig.MachineRig._wait
+    runs: list[str] = []
+
+    def interrupted(self: Any, names: Any, seconds: float, progress: Any) -> None:
+        runs.append("run")
+        if len(runs) == 2:
+            raise KeyboardInterrupt
+        waited(self, names, seconds, progress)
+
+    monkeypatch.setattr(machine_rig.MachineRig, "_wait", interrupted)
+    broken_off = asked(daemon, daemon.config, *words)
+    assert broken_off.exit_code != 0
+    assert "keeps 1 of 2 motions that were begun" in broken_off.stderr
+    assert "with --resume goes on after them" in broken_off.stderr
+    assert daemon.state("x") in ("off", "stopping")
+    first = (out / "round_0" / "own.parquet").stat().st_mtime_ns
+    before = len(runs)
+    result = close(daemon, daemon.config, *words, "--resume")
+    assert (out / "round_0" / "own.parquet").stat().st_mtime_ns == first
+    assert len(runs) > before
+    document = json.loads(result.stdout.splitlines()[-1])
+    assert document["rounds"]
+    assert (out / "refined.yaml").is_file()
