@@ -21,7 +21,8 @@ class Consents:
     Parameters
     ----------
     yes
-        Nobody is asked: every axis that moves is simulated, or stays within its envelope.
+        Nobody is asked: every axis that moves is simulated, or has not tripped and stays within
+        its envelope.
     """
 
     def __init__(self, *, yes: bool) -> None:
@@ -34,7 +35,7 @@ class Consents:
         Raises
         ------
         UsageError
-            Where it is not: by a person, or because it is beyond an envelope.
+            Where it is not: by a person, or because it is beyond an envelope or an axis tripped.
         """
         moved = {
             name: trajectory.peaks()
@@ -45,7 +46,7 @@ class Consents:
             self._minutes[name] = self._minutes.get(name, 0.0) + motion.duration_s / 60.0
         self._show(machine, motion, moved)
         if self._yes:
-            self._hold_against_envelopes(machine, moved)
+            self._hold_against_envelopes(machine, motion, moved)
             return
         if not sys.stdin.isatty():
             raise UsageError(
@@ -55,11 +56,18 @@ class Consents:
         if not typer.confirm("Run it?", err=True):
             raise UsageError("nothing was moved: nobody said yes")
 
-    def _hold_against_envelopes(self, machine: Machine, moved: dict[str, Peaks]) -> None:
+    def _hold_against_envelopes(
+        self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]
+    ) -> None:
         for name, peaks in moved.items():
             axis = machine.axes[name]
             if machine.drivers[axis.driver].cls.simulated:
                 continue
+            if name in motion.tripped:
+                raise UsageError(
+                    f"axis {name} tripped: {motion.tripped[name]}. --yes resets no axis: look at "
+                    f"the machine, `motorctl reset {name}`, then go on with --resume"
+                )
             beyond = list(beyond_envelope(axis, peaks, self._minutes[name]))
             if beyond:
                 raise UsageError(

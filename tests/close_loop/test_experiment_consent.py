@@ -27,11 +27,11 @@ def machine(folder: Path, experiments: dict[str, Any] | None) -> Machine:
     return load(path)
 
 
-def asked(of: Machine) -> AskedMotion:
+def asked(of: Machine, tripped: str = "y") -> AskedMotion:
     name, program = next(iter(of.programs.items()))
     standing = {axis: sum(of.axes[axis].limits.travel_m) / 2 for axis in program.axes}
     plan = plan_program(of, program, standing)
-    return AskedMotion({name: plan}, plan.duration_s, ("x",), {"y": "following error 2 mm"})
+    return AskedMotion({name: plan}, plan.duration_s, ("x",), {tripped: "following error 2 mm"})
 
 
 WIDE = {
@@ -85,6 +85,14 @@ def test_the_minutes_of_a_session_add_up(tmp_path: Path) -> None:
     consents.ask(of, asked(of))
     with pytest.raises(UsageError, match="max_minutes"):
         consents.ask(of, asked(of))
+
+
+def test_an_axis_that_tripped_is_reset_by_a_person(tmp_path: Path) -> None:
+    of = machine(tmp_path, wide(machine(tmp_path, None)))
+    with pytest.raises(
+        UsageError, match=r"following error 2 mm\. --yes resets no axis: .*reset x`"
+    ):
+        Consents(yes=True).ask(of, asked(of, tripped="x"))
 
 
 def test_nothing_written_allows_the_middle_half(tmp_path: Path) -> None:
