@@ -95,6 +95,27 @@ def shift_law(
 
 
 @inner_kernel
+def still_command(
+    input_map: Callable[..., float],
+    input_slope: Callable[..., float],
+    settings: Any,
+    state: Any,
+    t: float,
+) -> float:
+    """Return what a law at rest commands [V] where its position stays as it was measured last.
+
+    That is its last command without what it gave for the speed: one step of the count is a speed
+    for one tick, and no part of what holds the axis.
+    """
+    rate = (state.y1 - state.y2) / settings.period_s
+    v = state.v + settings.ks_v_s_m * rate
+    return invert(
+        input_map, input_slope, v, state.xd1, 0.0, t, state.context, state.theta,
+        settings.max_voltage_v,
+    )  # fmt: skip
+
+
+@inner_kernel
 def take_over_law(
     feedforward: Callable[..., float],
     input_map: Callable[..., float],
@@ -103,19 +124,25 @@ def take_over_law(
     settings: Any,
     state: Any,
     before: Any,
+    u: float,
     t: float,
 ) -> bool:
-    """Go on at rest where the law of another model left off, with the command that it gave last.
+    """Go on at rest where the law of another model left off, with the command u that held the axis.
 
     The fast adaptation takes up what the two models compensate differently there. `state` is that
     of the new model, of which `others` and `others_far` are filled, `before` that of the old one.
+
+    Parameters
+    ----------
+    u
+        The old law's `still_command` [V].
 
     Returns
     -------
     bool
         Whether the fast adaptation may be as much as that; else nobody shall go on with `state`.
     """
-    x, u = before.xd1, before.u
+    x = before.xd1
     start_law(feedforward, advance_context, settings, state, t, x)
     at_rest = _at_rest(feedforward, settings, state, t, x)
     state.y1, state.y2, state.xd1, state.t1 = before.y1, before.y2, x, before.t1

@@ -216,8 +216,8 @@ def parse_request(line: bytes) -> Request:
     if len(line) > SHORT_LINE_BYTES and not may_be_long:
         raise RefusedError(
             Code.BAD_REQUEST,
-            f"the request has {len(line)} bytes; one that is no {' or '.join(MAY_BE_LONG)} has "
-            f"{SHORT_LINE_BYTES} at most",
+            f"the request has {len(line)} bytes; {SHORT_LINE_BYTES} are allowed but for "
+            f"{', '.join(MAY_BE_LONG)}",
         )
     if isinstance(given, dict):
         _must_be_few("keys", given)

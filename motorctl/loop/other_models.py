@@ -28,14 +28,14 @@ HEAD = '''"""Laws that take over from others while their axes hold. Generated; d
 
 from numba import njit
 
-from motorctl.control.law import take_over_law
+from motorctl.control.law import still_command, take_over_law
 from motorctl.loop.preview import fill_motion
 {imports}
 
 @njit(cache=True, error_model='numpy')
 def take_over(
-    holding, settings, axes, law_settings, laws, before, beside, segments, segment_counts, number,
-    t,
+    holding, settings, axes, law_settings, laws, old_settings, before, beside, segments,
+    segment_counts, number, t,
 ):
     refused = -1
 '''
@@ -44,9 +44,12 @@ AXIS = """    if holding[{i}]:
         fill_motion(
             law_settings, laws, settings, axes, segments, segment_counts, beside, number, {i},
         )
+        u = still_command(
+            {old}.input_map, {old}.input_slope, old_settings[{i}], before[{i}], t,
+        )
         if not take_over_law(
             {m}.feedforward, {m}.input_map, {m}.advance_context, {m}.advance_inputs,
-            law_settings[{i}], laws[{i}], before[{i}], t,
+            law_settings[{i}], laws[{i}], before[{i}], u, t,
         ):
             refused = {i}
 """
@@ -103,9 +106,10 @@ def take_over_arguments(before: Tick, after: Tick, holding: NDArray[np.bool_]) -
     holding
         The axes that hold a command, (axes,).
     """
-    records = (after.settings, after.axes, after.law_settings, after.laws, before.laws)
+    records = (after.settings, after.axes, after.law_settings, after.laws)
+    old = (before.law_settings, before.laws)
     memory = before.memory
-    return holding, *records, after.beside, memory.segments, memory.segment_counts
+    return holding, *records, *old, after.beside, memory.segments, memory.segment_counts
 
 
 def other_models(before: Machine, after: Machine, room: int) -> OtherModels:
@@ -139,7 +143,9 @@ def other_models(before: Machine, after: Machine, room: int) -> OtherModels:
             for machine in (before, after)
         )
         fields = new.settings.dtype.names or ()
-        models = [axis.model for axis in after.axes.values()]
+        models, old_models = (
+            [axis.model for axis in machine.axes.values()] for machine in (after, before)
+        )
         arguments = take_over_arguments(old, new, np.zeros(len(names), np.bool_))
         return OtherModels(
             tuple(numbers),
@@ -151,19 +157,22 @@ def other_models(before: Machine, after: Machine, room: int) -> OtherModels:
             new.law_settings.tobytes(),
             new.laws.tobytes(),
             new.packed(),
-            packed(load_take_over(models, numbers), *arguments, 1, 0.0),
+            packed(load_take_over(old_models, models, numbers), *arguments, 1, 0.0),
         )
     finally:
         memory.close()
 
 
-def load_take_over(models: Sequence[EffectList], changed: Sequence[int]) -> object:
+def load_take_over(
+    before: Sequence[EffectList], after: Sequence[EffectList], changed: Sequence[int]
+) -> object:
     """Return the kernel that lets the laws of these axes take over; each list has kernels."""
-    used = [models[i].kernels.__name__ for i in changed]
+    old, new = ([models[i].kernels.__name__ for i in changed] for models in (before, after))
+    used = dict.fromkeys([*old, *new])
     source = "".join(
         [
-            HEAD.format(imports="".join(f"import {name}\n" for name in dict.fromkeys(used))),
-            *(AXIS.format(i=i, m=name) for i, name in zip(changed, used, strict=True)),
+            HEAD.format(imports="".join(f"import {name}\n" for name in used)),
+            *(AXIS.format(i=i, m=m, old=o) for i, o, m in zip(changed, old, new, strict=True)),
             TAIL,
         ]
     )

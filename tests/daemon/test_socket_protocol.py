@@ -172,8 +172,14 @@ def texts(mark: bytes) -> bytes:
             + b"]}}",
             "values",
         ),
-        (b'{"do":"status","axis":"' + b"a" * 4_000_000 + b'"}', "excite has 16384 at most"),
-        (b'{"do":"status","axis":"' + rb"\"" * 2_000_000 + b'"}', "excite has 16384 at most"),
+        (
+            b'{"do":"status","axis":"' + b"a" * 4_000_000 + b'"}',
+            "16384 are allowed but for program, excite, apply",
+        ),
+        (
+            b'{"do":"status","axis":"' + rb"\"" * 2_000_000 + b'"}',
+            "16384 are allowed but for program, excite, apply",
+        ),
         (b'{"do":"status"' + MANY[:11_000] + b"}", "the request has 1001 keys; limit 16"),
     ],
     ids=["keys", "files", "fewer files", "values", "text", "marks", "fewer keys"],
