@@ -31,7 +31,14 @@ class Role(Enum):
     OBSERVE = "observe"
     """Look at the machine, and stop it at once: nobody has to watch an accident."""
     OPERATE = "operate"
-    """All commands."""
+    """All commands but those of who may configure."""
+    CONFIGURE = "configure"
+    """All commands: other models for the machine that runs, too."""
+
+    @property
+    def commands(self) -> bool:
+        """Whether more than looking and stopping at once is allowed."""
+        return self is not Role.OBSERVE
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,13 @@ class ControlSocket:
     has ended too.
     """
 
-    def __init__(self, path: Path, group: str | None = None, operators: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        group: str | None = None,
+        operators: str | None = None,
+        configuration: Path | None = None,
+    ) -> None:
         """Bind `path`, replacing what a dead daemon left.
 
         Parameters
@@ -62,6 +75,9 @@ class ControlSocket:
         operators
             The group whose members may command; the others who are connected may only look. None:
             whoever may connect.
+        configuration
+            The file of what runs: of those who may command, whoever may write it may change the
+            models that run, too. None: nobody but root and the daemon's user.
 
         Raises
         ------
@@ -73,6 +89,7 @@ class ControlSocket:
         self.path = path
         self.group_id = os.getegid() if group is None else _group_id(group)
         self.operators = operators
+        self.configuration = configuration
         self._operators_id = None if operators is None else _group_id(operators)
         try:
             path.parent.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
@@ -99,11 +116,26 @@ class ControlSocket:
         Root and the daemon's own user may do everything, whatever groups they are in.
         """
         if peer.uid in {0, os.geteuid()}:
-            return Role.OPERATE
+            return Role.CONFIGURE
         if self.group_id not in peer.groups:
             return None
         operates = self._operators_id is None or self._operators_id in peer.groups
-        return Role.OPERATE if operates else Role.OBSERVE
+        if not operates:
+            return Role.OBSERVE
+        return Role.CONFIGURE if self._may_write_configuration(peer) else Role.OPERATE
+
+    def _may_write_configuration(self, peer: Peer) -> bool:
+        """Tell what owner, group and mode of the file say, as the kernel reads them."""
+        if self.configuration is None:
+            return False
+        try:
+            found = self.configuration.stat()
+        except OSError:
+            return False
+        if found.st_uid == peer.uid:
+            return bool(found.st_mode & stat.S_IWUSR)
+        of_group = found.st_gid in peer.groups
+        return bool(found.st_mode & (stat.S_IWGRP if of_group else stat.S_IWOTH))
 
     def close(self) -> None:
         """Take the socket away, unless somebody has put another in its place."""

@@ -21,12 +21,14 @@ from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
 from motorctl.daemon.connection import Connection
 from motorctl.daemon.places import Place, Places
 from motorctl.daemon.protocol import (
+    ApplyCommand,
     AxisCommand,
     Code,
     EmergencyStopCommand,
     ModelsCommand,
     RefusedError,
     Request,
+    RevertCommand,
     StatusCommand,
     answer,
     parse_request,
@@ -37,6 +39,7 @@ from motorctl.daemon.protocol import (
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
 
 OBSERVERS_COMMANDS = (StatusCommand, ModelsCommand, EmergencyStopCommand)
+CONFIGURATORS_COMMANDS = (ApplyCommand, RevertCommand)
 BACKLOG = 1024
 """Connections that wait to be accepted; a client that comes later is turned away by the kernel."""
 ACCEPTED_AT_ONCE = 16
@@ -168,7 +171,7 @@ class ControlServer:
         self._stopped_s.pop(connection, None)
 
     def _wait_for_turn(self, connection: Connection) -> None:
-        urgent = connection.role is Role.OPERATE and _stops(connection.waiting_line())
+        urgent = connection.role.commands and _stops(connection.waiting_line())
         (self._urgent if urgent else self._turns).append(connection)
         self._waiting.set()
 
@@ -245,6 +248,12 @@ class ControlServer:
                 Code.FORBIDDEN,
                 f"{request.do}: only members of the group '{self._control.operators}' may command "
                 "this machine; others may ask for its status, and for an emergency stop",
+            )
+        if isinstance(request, CONFIGURATORS_COMMANDS) and role is not Role.CONFIGURE:
+            raise RefusedError(
+                Code.FORBIDDEN,
+                f"{request.do}: only who may write {self._control.configuration}, root and the "
+                "daemon's user may change the models of this machine",
             )
 
     async def _answer(self, tell: Callable[[bytes], None], request: Request) -> None:

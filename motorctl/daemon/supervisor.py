@@ -95,7 +95,9 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
 async def _run(machine: Machine, options: DaemonOptions, beside: CompilingBeside) -> None:
     directory = options.log_directory or machine.log_directory
     must_be_writable(directory, "log directory")
-    control = ControlSocket(options.socket or daemon_socket(), options.group, options.operators)
+    control = ControlSocket(
+        options.socket or daemon_socket(), options.group, options.operators, machine.source
+    )
     try:
         may_run = options.may_run or allowed_by()
         await Supervisor(machine, control, directory, beside, may_run).live()

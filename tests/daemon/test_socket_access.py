@@ -11,9 +11,12 @@ import stat
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
+from served_socket import served
 
 from motorctl.daemon import paths
 from motorctl.daemon.access import ControlSocket, Peer, Role, peer_of
@@ -81,8 +84,8 @@ def test_the_kernel_tells_who_is_there(tmp_path: Path) -> None:
 def test_root_the_own_user_and_members_are_admitted(tmp_path: Path) -> None:
     control = ControlSocket(tmp_path / "s.sock")
     stranger = os.geteuid() + 1
-    assert control.role_of(Peer(1, 0, frozenset())) is Role.OPERATE
-    assert control.role_of(Peer(1, os.geteuid(), frozenset())) is Role.OPERATE
+    assert control.role_of(Peer(1, 0, frozenset())) is Role.CONFIGURE
+    assert control.role_of(Peer(1, os.geteuid(), frozenset())) is Role.CONFIGURE
     assert control.role_of(Peer(1, stranger, frozenset({os.getegid(), 5}))) is Role.OPERATE
     assert control.role_of(Peer(1, stranger, frozenset({os.getegid() + 1}))) is None
     control.close()
@@ -95,8 +98,52 @@ def test_with_operators_named_the_other_members_may_only_look(tmp_path: Path) ->
     assert control.role_of(Peer(1, stranger, frozenset({own}))) is Role.OBSERVE
     assert control.role_of(Peer(1, stranger, frozenset({own, NOBODY}))) is Role.OPERATE
     assert control.role_of(Peer(1, stranger, frozenset({NOBODY}))) is None  # not of the socket's
-    assert control.role_of(Peer(1, 0, frozenset())) is Role.OPERATE
+    assert control.role_of(Peer(1, 0, frozenset())) is Role.CONFIGURE
     control.close()
+
+
+@pytest.mark.parametrize(
+    ("mode", "role"),
+    [
+        (0o644, Role.OPERATE),
+        (0o664, Role.CONFIGURE),
+        (0o666, Role.CONFIGURE),
+        (0o646, Role.OPERATE),
+    ],
+)
+def test_of_the_operators_who_may_write_the_configuration_may_change_models(
+    tmp_path: Path, mode: int, role: Role
+) -> None:
+    configuration = tmp_path / "left.yaml"
+    configuration.touch()
+    configuration.chmod(mode)
+    control = ControlSocket(tmp_path / "s.sock", configuration=configuration)
+    member = Peer(1, os.geteuid() + 1, frozenset({os.getegid()}))
+    assert control.role_of(member) is role
+    configuration.unlink()
+    assert control.role_of(member) is Role.OPERATE
+    control.close()
+
+
+@pytest.mark.parametrize("do", ["apply", "revert"])
+def test_an_operator_who_may_not_configure_changes_no_model(tmp_path: Path, do: str) -> None:
+    asked: list[str] = []
+
+    async def handle(request: Any) -> dict[str, Any]:
+        asked.append(request.do)
+        return {}
+
+    arguments = {"config": {}, "source": "refined.yaml"} if do == "apply" else {}
+    line = json.dumps({"id": 1, "do": do, **arguments}).encode() + b"\n"
+    for role, answer in ((Role.OPERATE, "forbidden"), (Role.CONFIGURE, '"ok":true')):
+        with (
+            served(tmp_path / "s.sock", handle, partial(Role, role)) as path,
+            socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client,
+        ):
+            client.connect(str(path))
+            client.sendall(line)
+            assert answer in client.recv(65536).decode()
+    assert asked == [do]
 
 
 @ROOT_ONLY
