@@ -43,7 +43,9 @@ def learned(motion, *, delay_s: float, known_s: float) -> dict[str, np.ndarray]:
         rig.follow(motion)
         rig.seconds(DURATION_S - 1.0)
         rig.raise_faults()
-        return {axis: rig.last(axis)["theta_hat"].copy() for axis in TRUTH}
+        return {
+            axis: rig.last(axis)["theta_hat"][: truth.size].copy() for axis, truth in TRUTH.items()
+        }
 
 
 def input_map(theta: np.ndarray) -> np.ndarray:
