@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
 from typing import TypeVar
 
+from motorctl.daemon.left_alone import left_alone
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.errors import RunError
 
@@ -54,18 +53,7 @@ class Ending:
         """
         if self._began_s is None:
             self._began_s = time.monotonic()
-        done: Future[Result] = Future()
-        done.set_running_or_notify_cancel()
-
-        def run() -> None:
-            try:
-                done.set_result(work())
-            except BaseException as error:
-                done.set_exception(error)
-
-        # Not asyncio's own threads: those are waited for at the end of the process.
-        threading.Thread(target=run, name=what, daemon=True).start()
-        waited = asyncio.wrap_future(done)
+        waited = left_alone(what, work)
         while not (await asyncio.wait({waited}, timeout=MORE_TIME_S / 4))[0]:
             if time.monotonic() - self._began_s > ENDING_LIMIT_S:
                 waited.cancel()

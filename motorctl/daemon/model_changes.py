@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from motorctl.config import load_resolved
@@ -22,6 +23,7 @@ from motorctl.config.model_keys import (
     other_keys_that_differ,
     with_models_of,
 )
+from motorctl.daemon.left_alone import left_alone
 from motorctl.daemon.model_history import ModelHistory, What, changes_between
 from motorctl.daemon.protocol import ApplyCommand, Code, RefusedError
 from motorctl.errors import MotorctlError
@@ -252,10 +254,10 @@ class ModelChanges:
     ) -> str | None:
         """Have the loop change models; return the first log of the new ones."""
         room = self._memory.layout["parameters"]
+        compiling = partial(compile_models, self._machine, machine, room, self._loop_cpus())
         try:
-            models = await asyncio.to_thread(
-                compile_models, self._machine, machine, room, self._loop_cpus()
-            )
+            # It may take half a minute on a busy computer: the end of the daemon waits for none.
+            models = await left_alone("compiling models", compiling)
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
         self._must_stand(do, changed)  # others may have moved them while it was compiled
