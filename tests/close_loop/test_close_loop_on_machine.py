@@ -52,6 +52,7 @@ def test_a_configuration_of_another_machine_is_refused_with_the_key(daemon: Daem
     assert daemon.state("x") == "off"
 
 
+@pytest.mark.slow
 def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:

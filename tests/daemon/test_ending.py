@@ -93,6 +93,7 @@ def test_a_loop_that_died_is_told_at_once_and_its_axes_are_not_shown_as_running(
         assert daemon.said.splitlines()[-1] == f"motorctl: {cause}"
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_slow_to_save_what_was_learned_holds_up_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,6 +129,7 @@ def drained(manager: socket.socket) -> list[str]:
     return told
 
 
+@pytest.mark.slow
 def test_a_disk_that_never_saves_what_was_learned_keeps_the_old_file_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

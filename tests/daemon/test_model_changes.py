@@ -113,6 +113,7 @@ def test_an_axis_under_way_keeps_its_model(daemon: Daemon) -> None:
     daemon.ask_when_it_stands("start", "x", hold=True)
 
 
+@pytest.mark.slow
 def test_a_model_that_trips_on_trial_gives_way_to_the_one_before(daemon: Daemon) -> None:
     wait_until(lambda: daemon.state("x") == "idle")
     move(daemon, 0.1)
@@ -131,6 +132,7 @@ def test_a_model_that_trips_on_trial_gives_way_to_the_one_before(daemon: Daemon)
     move(daemon, 0.1)
 
 
+@pytest.mark.slow
 def test_the_logs_of_a_run_with_changes_hold_every_tick_once(tmp_path: Path) -> None:
     with Daemon(tmp_path, bench_config()) as running:
         running.ask_when_it_stands("start", "x", hold=True)
