@@ -103,8 +103,9 @@ def _story(source: Path) -> list[str]:
     for line in source.read_text(encoding="utf-8-sig").splitlines():
         if not line.startswith("#"):
             break
-        if not line.startswith("# yaml-language-server"):
-            story.append(line.removeprefix("#").strip()[:STORY_CHARACTERS])
+        told = line.removeprefix("#").strip()
+        if told and not told.startswith("yaml-language-server"):
+            story.append(told[:STORY_CHARACTERS])
     return story[:STORY_LINES]
 
 

@@ -34,6 +34,8 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
             parts.append(_motion(name, axis["motion"]))
         if axis.get("excitation"):
             parts.append(Text(f"{name}: excited for {axis['excitation']['left_s']:.0f} s more"))
+        if (left := axis.get("trial_motions_left")) is not None:
+            parts.append(Text(f"{name}: other models on trial, {left} motions left", "yellow"))
         if axis.get("dual_drive"):
             parts.append(_skew(name, axis["dual_drive"]))
         if axis["fault"]:

@@ -97,6 +97,12 @@ def test_an_axis_that_is_excited_is_told_with_the_time_that_is_left() -> None:
     assert "excited" not in drawn(changed("axes.y.excitation", None))
 
 
+def test_models_on_trial_are_told_with_the_motions_that_are_left() -> None:
+    shown = drawn(changed("axes.x.trial_motions_left", 2))
+    assert "x: other models on trial, 2 motions left" in shown
+    assert "trial" not in drawn(changed("axes.x.trial_motions_left", None))
+
+
 def test_what_matters_is_on_it() -> None:
     text = drawn(DOCUMENT)
     for part in (
