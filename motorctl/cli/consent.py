@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
-import typer
 from rich.table import Table
 
+from motorctl.cli.asking import insist_on_yes
 from motorctl.cli.terminal import Terminal
 from motorctl.close_loop.machine_rig import AskedMotion
 from motorctl.config.experiment_envelope import beyond_envelope
@@ -48,13 +46,12 @@ class Consents:
         if self._yes:
             self._hold_against_envelopes(machine, motion, moved)
             return
-        if not sys.stdin.isatty():
-            raise UsageError(
-                "nobody is there to say yes to this motion: run this in a terminal; or with --yes, "
-                "where axes.NAME.experiments in the configuration allows it"
-            )
-        if not typer.confirm("Run it?", err=True):
-            raise UsageError("nothing was moved: nobody said yes")
+        insist_on_yes(
+            "Run it?",
+            nobody="nobody is there to say yes to this motion: run this in a terminal; or with "
+            "--yes, where axes.NAME.experiments in the configuration allows it",
+            refused="nothing was moved: nobody said yes",
+        )
 
     def _hold_against_envelopes(
         self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]

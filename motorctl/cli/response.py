@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -216,6 +215,7 @@ def _insist_on_consent(axis: str, beyond: list[str], *, yes: bool) -> None:
 
     beyond is what of the motion nobody has allowed before, so that --yes does not do.
     """
+    from motorctl.cli.asking import insist_on_yes
     from motorctl.errors import UsageError
 
     if yes and not beyond:
@@ -225,13 +225,12 @@ def _insist_on_consent(axis: str, beyond: list[str], *, yes: bool) -> None:
             f"axis {axis}: --yes does not do, a person at its side has to say yes: "
             f"{'; '.join(beyond)}"
         )
-    if not sys.stdin.isatty():
-        raise UsageError(
-            f"nobody is there to say yes to exciting axis {axis}: run this in a terminal"
-            + ("" if beyond else "; or with --yes, as nothing of it is beyond what is allowed")
-        )
-    if not typer.confirm(f"Excite axis {axis}?", err=True):
-        raise UsageError(f"axis {axis} was not excited: nobody said yes")
+    insist_on_yes(
+        f"Excite axis {axis}?",
+        nobody=f"nobody is there to say yes to exciting axis {axis}: run this in a terminal"
+        + ("" if beyond else "; or with --yes, as nothing of it is beyond what is allowed"),
+        refused=f"axis {axis} was not excited: nobody said yes",
+    )
 
 
 def _print(measured: Measurement) -> None:

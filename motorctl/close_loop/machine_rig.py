@@ -67,7 +67,6 @@ class MachineRig:
         self.begun = 0
         self.motions = 0
         """Of those that were begun, how many were run whole."""
-        self.seconds = 0.0
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where the daemon runs another machine, or an axis is not homed."""
@@ -110,7 +109,6 @@ class MachineRig:
             )
         cut_rows(partial, begun, log)
         self.motions += 1
-        self.seconds += lasts_s
 
     def _ask_for_consent(
         self, machine: Machine, programs: list[Program], duration_s: float | None

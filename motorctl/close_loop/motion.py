@@ -150,9 +150,8 @@ def _reach(machine: Machine, axis: Axis, effort: float) -> Reach:
 
 def _affordable(axis: Axis, speed: float, acceleration: float) -> float:
     """Return the acceleration that a part of the voltage makes at a speed, by the start values."""
-    theta = np.array([estimate.initial for estimate in axis.estimates])
     limit = axis.limits.max_voltage_v
-    needed = required_command(axis.model, theta, limit)
+    needed = required_command(axis.model, axis.theta_initial, limit)
     a = np.linspace(acceleration / ACCELERATION_STEPS, acceleration, ACCELERATION_STEPS)
     x = np.full_like(a, 0.5 * sum(axis.limits.travel_m))
     enough = np.abs(needed(x, np.full_like(a, speed), a)) <= VOLTAGE * limit

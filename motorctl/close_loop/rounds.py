@@ -123,8 +123,9 @@ def close_loop(
     the machine, RunError where the machine cannot follow its own motion as it is.
     """
     machine = load(config)
-    rig = ResumedRig(rig or SimulatedRig(), reuse=resume)
+    rig = rig or SimulatedRig()
     _require_rig(rig, machine, config)
+    rig = ResumedRig(rig, reuse=resume)
     own = bool(machine.followed_programs)
     chosen: Motion = motion or "rich"
     if chosen == "own" and not moves_by_itself(machine):
@@ -272,7 +273,7 @@ def _require_rig(rig: Rig, machine: Machine, config: str | Path) -> None:
     try:
         rig.insist(machine)
     except UsageError as error:
-        if rig.verb != SimulatedRig.verb:
+        if not isinstance(rig, SimulatedRig):
             raise
         name = shlex.quote(str(config))
         raise UsageError(

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from motorctl.close_loop.motion import MotionName, Motions, machine_on
 from motorctl.close_loop.rigs import Rig
 from motorctl.config import Machine, load
@@ -131,11 +129,10 @@ def model_error_v(
     """
     found = {}
     for name, axis in machine.axes.items():
-        theta = np.array([estimate.initial for estimate in axis.estimates])
         applied = corrected_by.axes[name].model.names
         try:
             data = with_others(recording, name)
-            found[name] = force_error_rms(data, axis.model, theta, applied)
+            found[name] = force_error_rms(data, axis.model, axis.theta_initial, applied)
         except (DataError, UsageError):
             found[name] = float("nan")
     return found

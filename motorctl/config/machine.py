@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from motorctl.config.axis_keys import AxisSettings
@@ -46,6 +48,11 @@ class Axis(AxisSettings):
     """One for each parameter of `model`, in its order."""
     divisor: int = 1
     """Ticks of the loop in one of the axis: the same for all axes of a driver."""
+
+    @property
+    def theta_initial(self) -> NDArray[np.float64]:
+        """theta_hat(0), (n,), each parameter in its own unit."""
+        return np.array([estimate.initial for estimate in self.estimates])
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from motorctl.config.analysis import required_command
-from motorctl.config.analysis.skew_motion import skew_of_m, squaring_lag_m
 from motorctl.config.heat_rules import NEAR, program_heat_v
 from motorctl.config.machine import Axis, Machine
-from motorctl.config.slow_motion_rules import plant_of
+from motorctl.config.skew_motion import skew_of_m, squaring_lag_m
 from motorctl.motion import Program, RequiredVoltage
 
 UNEVEN = 0.25
@@ -38,8 +37,7 @@ def notes_on_motion(machine: Machine) -> Iterator[str]:
         program = machine.programs.get(axis.program) if axis.program else None
         if program is None or name not in program.axes:
             continue
-        theta = np.array([estimate.initial for estimate in axis.estimates])
-        need = required_command(axis.model, theta, axis.limits.max_voltage_v)
+        need = required_command(axis.model, axis.theta_initial, axis.limits.max_voltage_v)
         yield from _heat(axis, program, need, machine.period_of(name))
         yield from _skew(axis, program, need, machine.period_of(name))
 
@@ -64,9 +62,7 @@ def _squaring(axis: Axis, period_s: float) -> Iterator[str]:
     if guard is None or dual is None or place is None:
         return
     friction_v, skew = axis.estimates[place].initial, dual.skew
-    way_m = max(dual.max_out_of_square_m or 0.0, guard.limit_m)
-    plant = plant_of(skew, period_s)
-    lag_m = squaring_lag_m(plant, skew.squaring_velocity_m_s, friction_v, way_m)
+    lag_m = squaring_lag_m(dual, guard.limit_m, friction_v, period_s)
     if guard.limit_m <= lag_m:
         yield (
             f"axis {axis.name}: guards.skew.limit_m {guard.limit_m:g} is no more than friction "
@@ -82,7 +78,7 @@ def _skew(axis: Axis, program: Program, need: RequiredVoltage, period_s: float) 
     trajectory = program.trajectories()[axis.name]
     cycle_s = trajectory.duration_s / program.cycles
     volts = need(*trajectory.sample(np.arange(0.0, cycle_s, period_s)))
-    skewed_m = skew_of_m(plant_of(dual.skew, period_s), volts)
+    skewed_m = skew_of_m(dual.skew, volts, period_s)
     if guard.limit_m < UNEVEN * skewed_m:
         yield (
             f"axis {axis.name}: guards.skew.limit_m {guard.limit_m:g} trips in program "

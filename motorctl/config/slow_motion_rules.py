@@ -7,13 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from motorctl.config.analysis.skew_motion import SkewPlant, squaring_lag_m
 from motorctl.config.axis_keys import Gains, Limits
 from motorctl.config.axis_parts import AxisParts
-from motorctl.config.dual_drive_keys import SkewLoop
-from motorctl.config.dual_drive_rules import COUNTS_AT_REST, skew_margins
+from motorctl.config.dual_drive_rules import COUNTS_AT_REST, check_skew_loop
 from motorctl.config.guard_keys import Guards
 from motorctl.config.heat_rules import PLACES
+from motorctl.config.skew_motion import squaring_lag_m
 from motorctl.config.validation import Finding
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document
@@ -46,7 +45,7 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
     if parts.gains and need and friction_v > 0.0:
         found += _held_back(limits, guards, parts.gains, need, friction_v, least_m)
     if parts.dual and rate_hz:
-        found += _squared(parts, guards, 1.0 / rate_hz, least_m)
+        found += _squared(parts, guards, rate_hz, least_m)
     return [document.problem(("axes", parts.name, *where), what) for where, what in found]
 
 
@@ -105,39 +104,20 @@ def _compensated_v(limits: Limits, need: RequiredVoltage, speed: float) -> float
     return 0.5 * float(np.mean(there - back))
 
 
-def _squared(
-    parts: AxisParts, guards: Guards, period_s: float, least_m: float
-) -> Iterator[Finding]:
+def _squared(parts: AxisParts, guards: Guards, rate_hz: float, least_m: float) -> Iterator[Finding]:
     """Look at a beam that is led to square from as far askew as it may stand, without friction."""
     dual, guard = parts.dual, guards.skew
     if dual is None or guard is None or parts.model is None or parts.adaptation is None:
         return
     skew, delay_s = dual.skew, parts.adaptation.input_delay_s
-    if skew.k1_1_s * period_s >= 1.0:
-        return
-    if not skew_margins(skew, parts.model, delay_s, period_s).stable:
-        return
-    apart_m = max(dual.max_out_of_square_m or 0.0, guard.limit_m)
-    velocity = skew.squaring_velocity_m_s
-    lag_m = squaring_lag_m(plant_of(skew, period_s), velocity, 0.0, apart_m)
+    if any(check_skew_loop(skew, parts.model, delay_s, rate_hz)):
+        return  # which is told already
+    lag_m = squaring_lag_m(dual, guard.limit_m, 0.0, 1.0 / rate_hz)
     if least_m < guard.limit_m <= lag_m:
         yield (
             ("guards", "skew", "limit_m"),
             f"found {guard.limit_m:g}, would always trip while a beam that stands askew is squared "
-            f"at squaring_velocity_m_s {velocity:g} m/s: the skew loop stays {lag_m:.3g} m behind, "
-            f"by inertia {skew.inertia_v_s2_m:g} V*s^2/m and ks {skew.ks_v_s_m:g} alone; should be "
-            "above that, or the squaring slower",
+            f"at squaring_velocity_m_s {skew.squaring_velocity_m_s:g} m/s: the skew loop stays "
+            f"{lag_m:.3g} m behind, by inertia {skew.inertia_v_s2_m:g} V*s^2/m and ks "
+            f"{skew.ks_v_s_m:g} alone; should be above that, or the squaring slower",
         )
-
-
-def plant_of(skew: SkewLoop, period_s: float) -> SkewPlant:
-    """Return what resists skew and the loop that holds it, sampled with the axis' period [s]."""
-    return SkewPlant(
-        skew.inertia_v_s2_m,
-        skew.damping_v_s_m,
-        skew.stiffness_v_m,
-        skew.k1_1_s,
-        skew.ks_v_s_m,
-        skew.gamma_d,
-        period_s,
-    )

@@ -251,7 +251,7 @@ def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
 
 
 def _assumption_2(axis: Axis) -> dict[str, Any]:
-    theta = np.array([estimate.initial for estimate in axis.estimates])
+    theta = axis.theta_initial
     u_max, margin = axis.limits.max_voltage_v, axis.adaptation.monotonicity_margin
     travel_m = axis.limits.travel_m
     slope, at_u = smallest_slope(axis.model, theta, u_max, travel_m)
@@ -271,9 +271,8 @@ def _program(machine: Machine, program: Program) -> dict[str, Any]:
     duration_s = 0.0
     for name, trajectory in program.trajectories().items():
         axis = machine.axes[name]
-        theta = np.array([estimate.initial for estimate in axis.estimates])
         t = np.linspace(0.0, trajectory.duration_s / program.cycles, SAMPLES)
-        need = required_command(axis.model, theta, axis.limits.max_voltage_v)
+        need = required_command(axis.model, axis.theta_initial, axis.limits.max_voltage_v)
         peak = command_peak(t, need(*trajectory.sample(t)))
         duration_s = trajectory.duration_s
         axes[name] = {**asdict(trajectory.peaks()), **asdict(peak)}

@@ -29,14 +29,12 @@ from motorctl.flight.records import MEGABYTE, METADATA
 from motorctl.log import LogWriter
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory
+from motorctl.loop.axis_records import DEVICE_WORD_MASK
 
 LOOP_ENDED = "loop_ended"
 """The cause in a record's name where no axis tripped: the loop process died."""
 LIBRARIES = ("numpy", "numba", "pyarrow", "pydantic")
 """Told in a record beside Python's version and motorctl's own: what computes, checks and writes."""
-
-DEVICE_WORD = 0xFFFF_FFFF
-"""Of a fault's status, the bits that are the driver's; above them stands what the loop adds."""
 
 _log = logging.getLogger("motorctl")
 
@@ -206,7 +204,7 @@ def _fault(status: np.void, told: Mapping[str, str] | None) -> dict[str, Any]:
         **(told or {}),
         "time_s": float(status["fault_time_s"]),
         **number,
-        "device_status": int(status["fault_status"]) & DEVICE_WORD,
+        "device_status": int(status["fault_status"]) & DEVICE_WORD_MASK,
     }
 
 

@@ -15,7 +15,7 @@ from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.config_watch import ConfigWatch
-from motorctl.daemon.flight_recorder import FlightRecorder
+from motorctl.daemon.flight_recorder import LOOP_ENDED, FlightRecorder
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.recorder import Recorder
@@ -27,8 +27,6 @@ from motorctl.loop.compiling_time import compiling_words
 from motorctl.loop.faults import device_message
 from motorctl.loop.states import State
 
-LOOP_ENDED = "loop_ended"
-"""Beside the names of `FaultCause`: the loop that could have told one is gone."""
 _NO_SAMPLES = Status.ENCODER_LOST | Status.COMMUNICATION_LOST
 """With one of them no sample can be trusted, and none is missed: the device is lost."""
 _OF_THE_MOMENT = (

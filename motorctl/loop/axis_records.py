@@ -183,6 +183,7 @@ COOLED_RATIO = 0.9
 HOST_FROZEN_BIT = 62
 # Where the number of a `StallLimit` stands in `fault_status`: above a driver's 32 bits.
 STALL_LIMIT_SHIFT = 32
+DEVICE_WORD_MASK = (1 << STALL_LIMIT_SHIFT) - 1  # those
 STALL_LIMIT_MASK = 0x7
 
 

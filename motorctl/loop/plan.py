@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from motorctl.config.analysis import required_command
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
@@ -190,8 +188,8 @@ def _check(machine: Machine, program: Program, from_m: float | None = None) -> N
         limits[name] = axis.limits.for_motion((low, high))
         if name not in program.axes:
             continue
-        theta = np.array([estimate.initial for estimate in axis.estimates])
-        voltages[name] = required_command(axis.model, theta, axis.limits.max_voltage_v)
+        need = required_command(axis.model, axis.theta_initial, axis.limits.max_voltage_v)
+        voltages[name] = need
     violations = check_program(program, limits, voltages)
     if violations:
         raise UsageError(

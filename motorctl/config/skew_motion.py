@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from motorctl.config.analysis.sampled_loop import Array, DelayedPlant
+from motorctl.config.dual_drive_keys import DualDrive, SkewLoop
 
 PARTS = 10
 """Of a period, in which the motion between two samples is reckoned. Fewer tell less exactly when
@@ -15,83 +15,75 @@ MOST_PERIODS = 20_000
 5 kHz."""
 
 
-@dataclass(frozen=True)
-class SkewPlant:
-    """What resists skew, inertia s'' + damping s' + stiffness s = du, and the loop of du."""
-
-    inertia_v_s2_m: float
-    damping_v_s_m: float
-    stiffness_v_m: float
-    k1_1_s: float
-    ks_v_s_m: float
-    gamma_d: float
-    period_s: float
-
-
 class _Loop:
     """The skew loop's part of a tick: du = -ks p - d, dd/dt = gamma_d p."""
 
-    def __init__(self, plant: SkewPlant) -> None:
-        self._plant = plant
+    def __init__(self, skew: SkewLoop, period_s: float) -> None:
+        self._skew, self._period_s = skew, period_s
         self._last_m, self._d_v = 0.0, 0.0
 
     def command_v(self, error_m: float) -> float:
         """Return du for the skew's error [m]."""
-        plant = self._plant
-        p = (error_m - self._last_m) / plant.period_s + plant.k1_1_s * error_m
+        skew = self._skew
+        p = (error_m - self._last_m) / self._period_s + skew.k1_1_s * error_m
         self._last_m = error_m
-        du_v = -plant.ks_v_s_m * p - self._d_v
-        self._d_v += plant.period_s * plant.gamma_d * p
+        du_v = -skew.ks_v_s_m * p - self._d_v
+        self._d_v += self._period_s * skew.gamma_d * p
         return du_v
 
 
-def squaring_lag_m(plant: SkewPlant, velocity_m_s: float, friction_v: float, way_m: float) -> float:
+def squaring_lag_m(dual: DualDrive, limit_m: float, friction_v: float, period_s: float) -> float:
     """Return how far a beam stays behind at most that is led to square from rest [m].
 
-    Nothing but inertia, damping and dry friction resists: a spring would pull it along, or back.
+    It begins as far askew as it may stand. Nothing but inertia, damping and dry friction resists: a
+    spring would pull it along, or back.
 
     Parameters
     ----------
-    plant
-        The skew and its loop.
-    velocity_m_s
-        At which it is led.
+    dual
+        The two drives, and the loop of their skew.
+    limit_m
+        Of the skew guard [m].
     friction_v
         Dry friction that both ends have to overcome, as a command [V].
-    way_m
-        How far it is led.
+    period_s
+        Of the axis [s].
     """
-    part_s, loop = plant.period_s / PARTS, _Loop(plant)
-    slowed = 1.0 + part_s * plant.damping_v_s_m / plant.inertia_v_s2_m
-    held = part_s * friction_v / plant.inertia_v_s2_m / slowed
+    skew, part_s = dual.skew, period_s / PARTS
+    loop, inertia, velocity = _Loop(skew, period_s), skew.inertia_v_s2_m, skew.squaring_velocity_m_s
+    slowed = 1.0 + part_s * skew.damping_v_s_m / inertia
+    held = part_s * friction_v / inertia / slowed
     skew_m = speed_m_s = lag_m = 0.0
-    periods = min(int(way_m / (velocity_m_s * plant.period_s)), MOST_PERIODS)
+    way_m = max(dual.max_out_of_square_m or 0.0, limit_m)
+    periods = min(int(way_m / (velocity * period_s)), MOST_PERIODS)
     for k in range(1, periods + 1):
-        error_m = skew_m - k * velocity_m_s * plant.period_s
+        error_m = skew_m - k * velocity * period_s
         lag_m = max(lag_m, abs(error_m))
         du_v = loop.command_v(error_m)
         for _ in range(PARTS):
-            free = (speed_m_s + part_s * du_v / plant.inertia_v_s2_m) / slowed
+            free = (speed_m_s + part_s * du_v / inertia) / slowed
             speed_m_s = math.copysign(max(abs(free) - held, 0.0), free)
             skew_m += part_s * speed_m_s
     return lag_m
 
 
-def skew_of_m(plant: SkewPlant, push_v: Array) -> float:
+def skew_of_m(skew: SkewLoop, push_v: Array, period_s: float) -> float:
     """Return how far a beam is askew at most that is pushed so [m].
 
     Parameters
     ----------
-    plant
-        The skew and its loop.
+    skew
+        What resists, and the loop that holds it.
     push_v
         What pushes its first end ahead and its second back, as commands [V], (periods,).
+    period_s
+        Of the axis [s].
     """
-    balance = (plant.inertia_v_s2_m, plant.damping_v_s_m, plant.stiffness_v_m)
-    held = DelayedPlant(balance, plant.period_s)
+    balance = (skew.inertia_v_s2_m, skew.damping_v_s_m, skew.stiffness_v_m)
+    held = DelayedPlant(balance, period_s)
     (xx, xv), (vx, vv) = held.phi.tolist()
     xu, vu = (held.prompt + held.late).tolist()
-    loop, x, v, most_m = _Loop(plant), 0.0, 0.0, 0.0
+    loop, x, v, most_m = _Loop(skew, period_s), 0.0, 0.0, 0.0
     for push in push_v[:MOST_PERIODS].tolist():
         u = loop.command_v(x) + push
         x, v = xx * x + xv * v + xu * u, vx * x + vv * v + vu * u
