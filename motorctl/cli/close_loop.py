@@ -85,7 +85,9 @@ def _close_loop(
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
     with ExitStack() as machine:
         progress = machine.enter_context(showing_stages(bar=socket is None))
-        rig = machine.enter_context(_rig_of(socket, out, yes=yes)) if socket else None
+        rig = (
+            machine.enter_context(_rig_of(socket, out, yes=yes, resume=resume)) if socket else None
+        )
         loop = close_loop(
             config,
             out,
@@ -125,23 +127,47 @@ def _close_loop(
 
 
 @contextmanager
-def _rig_of(socket: Path, out: Path, *, yes: bool) -> Iterator[MachineRig]:
-    """Yield the machine behind a daemon's socket; what ends it early stops its axes before."""
+def _rig_of(socket: Path, out: Path, *, yes: bool, resume: bool) -> Iterator[MachineRig]:
+    """Yield the machine behind a daemon's socket; what ends it early stops its axes before.
+
+    In the end the models run that were kept: what was tried last may not be among them.
+    """
     from motorctl.cli.consent import Consents
     from motorctl.close_loop.machine_rig import MachineRig
     from motorctl.daemon.client import Client
     from motorctl.daemon.running_machine import ended_in_order, machine_of_daemon
 
     with ended_in_order(), Client(socket) as client:
-        rig = MachineRig(client, machine_of_daemon(client), Consents(yes=yes).ask)
+        consents = Consents(yes=yes, kept=out / "moved_minutes.json", resume=resume)
+        rig = MachineRig(client, machine_of_daemon(client), consents.ask)
         try:
             yield rig
         except BaseException:
+            left = rig.stop()
             if rig.begun:
+                told = "the axes were told to stop"
+                if left:
+                    told = f"axis {', '.join(left)} could not be told to stop: look at the machine"
                 say(
-                    "broken off; the axes were told to stop, and the daemon's logs hold what was "
+                    f"broken off; {told}, and the daemon's logs hold what was "
                     f"recorded. {out} keeps {rig.motions} of {rig.begun} motions that were begun, "
                     "run whole: the same command with --resume goes on after them",
                     err=True,
                 )
+                _leave(rig)
             raise
+        _leave(rig)
+
+
+def _leave(rig: MachineRig) -> None:
+    """Have the models run that were kept, and say so."""
+    from motorctl.errors import MotorctlError
+
+    try:
+        changed = rig.leave()
+    except MotorctlError as error:
+        say(f"the models that were tried last run on: {error}", err=True)
+    else:
+        if changed:
+            told = "the models that were kept run again, on trial where they are not proven"
+            say(f"axis {', '.join(changed)}: {told}", err=True)

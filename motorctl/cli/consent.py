@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+from pydantic import TypeAdapter
 from rich.table import Table
 
 from motorctl.cli.asking import insist_on_yes
@@ -21,11 +25,18 @@ class Consents:
     yes
         Nobody is asked: every axis that moves is simulated, or has not tripped and stays within
         its envelope.
+    kept
+        Where it is noted how many minutes each axis has been moved for.
+    resume
+        Whether those that are noted there count on.
     """
 
-    def __init__(self, *, yes: bool) -> None:
+    def __init__(self, *, yes: bool, kept: Path, resume: bool) -> None:
         self._yes = yes
+        self._kept = kept
         self._minutes: dict[str, float] = {}
+        if resume and kept.is_file():
+            self._minutes = TypeAdapter(dict[str, float]).validate_json(kept.read_bytes())
 
     def ask(self, machine: Machine, motion: AskedMotion) -> None:
         """Return once the motion is agreed to.
@@ -45,6 +56,7 @@ class Consents:
         self._show(machine, motion, moved)
         if self._yes:
             self._hold_against_envelopes(machine, motion, moved)
+            self._note()
             return
         insist_on_yes(
             "Run it?",
@@ -52,6 +64,11 @@ class Consents:
             "--yes, where axes.NAME.experiments in the configuration allows it",
             refused="nothing was moved: nobody said yes",
         )
+        self._note()
+
+    def _note(self) -> None:
+        self._kept.parent.mkdir(parents=True, exist_ok=True)
+        self._kept.write_text(json.dumps(self._minutes))
 
     def _hold_against_envelopes(
         self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]
@@ -83,11 +100,13 @@ class Consents:
         console = Terminal(stderr=True)
         console.print(table)
         for name, why in motion.tripped.items():
+            if name not in moved:
+                continue
             told = f"  axis {name} tripped and is reset before: {why}"
             console.print(told, markup=False, highlight=False)
         if motion.other_models:
             names = ", ".join(motion.other_models)
-            told = f"  axis {names}: with other models than the daemon was started with"
+            told = f"  axis {names}: with other models than ran when this began"
             console.print(told, markup=False, highlight=False)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,8 +13,6 @@ from motorctl.cli.socket_option import SocketOption
 from motorctl.printable import one_line
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-STORY_LINES, STORY_CHARACTERS = 100, 400
-"""Of a configuration's head: as much of it as the daemon keeps."""
 
 
 def register(app: typer.Typer) -> None:
@@ -43,6 +40,7 @@ def apply(
     Nothing else of the configuration may differ. The daemon's next start takes its own file.
     """
     from motorctl.config import load
+    from motorctl.config.story import story_of
     from motorctl.daemon.client import Client
 
     machine = load(config)
@@ -52,7 +50,7 @@ def apply(
             "apply",
             config=machine.resolved,
             source=str(machine.source.absolute()),
-            story=_story(machine.source),
+            story=story_of(machine.source),
         )
     _tell("now with other models", answer, as_json)
 
@@ -80,6 +78,7 @@ def models(axis: AxisArgument, socket: SocketOption = None, as_json: AsJson = Fa
     for change in told["models"]:
         for line in _lines(change):
             say(line)
+    say(one_line(f"now: the model of {told['runs']}"))
 
 
 def _tell(what: str, answer: dict[str, Any], as_json: bool) -> None:
@@ -89,24 +88,13 @@ def _tell(what: str, answer: dict[str, Any], as_json: bool) -> None:
     if not answer["axes"]:
         say("these models run already: nothing was changed")
         return
-    say(one_line(f"axis {', '.join(answer['axes'])}: {what}; recorded in {answer['log']}"))
+    log = answer["log"] or "no log yet: `motorctl status` tells why"
+    say(one_line(f"axis {', '.join(answer['axes'])}: {what}; recorded in {log}"))
     if trial := answer["trial"]:
         say(
             f"on trial for {trial['motions']} motions, with {trial['window']:.0%} of the limit of "
             "the following error; `motorctl revert` goes back"
         )
-
-
-def _story(source: Path) -> list[str]:
-    """Return the comment at the head of a configuration, which says how it was found."""
-    story = []
-    for line in source.read_text(encoding="utf-8-sig").splitlines():
-        if not line.startswith("#"):
-            break
-        told = line.removeprefix("#").strip()
-        if told and not told.startswith("yaml-language-server"):
-            story.append(told[:STORY_CHARACTERS])
-    return story[:STORY_LINES]
 
 
 def _lines(change: dict[str, Any]) -> list[str]:

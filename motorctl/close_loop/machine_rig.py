@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from motorctl.close_loop.rigs import Share
+from motorctl.close_loop.rigs import BrokenOffError, Share
 from motorctl.config import Machine
 from motorctl.config.model_keys import (
     axes_with_other_models,
     other_keys_that_differ,
     with_models_of,
 )
+from motorctl.config.story import story_of
 from motorctl.daemon.client import Client, DaemonRefusedError
+from motorctl.daemon.model_trials import TRIPS
+from motorctl.daemon.protocol import Code
 from motorctl.daemon.recorded_rows import ON_DISK_S, cut_rows, partial_log
-from motorctl.errors import RunError, UsageError
+from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.loop.plan import ProgramPlan, plan_program
 from motorctl.motion import Points, Program
 
@@ -26,6 +31,8 @@ POLL_S = 0.1
 STAND_S = 30.0
 """How long an axis may take to hold after it was started, or to come to rest [s]: an amplifier may
 take 20. Longer keeps who waits for one that is broken. By hand."""
+CAUSES = frozenset(cause.name.lower() for cause in TRIPS)
+"""Faults that say something of the models: a gentler motion, or other models, are tried then."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,12 @@ class MachineRig:
         self._client = client
         self._running = running
         self._consent = consent
+        self._kept = running
+        self.runs_on = f"machine {running.name}"
+        self._led: set[str] = set()
+        """Axes that were started or moved."""
+        self._stopped_here: set[str] = set()
+        """Those of them that were stopped from here: they may be off."""
         self.begun = 0
         self.motions = 0
         """Of those that were begun, how many were run whole."""
@@ -80,6 +93,10 @@ class MachineRig:
         for name, axis in self._client.ask("status")["axes"].items():
             if not axis["homed"]:
                 raise UsageError(f"axis {name} is not homed: `motorctl home {name}` first")
+
+    def keep(self, machine: Machine) -> None:
+        """Take note of the models that shall run in the end, as `leave` sees to."""
+        self._kept = machine
 
     def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Share) -> None:
         """Run the motion on the machine; as `Rig.run`.
@@ -99,16 +116,58 @@ class MachineRig:
             lasts_s = max((self._begin(program) for program in programs), default=0.0)
             self._wait(names, min(lasts_s, duration_s or lasts_s), progress)
             self._bring_to_rest(names, lasts_s, duration_s)
+            ended = int(self._client.ask("status")["loop"]["ticks"])
+        except RunError as error:
+            told_of_models = isinstance(error, _ModelRefusedError) or self._tripped(names)
+            self.stop(names)
+            if told_of_models:
+                raise
+            raise BrokenOffError(str(error)) from error
         except BaseException:
-            self._stop(names)
+            self.stop(names)
             raise
         time.sleep(ON_DISK_S)
         if partial_log(self._client) != partial:
-            raise RunError(
-                f"the daemon began a new log while {log.stem} was run: --resume runs it again"
-            )
-        cut_rows(partial, begun, log)
+            raise BrokenOffError(f"the daemon began a new log while {log.stem} was run")
+        try:
+            cut_rows(partial, begun, log, ended)
+        except RunError as error:
+            raise BrokenOffError(str(error)) from error
         self.motions += 1
+
+    def leave(self) -> tuple[str, ...]:
+        """Have the models run that were kept; return the axes that changed theirs for that.
+
+        Raises
+        ------
+        MotorctlError
+            Where the daemon refuses, and others run on.
+        """
+        if not self.begun:
+            return ()
+        names = list(axes_with_other_models(self._running, self._kept)) or sorted(self._led)
+        for name in names:
+            self._client.wait_for(name, _stands, STAND_S)
+        answer = self._client.ask("apply", **self._order_of(self._kept))
+        return tuple(answer["axes"])
+
+    def stop(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
+        """Stop axes, by default all that were led, whatever becomes of one of them.
+
+        A connection of its own is used: half a request may stand in the other. Returns those that
+        could not be told to.
+        """
+        left = []
+        with _uninterrupted():
+            for name in sorted(self._led) if names is None else names:
+                try:
+                    with Client(self._client.path) as own:
+                        if own.axis(name)["state"] in ("idle", "running", "homing"):
+                            self._stopped_here.add(name)
+                            own.ask("stop", axis=name)
+                except (MotorctlError, OSError):  # the first error tells more
+                    left.append(name)
+        return tuple(left)
 
     def _ask_for_consent(
         self, machine: Machine, programs: list[Program], duration_s: float | None
@@ -128,10 +187,14 @@ class MachineRig:
         """Let every axis of the motion hold."""
         for name in names:
             state = self._client.axis(name)["state"]
+            if state == "off" and name in self._led - self._stopped_here:
+                raise BrokenOffError(f"axis {name} is off: somebody stopped it")
             if state == "fault":
                 self._when_it_stands("reset", name)
             if state in ("fault", "off"):
                 self._when_it_stands("start", name, hold=True)
+            self._led.add(name)
+            self._stopped_here.discard(name)
         for name in names:
             self._client.wait_for(name, lambda axis: axis["state"] == "idle", STAND_S)
 
@@ -140,11 +203,18 @@ class MachineRig:
 
     def _take_on(self, machine: Machine) -> None:
         """Have the daemon run the machine's models; where it does already, nothing is changed."""
-        config = with_models_of(self._running, machine.resolved)
         try:
-            self._client.ask("apply", config=config, source=str(machine.source.absolute()))
+            self._client.ask("apply", **self._order_of(machine))
         except DaemonRefusedError as no:
-            raise RunError(str(no)) from no
+            refused = _ModelRefusedError if no.code == Code.OUT_OF_LIMITS else BrokenOffError
+            raise refused(str(no)) from no
+
+    def _order_of(self, machine: Machine) -> dict[str, Any]:
+        return {
+            "config": with_models_of(self._running, machine.resolved),
+            "source": str(machine.source.absolute()),
+            "story": story_of(machine.source),
+        }
 
     def _begin(self, program: Program) -> float:
         """Order a program; return how long it lasts with its approach [s]."""
@@ -168,6 +238,7 @@ class MachineRig:
     def _bring_to_rest(self, names: list[str], lasts_s: float, duration_s: float | None) -> None:
         if duration_s is not None and duration_s < lasts_s:
             for name in names:
+                self._stopped_here.add(name)
                 self._client.ask("stop", axis=name)
             for name in names:
                 self._client.wait_for(name, lambda axis: axis["state"] == "off", STAND_S)
@@ -184,16 +255,33 @@ class MachineRig:
         for name in names:
             if axes[name]["state"] not in ("idle", "running"):
                 fault = axes[name]["fault"]
-                told = f": {fault['message']}" if fault else ""
+                told = f": {fault['message']}" if fault else ", and nothing here stopped it"
                 raise RunError(f"axis {name} is {axes[name]['state']}{told}")
         return {name: axes[name]["state"] for name in names}
 
-    def _stop(self, names: list[str]) -> None:
-        """Stop the axes, over a connection of its own: half a request may stand in the other."""
+    def _tripped(self, names: list[str]) -> bool:
+        """Return whether an axis tripped on something that its model may be the cause of."""
         try:
             with Client(self._client.path) as own:
-                for name in names:
-                    if own.axis(name)["state"] in ("idle", "running", "homing"):
-                        own.ask("stop", axis=name)
-        except Exception:  # the daemon may be gone: the first error tells more
-            return
+                axes = own.ask("status")["axes"]
+        except (MotorctlError, OSError):
+            return False
+        return any(axes[n]["fault"] and axes[n]["fault"]["cause"] in CAUSES for n in names)
+
+
+def _stands(axis: Mapping[str, Any]) -> bool:
+    return axis["state"] in ("idle", "off", "fault")
+
+
+class _ModelRefusedError(RunError):
+    """The daemon takes no such model on."""
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let no second Ctrl-C come between the axes that are stopped."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

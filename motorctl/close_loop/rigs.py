@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from motorctl.config import Machine
+from motorctl.errors import MotorctlError
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
 
@@ -16,11 +17,17 @@ Share = Callable[[float], None]
 """Told the share of a motion that is done."""
 
 
+class BrokenOffError(MotorctlError):
+    """A motion did not come to its end, and that says nothing of the models that ran."""
+
+
 class Rig(Protocol):
     """Runs a machine's motions and records them."""
 
     verb: str
     """What it does with a motion, for whoever waits, such as `simulating`."""
+    runs_on: str
+    """Names the machine that it moves: what was run on another one is run again."""
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where it cannot run this machine."""
@@ -43,13 +50,19 @@ class Rig(Protocol):
         ------
         RunError
             Where an axis trips.
+        BrokenOffError
+            Where anything else ends it early.
         """
+
+    def keep(self, machine: Machine) -> None:
+        """Take note that these models shall run when all is done, until others are kept."""
 
 
 class SimulatedRig:
     """Virtual time, for machines whose drivers support it."""
 
     verb = "simulating"
+    runs_on = "virtual time"
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where a driver does not support virtual time."""
@@ -58,6 +71,9 @@ class SimulatedRig:
     def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Share) -> None:
         """Simulate the motion; as `Rig.run`."""
         simulate(machine, log, duration_s=duration_s, progress=progress)
+
+    def keep(self, machine: Machine) -> None:
+        """Do nothing: no machine runs on."""
 
 
 class ResumedRig:
@@ -75,6 +91,7 @@ class ResumedRig:
         self._rig = rig
         self._reuse = reuse
         self.verb = rig.verb
+        self.runs_on = rig.runs_on
 
     def insist(self, machine: Machine) -> None:
         """As the rig behind it."""
@@ -83,14 +100,18 @@ class ResumedRig:
     def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Share) -> None:
         """Run it where that was not done before; what tripped or was broken off was not."""
         note = log.with_suffix(".run")
-        asked = _digest(machine, duration_s)
+        asked = _digest(self.runs_on, machine, duration_s)
         if self._reuse and log.is_file() and note.is_file() and note.read_text() == asked:
             return
         note.unlink(missing_ok=True)
         self._rig.run(machine, log, duration_s, progress)
         note.write_text(asked)
 
+    def keep(self, machine: Machine) -> None:
+        """As the rig behind it."""
+        self._rig.keep(machine)
 
-def _digest(machine: Machine, duration_s: float | None) -> str:
-    text = json.dumps([machine.resolved, duration_s], sort_keys=True)
+
+def _digest(runs_on: str, machine: Machine, duration_s: float | None) -> str:
+    text = json.dumps([runs_on, machine.resolved, duration_s], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -140,6 +140,7 @@ def close_loop(
     start = folder / CONFIG
     start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
     first, motions = first_trial(start, folder, names, motions, duration_s, rig, progress)
+    rig.keep(first.machine)
     used_up = (
         "the limit of one round is reached"
         if rounds == 1
@@ -164,10 +165,12 @@ def close_loop(
             ended = _why_no_further(done[-1])
             break
         current = accepted.trial
+        rig.keep(current.machine)
     last = out / "matched_velocity"
     velocity = match_velocity(current, first, last, names, motions, duration_s, rig, progress)
     if velocity is not None:
         current = velocity.trial
+        rig.keep(current.machine)
     refined = out / "refined.yaml"
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)

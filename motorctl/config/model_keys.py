@@ -20,10 +20,13 @@ def axes_with_other_models(before: Machine, after: Machine) -> list[str]:
         Two checked machines with the same axes.
     """
     return [
-        name
-        for name in after.axes
-        if any(_axis(before, name).get(key) != _axis(after, name).get(key) for key in MODEL_KEYS)
+        name for name in after.axes if any(_differ(before, after, name, key) for key in MODEL_KEYS)
     ]
+
+
+def learns_the_same(before: Machine, after: Machine, axis: str) -> bool:
+    """Return whether an axis' estimate means the same in both, and is bounded and learned alike."""
+    return not any(_differ(before, after, axis, key) for key in MODEL_KEYS if key != "gains")
 
 
 def other_keys_that_differ(
@@ -51,6 +54,9 @@ def other_keys_that_differ(
 def with_models_of(machine: Machine, other: Mapping[str, object]) -> dict[str, object]:
     """Return a machine's configuration with the MODEL_KEYS of another one's axes, as plain data.
 
+    Effects that both have keep the machine's order: the entries of theta follow it, and that of an
+    axis whose model is the same stay in use.
+
     Parameters
     ----------
     machine
@@ -64,7 +70,12 @@ def with_models_of(machine: Machine, other: Mapping[str, object]) -> dict[str, o
     for name, axis in axes.items():
         own = others.get(name) if isinstance(others, Mapping) else None
         if isinstance(own, Mapping):
+            before = axis["model"]
             axis.update({key: own[key] for key in MODEL_KEYS if key in own})
+            effects = axis["model"]
+            if isinstance(effects, Mapping):
+                both = {name: effects[name] for name in before if name in effects}
+                axis["model"] = {**both, **effects}
     return merged
 
 
@@ -72,6 +83,14 @@ def model_of(machine: Machine, axis: str) -> dict[str, dict[str, object]]:
     """Return MODEL_KEYS of an axis with their values, every default filled in, as plain data."""
     own = _axis(machine, axis)
     return {key: own[key] for key in MODEL_KEYS}  # type: ignore[misc]
+
+
+def _differ(before: Machine, after: Machine, axis: str, key: str) -> bool:
+    """Return whether a key of an axis differs; of a model, its effects' order counts, too."""
+    old, new = _axis(before, axis).get(key), _axis(after, axis).get(key)
+    if key == "model" and isinstance(old, Mapping) and isinstance(new, Mapping):
+        return list(old) != list(new) or old != new
+    return old != new
 
 
 def _axis(machine: Machine, name: str) -> Mapping[str, object]:

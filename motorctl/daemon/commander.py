@@ -130,15 +130,23 @@ class Commander:
         if isinstance(request, ApplyCommand | RevertCommand):
             self._must_go_on()
             assert self._models is not None  # as the supervisor makes it
+            begun = self._stops.begin(request.do)
+
+            def insist() -> None:
+                self._must_go_on()
+                begun.insist()
+
             if isinstance(request, ApplyCommand):
-                return await self._models.apply(request)
-            return await self._models.revert()
+                return await self._models.apply(request, insist)
+            return await self._models.revert(insist)
         if request.axis not in self._names:
             raise self._refusals.unknown(request.axis)
         if isinstance(request, ModelsCommand):
-            return {"axis": request.axis, "models": await self._models_of(request.axis)}
+            return {"axis": request.axis, **await self._models_of(request.axis)}
         self._must_go_on()
         self._waiting.pop(request.axis, None)
+        if self._models is not None and request.do != "stop":
+            self._models.insist_on_standing(request.axis)
         begun = self._stops.begin(request.do)
         match request:
             case MoveCommand():
@@ -169,9 +177,10 @@ class Commander:
             raise RefusedError(Code.STOPPING, message)
         self._must_tick()
 
-    async def _models_of(self, axis: str) -> list[dict[str, Any]]:
-        models = self._models
-        return [] if models is None else await asyncio.to_thread(models.history, axis)
+    async def _models_of(self, axis: str) -> dict[str, Any]:
+        assert self._models is not None  # as the supervisor makes it
+        changes = await asyncio.to_thread(self._models.history, axis)
+        return {"models": changes, "runs": self._models.source(axis)}
 
     def _status(self, axis: str | None) -> dict[str, Any]:
         if axis is not None and axis not in self._names:
@@ -203,6 +212,8 @@ class Commander:
         if not answer.keys() & {"opened", "cleared"} or self._state(name) is AxisState.FAULT:
             if self._before_reset is not None:
                 self._before_reset()
+            if self._models is not None:
+                self._models.insist_on_standing(name)  # what was just seen may be its trip
             begun.insist()
             await self._order(Verb.RESET, name)
         return {**answer, "state": self._state(name).name.lower(), "homed": self._homed(name)}

@@ -87,7 +87,9 @@ def take_up(machine: Machine, path: Path) -> tuple[dict[str, list[float]], list[
     return learned, remarks
 
 
-def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
+def save(
+    machine: Machine, theta: Mapping[str, np.ndarray], path: Path, leave: Collection[str] = ()
+) -> None:
     """Write the estimates of the axes that keep them: the old file or the new one, never a part.
 
     A file that could not be read is put aside: somebody may mend it.
@@ -100,6 +102,8 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
         An array (n,) or longer for each axis.
     path
         The file.
+    leave
+        Axes of which what is in the file already stays: they ended with another model.
 
     Raises
     ------
@@ -108,11 +112,13 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
     ValueError
         Where a number is not finite.
     """
+    stays = _in_file(path, leave) if leave else {}
     learned = _LearnedFile(
         format=_FORMAT,
         machine=machine.name,
         saved=datetime.now(UTC).isoformat(timespec="seconds"),
-        axes={
+        axes=stays
+        | {
             axis.name: _LearnedAxis(
                 controller=axis.controller,
                 parameters=dict(
@@ -121,6 +127,7 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
                 meaning=_meaning(machine, axis),
             )
             for axis in keeps_learned(machine)
+            if axis.name not in leave
         },
     )
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -136,6 +143,14 @@ def save(machine: Machine, theta: Mapping[str, np.ndarray], path: Path) -> None:
     finally:
         with contextlib.suppress(FileNotFoundError):
             draft.unlink()
+
+
+def _in_file(path: Path, axes: Collection[str]) -> dict[str, _LearnedAxis]:
+    try:
+        file = _LearnedFile.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return {}
+    return {name: axis for name, axis in file.axes.items() if name in axes}
 
 
 def _is_damaged(path: Path) -> bool:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -25,6 +24,7 @@ from motorctl.config.model_keys import (
 )
 from motorctl.daemon.left_alone import left_alone
 from motorctl.daemon.model_history import ModelHistory, What, changes_between
+from motorctl.daemon.model_trials import TRIAL_MOTIONS, TRIAL_WINDOW, ModelTrials
 from motorctl.daemon.protocol import ApplyCommand, Code, RefusedError
 from motorctl.errors import MotorctlError
 from motorctl.log.sample import AxisState, FaultCause
@@ -34,29 +34,18 @@ from motorctl.loop.model_thread import ModelOrder
 from motorctl.loop.other_models import OtherModels
 from motorctl.loop.vocabulary import Word
 
-TRIAL_MOTIONS = 3
-"""So many motions without a trip prove a model. More keep the limit tight for longer, fewer prove
-less. By hand."""
-TRIAL_WINDOW = 0.5
-"""The part of the limits of following error that they have. Larger lets a bad model go further,
-smaller trips good ones. By hand: an axis in order stays far below half of its limit."""
-TRIPS = (FaultCause.FOLLOWING_ERROR, FaultCause.SATURATION, FaultCause.OVERSPEED)
-"""Faults that a model may be the cause of."""
-STANDING = (AxisState.OFF, AxisState.IDLE, AxisState.FAULT)
+STANDING = (AxisState.OFF, AxisState.IDLE)
+"""States in which an axis may get another model."""
+STANDING_AS_IT_TRIPPED = (*STANDING, AxisState.FAULT)
+"""And in which it may get the one before again."""
 POLL_S = 0.005
+TRY_AGAIN_S = 5.0
+"""Between two tries to go back to what ran before [s]: as long as compiling takes. By hand."""
+
+Insist = Callable[[], None]
+"""Raises RefusedError where what was asked for is overtaken by now."""
 
 _log = logging.getLogger("motorctl")
-
-
-@dataclass
-class _Trial:
-    """A model that has to prove itself."""
-
-    before: Machine
-    axes: tuple[str, ...]
-    moving: set[str]
-    """Axes that were under way when it was looked at last."""
-    motions: int = 0
 
 
 class ModelChanges:
@@ -110,26 +99,47 @@ class ModelChanges:
         self._one = asyncio.Lock()
         self._before: Machine | None = None
         """What ran before the last change; None: nothing else did."""
-        self._source = str(machine.source)
-        self._trial: _Trial | None = None
-        self._falling_back: asyncio.Task[None] | None = None
+        self._sources = dict.fromkeys(self._names, str(machine.source))
+        """By axis: the configuration that its model came with."""
+        self._trials = ModelTrials(self._names)
+        self._falling_back: dict[str, asyncio.Task[None]] = {}
+        """By axis: it tripped on trial, and what ran before has not taken over yet."""
+        self._proving: asyncio.Task[None] | None = None
 
     def on_trial(self, axis: str) -> int | None:
         """Return how many motions prove an axis' model from here on; None: it is not on trial."""
-        trial = self._trial
-        return TRIAL_MOTIONS - trial.motions if trial and axis in trial.axes else None
+        return self._trials.motions_left(axis)
+
+    def insist_on_standing(self, axis: str) -> None:
+        """Raise RefusedError while an axis that tripped on trial still has that model."""
+        if axis in self._falling_back:
+            message = (
+                f"axis {axis} tripped with a model on trial, and what ran before takes over again: "
+                "that takes some seconds. If it lasts, the daemon's log tells why"
+            )
+            raise RefusedError(Code.NOT_READY, message)
+
+    def source(self, axis: str) -> str:
+        """Return the configuration that an axis' model came with."""
+        return self._sources[axis]
 
     def history(self, axis: str) -> list[dict[str, Any]]:
-        """Return an axis' changes, oldest first, JSON-serialisable."""
-        return [c.model_dump() for c in self._history.read() if c.axis == axis]
+        """Return an axis' changes, oldest first, JSON-serialisable; RefusedError: unreadable."""
+        try:
+            return [c.model_dump() for c in self._history.read() if c.axis == axis]
+        except OSError as error:
+            message = f"the history of models cannot be read: {error}"
+            raise RefusedError(Code.INTERNAL, message) from error
 
-    async def apply(self, request: ApplyCommand) -> dict[str, Any]:
+    async def apply(self, request: ApplyCommand, insist: Insist) -> dict[str, Any]:
         """Let other models take over.
 
         Parameters
         ----------
         request
             With the machine as it shall be.
+        insist
+            Called again once it is compiled.
 
         Returns
         -------
@@ -148,82 +158,109 @@ class ModelChanges:
             changed = axes_with_other_models(before, machine)
             if not changed:
                 return {"axes": [], "log": None, "trial": None}
-            self._must_stand("apply", changed)
-            log = await self._change(machine, changed, "apply", TRIAL_WINDOW)
-            self._before, self._source = before, request.source
-            self._trial = _Trial(before, tuple(changed), set())
-            await self._note(before, machine, "applied", request.story, log)
-            return {
-                "axes": changed,
-                "log": log,
-                "trial": {"motions": TRIAL_MOTIONS, "window": TRIAL_WINDOW},
-            }
+            self._must_stand("apply", changed, STANDING)
+            log = await self._change(machine, changed, "apply", STANDING, insist)
+            self._before = before
+            self._sources |= dict.fromkeys(changed, request.source)
+            await self._note(before, machine, changed, "applied", request.story, log)
+            return self._answer(changed, log)
 
-    async def revert(self) -> dict[str, Any]:
+    async def revert(self, insist: Insist) -> dict[str, Any]:
         """Let the models before the last change take over again; as `apply`."""
         async with self._one:
             if self._before is None:
-                message = "revert: no other models ran before since the daemon was started"
+                message = (
+                    "revert: no other models ran before since the daemon was started; after a "
+                    "start those of its own file run"
+                )
                 raise RefusedError(Code.WRONG_STATE, message)
-            return await self._go_back(self._before, "reverted", None)
+            return await self._go_back(self._before, "reverted", None, insist)
 
     def watch(self) -> None:
         """Look whether a model on trial has proved itself, or tripped; takes no time."""
-        trial = self._trial
-        if trial is None or self._one.locked():
-            return
-        states = {name: self._state(name) for name in trial.axes}
-        tripped = [name for name in trial.axes if self._fault(name) in TRIPS]
-        if tripped:
-            if self._falling_back is None:
-                self._falling_back = asyncio.create_task(self._fall_back(trial, tripped[0]))
-            return
-        for name, state in states.items():
-            if state is AxisState.RUNNING:
-                trial.moving.add(name)
-            elif name in trial.moving:
-                trial.moving.discard(name)
-                trial.motions += 1
-        if trial.motions >= TRIAL_MOTIONS:
-            self._trial = None
-            asyncio.get_running_loop().create_task(self._prove(trial))
+        states = {name: self._state(name) for name in self._names}
+        tripped = self._trials.look(states, {name: self._fault(name) for name in self._names})
+        new = [name for name in tripped if name not in self._falling_back]
+        if new:
+            task = asyncio.create_task(self._fall_back(tuple(new)))
+            self._falling_back |= dict.fromkeys(new, task)
+        if self._proving is None and self._trials.proved:
+            self._proving = asyncio.create_task(self._prove())
 
-    async def _prove(self, trial: _Trial) -> None:
-        async with self._one:
-            with suppress(RefusedError):
-                await self._order(None, 1.0)
-            _log.info(
-                "models of %s: %d motions without a trip; the whole following error is allowed",
-                ", ".join(trial.axes),
-                TRIAL_MOTIONS,
-            )
-            await self._note(trial.before, self._machine, "proven", [], None)
-
-    async def _fall_back(self, trial: _Trial, axis: str) -> None:
-        """Go back once everything stands; who asks for something else meanwhile waits."""
-        why = f"axis {axis}: {self._fault(axis).name.lower()}"
+    async def _prove(self) -> None:
         try:
             async with self._one:
-                while not self._settled() or any(
-                    self._state(name) not in STANDING for name in trial.axes
-                ):
-                    await asyncio.sleep(POLL_S)
-                _log.warning("%s with a model on trial: what ran before takes over again", why)
-                await self._go_back(trial.before, "fell_back", why)
-        except RefusedError as no:
-            _log.error("the models before could not take over again: %s", no.message)
+                proved = self._trials.proved  # of now: others may have been applied meanwhile
+                if not proved:
+                    return
+                machines = [(self._trials.proven(name), name) for name in proved]
+                self._trials = self._trials.ended(proved)
+                with suppress(RefusedError):
+                    await self._order(None, self._trials)
+                for before, name in machines:
+                    assert before is not None
+                    _log.info(
+                        "axis %s: %d motions without a trip prove its model; the whole following "
+                        "error is allowed",
+                        name,
+                        TRIAL_MOTIONS,
+                    )
+                    await self._note(before, self._machine, [name], "proven", [], None)
         finally:
-            self._trial, self._falling_back = None, None
+            self._proving = None
 
-    async def _go_back(self, machine: Machine, what: What, why: str | None) -> dict[str, Any]:
+    async def _fall_back(self, axes: tuple[str, ...]) -> None:
+        """Go back, however often that takes; until it is done the axes cannot be reset."""
+        why = "; ".join(f"axis {name}: {self._fault(name).name.lower()}" for name in axes)
+        try:
+            while self._memory.phase is Phase.RUNNING:
+                try:
+                    async with self._one:
+                        while not self._settled():
+                            await asyncio.sleep(POLL_S)
+                        if not await self._fallen_back(axes, why):
+                            return
+                except RefusedError as no:
+                    told = no.message
+                except (MotorctlError, OSError) as error:
+                    told = str(error)
+                else:
+                    return
+                _log.error("%s: what ran before could not take over again: %s", why, told)
+                _log.error("these axes keep the model that tripped, and stay disabled until then")
+                await asyncio.sleep(TRY_AGAIN_S)
+        finally:
+            for name in axes:
+                self._falling_back.pop(name, None)
+
+    async def _fallen_back(self, axes: tuple[str, ...], why: str) -> bool:
+        """Go back to what these axes have proved; return False where none is on trial any more."""
+        proven = {name: self._trials.proven(name) for name in axes}
+        own = {n: machine.resolved["axes"][n] for n, machine in proven.items() if machine}  # type: ignore[index]
+        if not own:
+            return False
+        _log.warning("%s with a model on trial: what ran before takes over again", why)
+        source = next(str(machine.source) for machine in proven.values() if machine)
+        machine = await self._loaded(with_models_of(self._machine, {"axes": own}), source)
+        await self._go_back(machine, "fell_back", why, lambda: None)
+        return True
+
+    async def _go_back(
+        self, machine: Machine, what: What, why: str | None, insist: Insist
+    ) -> dict[str, Any]:
         before = self._machine
         changed = axes_with_other_models(before, machine)
-        self._must_stand("revert", changed)
-        log = await self._change(machine, changed, "revert", 1.0)
-        self._before, self._trial = None, None
-        self._source = str(machine.source)
-        await self._note(before, machine, what, [], log, why)
-        return {"axes": changed, "log": log, "trial": None}
+        self._must_stand("revert", changed, STANDING_AS_IT_TRIPPED)
+        log = await self._change(machine, changed, "revert", STANDING_AS_IT_TRIPPED, insist)
+        self._before = None
+        self._sources |= dict.fromkeys(changed, str(machine.source))
+        await self._note(before, machine, changed, what, [], log, why)
+        return self._answer(changed, log)
+
+    def _answer(self, changed: list[str], log: str | None) -> dict[str, Any]:
+        on_trial = any(self.on_trial(name) is not None for name in changed)
+        trial = {"motions": TRIAL_MOTIONS, "window": TRIAL_WINDOW} if on_trial else None
+        return {"axes": changed, "log": log, "trial": trial}
 
     async def _checked(self, request: ApplyCommand) -> Machine:
         """Return the machine that a request describes; refuse one that is another machine."""
@@ -237,20 +274,23 @@ class ModelChanges:
                 "a restart"
             )
             raise RefusedError(Code.OUT_OF_LIMITS, message)
+        return await self._loaded(with_models_of(self._machine, request.config), request.source)
+
+    async def _loaded(self, config: dict[str, object], source: str) -> Machine:
         try:
-            machine = await asyncio.to_thread(
-                load_resolved,
-                with_models_of(self._machine, request.config),
-                request.source,
-                hardware=True,
-                may_run=self._may_run,
+            return await asyncio.to_thread(
+                load_resolved, config, source, hardware=True, may_run=self._may_run
             )
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
-        return machine
 
     async def _change(
-        self, machine: Machine, changed: list[str], do: str, window: float
+        self,
+        machine: Machine,
+        changed: list[str],
+        do: str,
+        standing: Collection[AxisState],
+        insist: Insist,
     ) -> str | None:
         """Have the loop change models; return the first log of the new ones."""
         room = self._memory.layout["parameters"]
@@ -260,18 +300,20 @@ class ModelChanges:
             models = await left_alone("compiling models", compiling)
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
-        self._must_stand(do, changed)  # others may have moved them while it was compiled
+        insist()  # others may have stopped or moved them while it was compiled
+        self._must_stand(do, changed, standing)
         self._announce(machine)
-        refused = await self._order(models, window)
+        trials = self._trials.changed(self._machine, machine, changed)
+        refused = await self._order(models, trials)
         if refused is not None:
             raise RefusedError(Code.WRONG_STATE, f"{do}: {refused}")
-        self._machine = machine
+        self._machine, self._trials = machine, trials
         return await asyncio.to_thread(self._take_on, machine)
 
-    async def _order(self, models: OtherModels | None, window: float) -> str | None:
+    async def _order(self, models: OtherModels | None, trials: ModelTrials) -> str | None:
         """Send an order and wait until it is done; return why it was refused, if it was."""
         self._number += 1
-        order = ModelOrder(self._number, models, window)
+        order = ModelOrder(self._number, models, trials.windows)
         try:
             await asyncio.to_thread(self._send, order)
         except MotorctlError as error:
@@ -289,6 +331,7 @@ class ModelChanges:
         self,
         before: Machine,
         after: Machine,
+        axes: Collection[str],
         what: What,
         story: list[str],
         log: str | None,
@@ -296,24 +339,26 @@ class ModelChanges:
     ) -> None:
         """Write it into the history; a disk that refuses undoes no change."""
         changes = changes_between(
-            before, after, what, source=self._source, story=story, log=log, why=why
+            before, after, self._sources, axes, what, story=story, log=log, why=why
         )
         for change in changes:
-            _log.info(
-                "axis %s: model %s, from %s", change.axis, what.replace("_", " "), self._source
-            )
+            told = what.replace("_", " ")
+            _log.info("axis %s: model %s, from %s", change.axis, told, change.source)
         try:
             await asyncio.to_thread(self._history.add, changes)
         except OSError as error:
             _log.error("the history of models could not be written: %s", error)
 
-    def _must_stand(self, do: str, changed: list[str]) -> None:
+    def _must_stand(self, do: str, changed: list[str], standing: Collection[AxisState]) -> None:
         for name in changed:
             state = self._state(name)
-            if state not in STANDING:
+            if state not in standing:
+                fault = state is AxisState.FAULT
+                first = f"`motorctl {'reset' if fault else 'stop'} {name}` first"
                 message = (
-                    f"{do}: axis {name} is {state.name.lower()}: a model changes while its axis "
-                    f"holds or is off; `motorctl stop {name}` first, or wait until it has ended"
+                    f"{do}: axis {name} is {'in fault' if fault else state.name.lower()}: a model "
+                    "changes while its axis "
+                    f"holds or is off; {first}{'' if fault else ', or wait until it has ended'}"
                 )
                 raise RefusedError(Code.WRONG_STATE, message)
             status = self._memory.axis_status[self._names.index(name)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
@@ -10,7 +12,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from motorctl.config.machine import Machine
-from motorctl.config.model_keys import MODEL_KEYS, axes_with_other_models, model_of
+from motorctl.config.model_keys import MODEL_KEYS, model_of
 from motorctl.state_folder import state_folder
 
 MOST_LINES = 1000
@@ -57,58 +59,63 @@ class ModelHistory:
         self._path = (folder or state_folder() / "models") / f"{machine}.jsonl"
 
     def read(self) -> list[ModelChange]:
-        """Return every change that can be read, oldest first; damaged lines are left out."""
-        try:
-            lines = self._path.read_bytes().splitlines()
-        except OSError:
-            return []
+        """Return every change that can be read, oldest first; damaged lines are left out.
+
+        Raises OSError where the file is there and cannot be read.
+        """
         changes = []
-        for line in lines:
-            try:
+        for line in self._lines():
+            with suppress(ValidationError):  # of a later version, or cut short
                 changes.append(ModelChange.model_validate_json(line))
-            except ValidationError:
-                continue  # cut short by a computer that died
         return changes
 
     def add(self, changes: list[ModelChange]) -> None:
         """Bring changes onto the disk: the old file or the new one, never a part.
 
-        Raises OSError where that fails.
+        Lines that cannot be read stay. Raises OSError where that fails.
         """
-        kept = [*self.read(), *changes][-MOST_LINES:]
+        new = [change.model_dump_json().encode() for change in changes]
+        kept = [*self._lines(), *new][-MOST_LINES:]
         self._path.parent.mkdir(parents=True, exist_ok=True)
         draft = self._path.with_name(f"{self._path.name}.{os.getpid()}.tmp")
         try:
-            with draft.open("w", encoding="utf-8") as file:
-                file.writelines(f"{change.model_dump_json()}\n" for change in kept)
+            with draft.open("wb") as file:
+                file.writelines(line + b"\n" for line in kept)
                 file.flush()
                 os.fsync(file.fileno())
             draft.replace(self._path)
         finally:
             draft.unlink(missing_ok=True)
 
+    def _lines(self) -> list[bytes]:
+        try:
+            return self._path.read_bytes().splitlines()
+        except FileNotFoundError:
+            return []
+
 
 def changes_between(
     before: Machine,
     after: Machine,
+    sources: Mapping[str, str],
+    axes: Collection[str],
     what: What,
     *,
-    source: str,
     story: list[str],
     log: str | None,
     why: str | None = None,
 ) -> list[ModelChange]:
-    """Return a line of history for each axis that runs another model afterwards."""
+    """Return a line of history for each of these axes, which ran another model before."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     told = []
-    for axis in axes_with_other_models(before, after):
+    for axis in axes:
         old, new = model_of(before, axis), model_of(after, axis)
         told.append(
             ModelChange(
                 time_utc=now,
                 axis=axis,
                 what=what,
-                source=source,
+                source=sources[axis],
                 added=[name for name in new["model"] if name not in old["model"]],
                 removed=[name for name in old["model"] if name not in new["model"]],
                 changed=sorted(_changed(old, new)),

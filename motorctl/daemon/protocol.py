@@ -59,7 +59,7 @@ class Code(StrEnum):
     STILL_MOVING = "still_moving"
     NO_HOMING = "no_homing"
     NOT_READY = "not_ready"
-    """The loop does not tick yet, but is about to."""
+    """What it waits for is about to come: the first tick, or the model that an axis had before."""
     STOPPING = "stopping"
     OVERTAKEN = "overtaken"
     """An emergency stop came in before the request had its turn."""

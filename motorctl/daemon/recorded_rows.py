@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,6 +15,10 @@ from motorctl.log.partial import SUFFIX, PartialFile
 
 ON_DISK_S = 1.5
 """How long after a row it is on the disk [s]: the recorder writes once a second."""
+LATE_S = 10.0
+"""How much later than that a disk that is busy may have it [s]. Longer keeps who waits for one that
+hangs, shorter loses motions that were run. By hand."""
+LOOK_S = 0.2
 
 
 def partial_log(client: Client) -> Path:
@@ -24,7 +30,7 @@ def partial_log(client: Client) -> Path:
     return file.with_name(file.name + SUFFIX)
 
 
-def cut_rows(partial: Path, first_tick: int, log: Path) -> Path:
+def cut_rows(partial: Path, first_tick: int, log: Path, last_tick: int | None = None) -> Path:
     """Write the rows of a log that is still recorded, from a tick on, as a log of their own.
 
     Parameters
@@ -35,12 +41,33 @@ def cut_rows(partial: Path, first_tick: int, log: Path) -> Path:
         The first one that is wanted; rows of the same batch before it come along.
     log
         The new file.
+    last_tick
+        One that has to be among them; None: as many as there are.
 
     Raises
     ------
     RunError
-        Where there are none.
+        Where there are none, or the last one is not on the disk after some seconds more.
     """
+    deadline = time.monotonic() + LATE_S
+    while True:
+        kept, metadata = _rows_from(partial, first_tick)
+        reached = int(kept[-1].column("tick")[-1].as_py()) if kept else -1
+        if kept and reached >= (last_tick or first_tick):
+            break
+        if time.monotonic() > deadline:
+            missing = "has no row since the motion began"
+            if kept:
+                missing = f"ends at tick {reached}, before the motion did at {last_tick}"
+            raise RunError(f"{partial}: {missing}: the disk does not keep up")
+        time.sleep(LOOK_S)
+    table = pa.Table.from_batches(kept).replace_schema_metadata(metadata)
+    pq.write_table(table, log)
+    return log
+
+
+def _rows_from(partial: Path, first_tick: int) -> tuple[list[pa.RecordBatch], Any]:
+    """Return the batches that reach a tick or come after it, and the file's metadata."""
     source = PartialFile(partial)
     try:
         kept = []
@@ -48,10 +75,6 @@ def cut_rows(partial: Path, first_tick: int, log: Path) -> Path:
             ticks = batch.column("tick")
             if len(ticks) and ticks[len(ticks) - 1].as_py() >= first_tick:
                 kept.append(batch)
-        if not kept:
-            raise RunError(f"{partial}: has no row since the motion began")
-        table = pa.Table.from_batches(kept).replace_schema_metadata(source.schema.metadata)
-        pq.write_table(table, log)
+        return kept, source.schema.metadata
     finally:
         source.close()
-    return log

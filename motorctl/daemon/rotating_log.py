@@ -121,6 +121,8 @@ class RotatingLog:
         self._full = False
         self._last: Path | None = None
         """The last log that was ended."""
+        self._other_models_before: str | None = None
+        """The last log of other models, which the first one of these names."""
         self._run = ""
         self._writer: LogWriter | None = None
         self._path = self._next_path()
@@ -199,6 +201,8 @@ class RotatingLog:
             ended.discard()
         elif ended is not None:
             self._seal(ended, None)
+        if self._last is not None:
+            self._other_models_before = self._last.name
         self._axes, self._opening = tuple(axes), opening
         self._row_bytes = sum(column.dtype.itemsize for column in log_columns(axes))
         self.part, self._last, self._begin_s = 0, None, None
@@ -229,6 +233,7 @@ class RotatingLog:
             "run": run,
             "part": self.part + 1,
             "predecessor": predecessor.name if predecessor else None,
+            "other_models_before": None if predecessor else self._other_models_before,
         }
         writer = LogWriter(path, {**self._opening(), **part}, self._axes)
         self._run = run

@@ -17,6 +17,7 @@ from typing import Any
 from motorctl.config.chosen_code import MayRun, allowed_by
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes, log_metadata
+from motorctl.config.model_keys import learns_the_same
 from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
@@ -118,6 +119,8 @@ class Supervisor:
     ) -> None:
         self.machine = machine
         """What runs; another one once its models have changed."""
+        self._own = machine
+        """What the daemon was started with, and starts with the next time."""
         self._beside = beside
         self._control = control
         self._directory = directory
@@ -262,7 +265,6 @@ class Supervisor:
                 self._notifier.status(self._report.summary())
             self._recorder.insist()
             self._look_at_axes()
-            self._models.watch()
             await asyncio.sleep(WATCH_PERIOD_S)
 
     def _look_at_axes(self) -> None:
@@ -270,6 +272,7 @@ class Supervisor:
         if self._recorder is not None:
             self._journal.tell_changes(self._recorder)
         self._flight.watch()
+        self._models.watch()
 
     async def _stop(self) -> None:
         """Let every axis ramp down and the loop process end; raises RunError where it does not."""
@@ -320,12 +323,13 @@ class Supervisor:
         return failed
 
     async def _keep_learned(self) -> list[str]:
-        if not learned.keeps_learned(self.machine):
+        if not learned.keeps_learned(self._own):
             return []
         # A copy: the memory is closed, even where a disk hangs and this is given up.
         estimates = self._loop.memory.axis_status["theta_hat"].copy()
-        theta = dict(zip(self.machine.axes, estimates, strict=True))
-        save = partial(learned.save, self.machine, theta, self._state)
+        theta = dict(zip(self._own.axes, estimates, strict=True))
+        others = [n for n in theta if not learns_the_same(self._own, self.machine, n)]
+        save = partial(learned.save, self._own, theta, self._state, others)
         try:
             await self._ending.wait_for("saving the learned parameters", save)
         except (OSError, ValueError, RunError) as error:
@@ -348,7 +352,7 @@ class Supervisor:
         """Say what the rows are like that come once other models run."""
         assert self._recorder is not None  # the loop ticks only while it records
         assert self._log is not None
-        opening = partial(_opening_of, machine, log_before=self._recorder.path.name)
+        opening = partial(_opening_of, machine)
         begin = partial(self._log.change_models, log_axes(machine), opening)
         self._recorder.begin_other_models = begin
 
@@ -362,7 +366,8 @@ class Supervisor:
             if time.monotonic() > deadline:
                 return None
             time.sleep(WATCH_PERIOD_S)
-        return self._recorder.path.name
+        begun = self._log is not None and not self._log.trouble
+        return self._recorder.path.name if begun else None
 
     def _closing_facts(self) -> dict[str, Any]:
         lost = self._recorder.rows_lost if self._recorder else 0
@@ -389,9 +394,9 @@ class Supervisor:
             _log.warning("%s", note)
 
 
-def _opening_of(machine: Machine, log_before: str | None = None) -> dict[str, Any]:
+def _opening_of(machine: Machine) -> dict[str, Any]:
     """Return the metadata with which a log of this machine begins."""
-    return {**log_metadata(machine), "clock": "wall", "other_models_before": log_before}
+    return {**log_metadata(machine), "clock": "wall"}
 
 
 async def _problems(doing: Awaitable[object]) -> list[str]:

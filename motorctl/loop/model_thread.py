@@ -33,8 +33,8 @@ class ModelOrder:
     number: int
     """Counts the orders, from 1; announced when it is done."""
     models: OtherModels | None
-    """What shall run; None: what runs may have its whole following error again."""
-    window: float = 1.0
+    """What shall run; None: what runs already, with other windows."""
+    windows: tuple[float, ...] = ()
     """As of `Succession`."""
 
 
@@ -88,9 +88,9 @@ class ModelThread:
         """Return why the old models go on, None where the new ones run."""
         if order.models is None:
             if self._last is not None:
-                self._last.open_window()
+                self._last.set_windows(order.windows)
             return None
-        succession = Succession(self._tick, order.models, order.window)
+        succession = Succession(self._tick, order.models, order.windows)
         self._tick.successor = succession
         while not succession.outcome.done:
             time.sleep(LOOK_S)

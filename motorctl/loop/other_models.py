@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
-from motorctl.config.model_keys import axes_with_other_models
+from motorctl.config.model_keys import axes_with_other_models, learns_the_same
 from motorctl.control import law_settings, law_state
 from motorctl.errors import UsageError
 from motorctl.kernels import SentKernel, load_generated, packed, source_digest
@@ -66,6 +66,8 @@ class OtherModels:
     """Those with another model, by number."""
     names: tuple[str, ...]
     """Their names."""
+    learned_stays: tuple[int, ...]
+    """Those of them whose estimate means the same as before: gains alone are others."""
     own_settings: tuple[str, ...]
     """Which fields of AXIS_SETTINGS come of the models."""
     beside: tuple[tuple[int, ...], ...]
@@ -150,6 +152,7 @@ def other_models(before: Machine, after: Machine, room: int) -> OtherModels:
         return OtherModels(
             tuple(numbers),
             tuple(changed),
+            tuple(n for n in numbers if learns_the_same(before, after, names[n])),
             tuple(f for f in fields if not np.array_equal(new.settings[f], old.settings[f])),
             tuple(map(tuple, new.beside.tolist())),
             max(model.context_size for model in models),

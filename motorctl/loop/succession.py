@@ -6,6 +6,7 @@ its records filled, nothing of it run. They share drivers, states and memory; on
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,8 @@ SAFELY_OFF = (*OFF, State.FAULT)
 """States in which an axis has no command that could jump."""
 WINDOW = ("following_error_minimum_m", "following_error_per_velocity_s")
 """Settings that say how large a following error may be."""
+LEARNED = ("theta", "U", "D")
+"""What of a law's state the adaptation has learned."""
 
 
 @dataclass
@@ -44,8 +47,9 @@ class Succession:
         The tick that runs, or that ran before the last succession.
     models
         What takes over.
-    window
-        The part of their limits of following error that the axes with other models begin with.
+    windows
+        The part of its limits of following error that each axis has from then on, in the machine's
+        order; none: all of them.
 
     Raises
     ------
@@ -53,13 +57,13 @@ class Succession:
         Where the models were made for another loop.
     """
 
-    def __init__(self, before: Tick, models: OtherModels, window: float = 1.0) -> None:
+    def __init__(self, before: Tick, models: OtherModels, windows: Sequence[float] = ()) -> None:
         self.outcome = Outcome()
         self._models = models
         self._before = before
         self._made = models.settings()
         laws = models.laws(before.memory.layout["parameters"])
-        settings = _settings(before, models, self._made, window)
+        settings = _settings(before, models, self._made, windows)
         self._after = before.with_other_models(settings, *laws, models.tick)
         self._holding = np.zeros(len(before.axes), np.bool_)
         self._arguments = take_over_arguments(before, self._after, self._holding)
@@ -79,10 +83,10 @@ class Succession:
         self.outcome.done = True
         return before if refused else after
 
-    def open_window(self) -> None:
-        """Let the axes have the following error that their limits say."""
+    def set_windows(self, windows: Sequence[float]) -> None:
+        """Let each axis have this part of its limits of following error."""
         for field in WINDOW:
-            self._after.settings[field] = self._made[field]
+            self._after.settings[field] = self._made[field] * np.array(windows)
 
     @property
     def after(self) -> Tick:
@@ -111,6 +115,9 @@ class Succession:
         before, after = self._before, self._after
         for i in self._carried:
             _carry_on(before.laws, after.laws, i)
+        for i in self._models.learned_stays:
+            for field in LEARNED:
+                after.laws[field][i] = before.laws[field][i]
         refused = self._take_over(*self._arguments, tick, tick * before.machine.period_s)
         if refused < 0:
             return None
@@ -124,15 +131,14 @@ class Succession:
 
 
 def _settings(
-    before: Tick, models: OtherModels, made: NDArray[np.void], window: float
+    before: Tick, models: OtherModels, made: NDArray[np.void], windows: Sequence[float]
 ) -> NDArray[np.void]:
     """Return what the axes run with: what they had, but for what comes of the models."""
     settings = before.settings.copy()
-    for field in (*models.own_settings, *WINDOW):
+    for field in models.own_settings:
         settings[field] = made[field]
-    for i in models.axes:
-        for field in WINDOW:
-            settings[field][i] *= window
+    for field in WINDOW:
+        settings[field] = made[field] * np.array(windows or 1.0)
     return settings
 
 

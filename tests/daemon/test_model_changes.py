@@ -12,6 +12,8 @@ import pytest
 import yaml
 from daemon_rig import Daemon, bench_config, wait_until
 
+from motorctl.daemon.client import DaemonRefusedError
+
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
 
@@ -39,6 +41,15 @@ def axis(daemon: Daemon) -> dict[str, Any]:
     return status
 
 
+def hold(daemon: Daemon) -> None:
+    """Let axis x hold, whatever a test that was broken off has left."""
+    if daemon.state("x") == "fault":
+        daemon.ask_when_it_stands("reset", "x")
+    if daemon.state("x") == "off":
+        daemon.ask_when_it_stands("start", "x", hold=True)
+    wait_until(lambda: daemon.state("x") == "idle")
+
+
 def move(daemon: Daemon, to_m: float) -> None:
     done = daemon.cli("move", "x", str(to_m), "--velocity", "0.1", "--wait")
     assert done.returncode == 0, done.stderr
@@ -47,6 +58,7 @@ def move(daemon: Daemon, to_m: float) -> None:
 def test_a_model_is_applied_proves_itself_and_is_taken_back(daemon: Daemon) -> None:
     move(daemon, 0.1)
     before = axis(daemon)
+    beside = daemon.ask("status")["axes"]["y"]["theta_hat"]
     done = daemon.cli("apply", str(other(daemon)))
     assert done.returncode == 0, done.stderr
     assert "axis x: now with other models; recorded in" in done.stdout
@@ -54,6 +66,7 @@ def test_a_model_is_applied_proves_itself_and_is_taken_back(daemon: Daemon) -> N
     after = axis(daemon)
     assert (after["state"], after["controller"]) == ("idle", "C1")
     assert after["trial_motions_left"] == 3
+    assert daemon.ask("status")["axes"]["y"]["theta_hat"] == beside
     assert "em_quadratic" not in after["theta_hat"]
     assert after["position_m"] == pytest.approx(before["position_m"], abs=1e-3)
     for position in (0.12, 0.1, 0.12):
@@ -63,7 +76,9 @@ def test_a_model_is_applied_proves_itself_and_is_taken_back(daemon: Daemon) -> N
     assert done.returncode == 0, done.stderr
     assert axis(daemon)["controller"] == "C2"
     told = daemon.cli("models", "x").stdout
-    assert [line.split()[1].rstrip(":") for line in told.splitlines() if line[0] != " "] == [
+    *changes, now = (line for line in told.splitlines() if line[0] != " ")
+    assert now == f"now: the model of {daemon.config}"
+    assert [line.split()[1].rstrip(":") for line in changes] == [
         "applied",
         "proven",
         "reverted",
@@ -115,7 +130,7 @@ def test_an_axis_under_way_keeps_its_model(daemon: Daemon) -> None:
 
 @pytest.mark.slow
 def test_a_model_that_trips_on_trial_gives_way_to_the_one_before(daemon: Daemon) -> None:
-    wait_until(lambda: daemon.state("x") == "idle")
+    hold(daemon)
     move(daemon, 0.1)
     # so soft that a fast move is out of its window at once
     soft = other(daemon, "soft.yaml", ks_v_s_m=0.05, k1_1_s=1.0, gamma_d=0.01)
@@ -123,13 +138,36 @@ def test_a_model_that_trips_on_trial_gives_way_to_the_one_before(daemon: Daemon)
     assert done.returncode == 0, done.stderr
     daemon.ask("move", axis="x", position_m=0.35)
     wait_until(lambda: daemon.state("x") == "fault")
+    # nobody drives it with the model that tripped; nor is another one judged by this fault
+    with pytest.raises(DaemonRefusedError, match="what ran before takes over again"):
+        daemon.ask("reset", axis="x")
+    done = daemon.cli("apply", str(other(daemon)))
+    assert done.returncode == 2
+    assert "axis x is in fault: a model changes while its axis holds or is off" in done.stderr
     wait_until(lambda: axis(daemon)["controller"] == "C2", 120.0)
     wait_until(lambda: axis(daemon)["trial_motions_left"] is None)
     told = daemon.cli("models", "x").stdout
     assert "fell back (axis x: following_error)" in told
-    daemon.ask_when_it_stands("reset", "x")
-    daemon.ask_when_it_stands("start", "x", hold=True)
+    hold(daemon)
     move(daemon, 0.1)
+
+
+@pytest.mark.slow
+def test_gains_alone_leave_what_was_learned_as_it_is(daemon: Daemon) -> None:
+    hold(daemon)
+    for position in (0.1, 0.3, 0.1):
+        move(daemon, position)
+    document = yaml.safe_load(daemon.config.read_text())
+    start = document["axes"]["x"]["model"]["inertia"]["initial"]
+    before = axis(daemon)["theta_hat"]
+    assert before["inertia"] != start
+    document["axes"]["x"]["gains"]["ks_v_s_m"] *= 0.9
+    path = daemon.config.with_name("gains.yaml")
+    path.write_text(yaml.safe_dump(document))
+    assert daemon.cli("apply", str(path)).returncode == 0
+    assert axis(daemon)["theta_hat"] == pytest.approx(before, rel=1e-3)
+    assert daemon.cli("revert").returncode == 0
+    assert axis(daemon)["theta_hat"] == pytest.approx(before, rel=1e-3)
 
 
 @pytest.mark.slow
