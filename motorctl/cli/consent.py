@@ -26,16 +26,16 @@ class Consents:
         Nobody is asked: every axis that moves is simulated, or has not tripped and stays within
         its envelope.
     kept
-        Where it is noted how many minutes each axis has been moved for.
+        Where it is noted how many minutes each axis has been moved for; None: nowhere.
     resume
         Whether those that are noted there count on.
     """
 
-    def __init__(self, *, yes: bool, kept: Path, resume: bool) -> None:
+    def __init__(self, *, yes: bool, kept: Path | None = None, resume: bool = False) -> None:
         self._yes = yes
         self._kept = kept
         self._minutes: dict[str, float] = {}
-        if resume and kept.is_file():
+        if resume and kept and kept.is_file():
             self._minutes = TypeAdapter(dict[str, float]).validate_json(kept.read_bytes())
 
     def ask(self, machine: Machine, motion: AskedMotion) -> None:
@@ -67,6 +67,8 @@ class Consents:
         self._note()
 
     def _note(self) -> None:
+        if self._kept is None:
+            return
         self._kept.parent.mkdir(parents=True, exist_ok=True)
         self._kept.write_text(json.dumps(self._minutes))
 

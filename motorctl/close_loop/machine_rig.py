@@ -210,11 +210,11 @@ class MachineRig:
             raise refused(str(no)) from no
 
     def _order_of(self, machine: Machine) -> dict[str, Any]:
-        return {
-            "config": with_models_of(self._running, machine.resolved),
-            "source": str(machine.source.absolute()),
-            "story": story_of(machine.source),
-        }
+        config = with_models_of(self._running, machine.resolved)
+        if machine is self._running:  # which is known from a log
+            return {"config": config, "source": "what ran when close-loop began"}
+        source = machine.source.absolute()
+        return {"config": config, "source": str(source), "story": story_of(source)}
 
     def _begin(self, program: Program) -> float:
         """Order a program; return how long it lasts with its approach [s]."""

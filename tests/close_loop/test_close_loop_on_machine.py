@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.close_loop import machine_rig
+from motorctl.close_loop.rigs import BrokenOffError
 from motorctl.errors import MotorctlError, UsageError
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
@@ -81,3 +82,23 @@ def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     document = json.loads(result.stdout.splitlines()[-1])
     assert document["rounds"]
     assert (out / "refined.yaml").is_file()
+
+
+@pytest.mark.slow
+def test_an_axis_that_somebody_stops_is_not_started_again(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("--out", daemon.config.parent / "stopped", "--rounds", 1, "--motion", "own")
+    waited = machine_rig.MachineRig._wait
+
+    def stopped(self: Any, names: Any, seconds: float, progress: Any) -> None:
+        daemon.ask("stop", axis="x")
+        waited(self, names, seconds, progress)
+
+    monkeypatch.setattr(machine_rig.MachineRig, "_wait", stopped)
+    result = asked(daemon, daemon.config, *words, "--duration", 3)
+    assert isinstance(result.exception, BrokenOffError)
+    assert "axis x is" in str(result.exception)
+    assert "nothing here stopped it" in str(result.exception)
+    assert "keeps 0 of 1 motions that were begun" in result.stderr
+    assert {daemon.state(axis) for axis in ("x", "y")} <= {"off", "stopping"}

@@ -21,7 +21,8 @@ class CountedRig:
 
     verb = "counting"
 
-    def __init__(self) -> None:
+    def __init__(self, runs_on: str = "virtual time") -> None:
+        self.runs_on = runs_on
         self.runs = 0
         self.trips = False
 
@@ -34,6 +35,9 @@ class CountedRig:
         if self.trips:
             raise RunError("axis x tripped")
         log.write_text("a log")
+
+    def keep(self, machine: Machine) -> None:
+        """Nothing runs on."""
 
 
 def test_only_what_was_run_whole_on_the_same_machine_is_passed_over(tmp_path: Path) -> None:
@@ -55,6 +59,14 @@ def test_only_what_was_run_whole_on_the_same_machine_is_passed_over(tmp_path: Pa
         with pytest.raises(RunError, match="axis x tripped"):
             run(machine)
         assert counted.runs == runs
+
+
+def test_what_was_simulated_is_not_taken_for_the_machines_own(tmp_path: Path) -> None:
+    machine, log = load("published_gantry"), tmp_path / "own.parquet"
+    rigs_ = [CountedRig("virtual time"), CountedRig("machine gantry"), CountedRig("machine gantry")]
+    for rig in rigs_:
+        ResumedRig(rig, reuse=True).run(machine, log, None, lambda _: None)
+    assert [rig.runs for rig in rigs_] == [1, 1, 0]
 
 
 def test_without_resume_everything_is_run(tmp_path: Path) -> None:

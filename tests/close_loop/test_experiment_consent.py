@@ -14,8 +14,6 @@ from motorctl.config import Machine, load, shipped_config
 from motorctl.errors import ConfigError, UsageError
 from motorctl.loop.plan import plan_program
 
-RING_S = 3.2
-
 
 def machine(folder: Path, experiments: dict[str, Any] | None) -> Machine:
     """Return a gantry behind a bus, which no `--yes` may move but within its envelope."""
@@ -106,13 +104,24 @@ def test_where_nobody_can_be_asked_nothing_moves(
 ) -> None:
     of = machine(tmp_path, None)
     with pytest.raises(UsageError, match="nobody is there to say yes"):
-        Consents(yes=False).ask(of, asked(of))
+        Consents(yes=False).ask(of, asked(of, tripped="x"))
     shown = capsys.readouterr().err
     assert "of limit" in shown
-    assert "axis y tripped and is reset before: following error 2 mm" in shown
+    assert "axis x tripped and is reset before: following error 2 mm" in shown
     assert "axis x: with other models" in shown
 
 
 def test_an_envelope_outside_the_limits_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"experiments\.travel_m: found .*within limits\.travel"):
         machine(tmp_path, {"travel_m": [-1.0, 0.2]})
+
+
+def test_the_minutes_of_a_loop_that_broke_off_count_when_it_goes_on(tmp_path: Path) -> None:
+    lasts_min = asked(machine(tmp_path, None)).duration_s / 60.0
+    of = machine(tmp_path, wide(machine(tmp_path, None)) | {"max_minutes": 1.5 * lasts_min})
+    kept = tmp_path / "out" / "moved_minutes.json"
+    motion = asked(of)
+    Consents(yes=True, kept=kept).ask(of, motion)
+    Consents(yes=True, kept=kept).ask(of, motion)  # one that begins anew
+    with pytest.raises(UsageError, match="max_minutes"):
+        Consents(yes=True, kept=kept, resume=True).ask(of, motion)

@@ -52,6 +52,16 @@ def test_axes_that_do_not_keep_it_are_neither_saved_nor_changed(path: Path, tmp_
     assert take_up(load(config), path) == ({}, [])
 
 
+def test_an_axis_that_ended_with_another_model_keeps_what_it_had_learned(
+    machine: Machine, path: Path
+) -> None:
+    save(machine, THETA, path)
+    other = {"x": np.array([9.0, 9.0]), "y": 1.01 * THETA["y"]}
+    save(machine, other, path, ["x"])
+    learned, _ = take_up(machine, path)
+    assert learned == {"x": list(THETA["x"]), "y": list(other["y"][:6])}
+
+
 def test_without_a_file_everything_starts_as_configured(machine: Machine, path: Path) -> None:
     assert take_up(machine, path) == ({}, [])
 

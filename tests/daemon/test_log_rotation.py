@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import settings as trying
 from hypothesis import strategies as st
 from recorded_ring import (
+    AXES,
     MACHINE,
     MUCH,
     ROW_BYTES,
@@ -105,6 +106,24 @@ def test_every_log_says_which_part_of_which_run_it_is(bench: Ring, tmp_path: Pat
     assert all("recovered" not in each and each["rows_lost"] == 0 for each in told)
     for path in logs:
         assert len(read_recording(path).time_s) == metadata_of(path)["rows"]
+
+
+def test_the_first_log_of_other_models_names_the_one_before_and_no_later_one_does(
+    bench: Ring, tmp_path: Path
+) -> None:
+    sealed: list[Path] = []
+    log = rotating(tmp_path, settings(rotate={"max_duration_h": 1 / 60}), sealed.append)
+    for run in range(3):
+        if run == 1:
+            log.change_models(AXES, dict)
+        for _ in range(13):
+            bench.run(5000)
+            log.append(*bench.take())
+    logs = [*finished(sealed), log.close({"rows_lost": 0})]
+    told = [metadata_of(path) for path in logs]
+    assert [each["part"] for each in told] == [1, 2, 1, 2, 3]
+    before = [each["other_models_before"] for each in told]
+    assert before == [None, None, logs[1].name, None, None]
 
 
 def test_the_logs_of_a_run_are_found_in_the_order_of_their_rows(
