@@ -308,7 +308,10 @@ class Commander:
         excitation = Excitation(volts, request.periods, request.fade_periods)
         if problem := excitation.problem(axis.limits, period_s):
             raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {problem}")
-        if self._state(name) not in (AxisState.IDLE, AxisState.RUNNING):
+        states: tuple[AxisState, ...] = (AxisState.IDLE, AxisState.RUNNING)
+        if request.state is not None:  # what who asks takes for granted: others may move it, too
+            states = (AxisState[request.state.upper()],)
+        if self._state(name) not in states:
             raise self._refusals.wrong_state("excite", name)
         if int(self._memory.axis_status["excitation_left"][index]):
             raise self._refusals.of(Verb.EXCITE, name, Reply.EXCITED)

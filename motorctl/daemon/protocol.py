@@ -133,6 +133,8 @@ class ExciteCommand(_Request):
     """One period, a value a tick of the axis."""
     periods: Annotated[int, Field(ge=1, le=MOST_PARTS)]
     fade_periods: Annotated[int, Field(ge=1, le=MOST_PARTS)]
+    state: Literal["idle", "running"] | None = None
+    """In which the axis has to be; None: either."""
 
 
 class ApplyCommand(_Request):

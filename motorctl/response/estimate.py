@@ -25,6 +25,10 @@ ComplexArray = NDArray[np.complex128]
 COHERENT = 0.9
 """Coherence from which a line counts. Higher throws away what is known well enough over many
 periods, lower shows noise. Convention."""
+KNOWN = 0.026
+"""Standard error of the plant, relative, up to which a line counts. Larger lets lines of few noisy
+windows count that are off by more than is promised, smaller leaves out good ones. Arithmetic: half
+of 3 degrees, which are less than 0.5 dB, so that 95 % of the lines keep both."""
 LEAST_LINES = 8
 """Fewer coherent lines are no response."""
 NOT_EXCITED = 1e-6
@@ -80,7 +84,8 @@ class Response:
     @property
     def coherent(self) -> NDArray[np.bool_]:
         """Which lines count."""
-        result: NDArray[np.bool_] = self.coherence >= COHERENT
+        known = self.plant_error <= KNOWN
+        result: NDArray[np.bool_] = (self.coherence >= COHERENT) & known
         return result
 
 

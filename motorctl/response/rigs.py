@@ -10,7 +10,7 @@ from typing import Any
 from motorctl.config import Machine
 from motorctl.config.experiment_envelope import beyond_envelope
 from motorctl.config.metadata import log_axes, log_metadata
-from motorctl.daemon.client import Client
+from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.recorded_rows import ON_DISK_S, cut_rows, partial_log
 from motorctl.errors import RunError, UsageError
 from motorctl.log import LogWriter
@@ -117,27 +117,36 @@ def record_through_daemon(
 ) -> Path:
     """Excite an axis of a running daemon and return a log of it.
 
-    Whatever ends it early, the axis is stopped, and what was recorded stays in the daemon's log.
+    Whatever ends it early, the axis is stopped, and what was recorded stays in the daemon's log. An
+    axis that somebody else moves meanwhile is left to them.
 
     Raises
     ------
+    UsageError
+        Where the axis does not hold, or is not homed.
     DaemonRefusedError
-        Where the axis does not hold, is not homed, or a limit does not allow it.
+        Where a limit does not allow it, or something else came first.
     RunError
         Where the axis trips or is stopped meanwhile.
     """
     name, partial = plan.axis, partial_log(client)
+    require_holding(client, name)  # while a person was asked, others may have begun something
     begun = int(client.ask("status")["loop"]["ticks"])
+    ours = True
     try:
+        try:
+            approach_s = _begin(client, plan)
+        except DaemonRefusedError:
+            ours = False
+            raise
         if plan.motion is not None:
-            document = plan.motion.model_dump(mode="json", exclude={"name"})
-            answer = client.ask("program", axis=name, name=plan.motion.name, document=document)
-            _wait(client, name, answer["approach_s"], "moving to the start", progress)
-        _excite(client, plan)
+            _wait(client, name, approach_s, "moving to the start", progress)
+            _excite(client, plan)
         _wait(client, name, plan.duration_s, "exciting the axis", progress)
         _until(client, name, lambda axis: axis["state"] == "idle" and not axis["excitation"])
     except BaseException:
-        _stop(client, name)
+        if ours:
+            _stop(client, name)
         raise
     time.sleep(ON_DISK_S)
     if partial_log(client) != partial:
@@ -148,6 +157,16 @@ def record_through_daemon(
     return cut_rows(partial, begun, log)
 
 
+def _begin(client: Client, plan: ResponsePlan) -> float:
+    """Order what comes first; return how long the way to the start takes [s]."""
+    if plan.motion is None:
+        _excite(client, plan)
+        return 0.0
+    document = plan.motion.model_dump(mode="json", exclude={"name"})
+    answer = client.ask("program", axis=plan.axis, name=plan.motion.name, document=document)
+    return float(answer["approach_s"])
+
+
 def _excite(client: Client, plan: ResponsePlan) -> None:
     wave = plan.excitation
     client.ask(
@@ -156,6 +175,7 @@ def _excite(client: Client, plan: ResponsePlan) -> None:
         volts=wave.volts.tolist(),
         periods=wave.periods,
         fade_periods=wave.fade_periods,
+        state="idle" if plan.motion is None else "running",
     )
 
 

@@ -53,7 +53,7 @@ def _degrees(value: float | None) -> str:
 
 
 def _db(factor: float | None) -> str:
-    return "any" if factor is None else f"{20.0 * math.log10(factor):.1f} dB"
+    return "beyond the band" if factor is None else f"{20.0 * math.log10(factor):.1f} dB"
 
 
 def _largest(margins: MeasuredMargins) -> str:
