@@ -1,5 +1,59 @@
-"""motorctl: real-time motion control that closes the loop with measured data."""
+"""motorctl: real-time motion control that closes the loop with measured data.
 
-from importlib.metadata import version
+The public names live in `motorctl.api` and are imported when somebody asks for them: the command
+line and the daemon start without what they do not need.
+"""
 
-__version__ = version("motorctl")
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from motorctl.api.comparison import compare
+    from motorctl.api.diagnosis import diagnose, refine
+    from motorctl.api.fitting import fit
+    from motorctl.api.log import Log, open_log
+    from motorctl.api.simulation import simulate
+    from motorctl.errors import ConfigError, DataError, MotorctlError, RunError, UsageError
+
+    __version__: str
+
+__all__ = [
+    "ConfigError",
+    "DataError",
+    "Log",
+    "MotorctlError",
+    "RunError",
+    "UsageError",
+    "compare",
+    "diagnose",
+    "fit",
+    "open_log",
+    "refine",
+    "simulate",
+]
+
+_HOMES = {
+    **dict.fromkeys(("ConfigError", "DataError", "MotorctlError"), "errors"),
+    **dict.fromkeys(("RunError", "UsageError"), "errors"),
+    **dict.fromkeys(("Log", "open_log"), "api.log"),
+    **dict.fromkeys(("diagnose", "refine"), "api.diagnosis"),
+    "compare": "api.comparison",
+    "fit": "api.fitting",
+    "simulate": "api.simulation",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from the module where it lives."""
+    if name == "__version__":
+        return import_module("motorctl.version").VERSION
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return [*__all__, "__version__"]

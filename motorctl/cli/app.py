@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import typer
 
-from motorctl import __version__
 from motorctl.cli.installed import Commands
 from motorctl.cli.say import say
+from motorctl.version import VERSION
 
 
 def assemble(groups: Sequence[str]) -> typer.Typer:
@@ -30,7 +30,7 @@ def assemble(groups: Sequence[str]) -> typer.Typer:
         version: bool = typer.Option(False, "--version", help="Print the version."),
     ) -> None:
         if version:
-            say(__version__)
+            say(VERSION)
             raise typer.Exit
         if context.invoked_subcommand is None:
             raise typer.Exit(2)

@@ -10,7 +10,6 @@ import typer
 
 from motorctl.cli.recording_argument import WholeRun
 from motorctl.cli.say import say
-from motorctl.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
@@ -40,24 +39,16 @@ def _compare(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Measure every recording: eM, eF, L2[e], uM, and the first one's ratio to each other."""
+    from motorctl import compare
     from motorctl.cli.measure_tables import print_comparison
     from motorctl.cli.progress import showing_progress
     from motorctl.identify.compare.pictures import plot_comparison
-    from motorctl.identify.compare.runs import compare, comparison_document
-    from motorctl.log import read_recording
 
-    if period is not None and not 0.0 < period < float("inf"):
-        raise UsageError(f"--period {period:g}: should be a number of seconds above 0")
-    read = []
     with showing_progress("reading the recordings") as progress:
-        for i, path in enumerate(recordings):
-            read.append(read_recording(path, gaps="keep", whole_run=whole_run))
-            progress((i + 1) / len(recordings))
-    comparison = compare(read, period)
+        comparison = compare(*recordings, period_s=period, whole_run=whole_run, progress=progress)
     pictures = plot_comparison(comparison, out) if out else []
     if as_json:
-        document = comparison_document(comparison)
-        say(json.dumps(document | {"pictures": [str(p) for p in pictures]}))
+        say(json.dumps(comparison.to_dict() | {"pictures": [str(p) for p in pictures]}))
         return
     print_comparison(comparison)
     for picture in pictures:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -46,54 +45,27 @@ def _diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Trace what the declared model leaves to its cause: verdict, effects, evidence, report."""
+    from motorctl import diagnose
     from motorctl.cli.progress import showing_stages
-    from motorctl.config.chosen_code import allowed_by
-    from motorctl.identify.columns.measured import read_measured
-    from motorctl.identify.diagnose.recording import diagnose_recording
-    from motorctl.identify.diagnose.report.json_document import diagnosis_document
-    from motorctl.identify.diagnose.report.next_steps import next_steps, write_programs
-    from motorctl.identify.diagnose.report.page import write_report
     from motorctl.identify.diagnose.report.terminal import print_diagnosis
-    from motorctl.identify.fit.declared_models import (
-        declared_models,
-        is_file,
-        machine_of,
-        untried_effects,
-    )
-    from motorctl.identify.same_axis import check_belongs, declared_inertias
-    from motorctl.model.catalog import failed_effects
+    from motorctl.identify.diagnose.report.written import write_diagnosis
+    from motorctl.identify.fit.declared_models import is_file
 
-    may_run = allowed_by(allow_code or ())
-    config = model if is_file(model) else None
     with showing_stages() as progress:
-        progress("reading", 0.0)
-        read = read_measured(recording, whole_run=whole_run)
-        test = None if evaluate is None else read_measured(evaluate)
-        machine = machine_of(read, model, may_run)
-        models = declared_models(read, model, axis, may_run, machine)
-        if machine is not None:
-            check_belongs(read, machine, models)
-        further = [] if machine is None else list(machine.further_effects.values())
-        inertia = declared_inertias(read, machine, models)
-        found = diagnose_recording(read, models, progress, test, further, inertia)
-        untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
-        if config is None:
-            untried += [
-                f"{name} was not tried, though the log's configuration names it: allow its module "
-                "with --allow-code"
-                for name in untried_effects(read, machine)
-            ]
-        found = replace(found, notes=(*found.notes, *untried))
-        programs, files = {}, []
+        found = diagnose(
+            recording,
+            model=model,
+            axis=axis,
+            evaluate=evaluate,
+            whole_run=whole_run,
+            allow_code=allow_code or (),
+            progress=progress,
+        )
         if out is not None:
             progress("drawing", 1.0)
-            programs = write_programs(found, out)
-        steps = next_steps(found, config, programs)
-        if out is not None:
-            files = write_report(out, found, steps=steps)
-            files += [path for paths in programs.values() for path in paths if path is not None]
+        steps, files = write_diagnosis(found, out, model if is_file(model) else None)
     if as_json:
-        say(json.dumps(diagnosis_document(found) | {"files": [str(path) for path in files]}))
+        say(json.dumps(found.to_dict() | {"files": [str(path) for path in files]}))
         return
     console = Terminal()
     print_diagnosis(console, found, steps)

@@ -47,28 +47,22 @@ def _fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Identify the declared model: parameters, standard errors, input delay and error."""
+    from motorctl import fit
     from motorctl.cli.progress import showing_work
-    from motorctl.config.chosen_code import allowed_by
-    from motorctl.identify.columns.measured import read_measured
-    from motorctl.identify.fit.declared_models import declared_models
-    from motorctl.identify.fit.recording import fit_recording
-    from motorctl.identify.fit.report import fit_document, print_fit
-    from motorctl.identify.fit.settings import load_settings
+    from motorctl.identify.fit.report import print_fit
 
-    may_run = allowed_by(allow_code or ())
-    options = None if settings is None else load_settings(settings)
     with showing_work("reading") as progress:
-        read = read_measured(recording, whole_run=whole_run)
-        other = None if evaluate is None else read_measured(evaluate)
-        models = declared_models(read, model, axis, may_run)
-        found = fit_recording(
-            read,
-            models,
-            options,
-            other,
-            lambda name: progress(f"fitting axis {name}"),
+        found = fit(
+            recording,
+            model=model,
+            axis=axis,
+            evaluate=evaluate,
+            settings=settings,
+            whole_run=whole_run,
+            allow_code=allow_code or (),
+            progress=progress,
         )
     if as_json:
-        say(json.dumps(fit_document(found)))
+        say(json.dumps(found.to_dict()))
     else:
         print_fit(Terminal(), found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 
 from rich.markup import escape
 from rich.table import Table
@@ -15,10 +14,9 @@ from motorctl.identify.compare.measures import (
     table_cells,
     table_headings,
 )
-from motorctl.identify.compare.runs import Comparison
+from motorctl.identify.compare.runs import Comparison, told_ratio
 
 COLUMNS = table_headings()
-NO_VALUE = "–"
 
 Rows = Sequence[tuple[str, Sequence[str]]]
 """Name and cells of each row."""
@@ -44,7 +42,7 @@ def print_comparison(comparison: Comparison) -> None:
     for axis in comparison.axes:
         measured = [(name, table_cells(m)) for name, m in comparison.measures(axis).items()]
         ratios = [
-            (f"{first.label} / {run.label}", [_ratio(value) for value in ratio.values()])
+            (f"{first.label} / {run.label}", [told_ratio(value) for value in ratio.values()])
             for run, ratio in zip(later, comparison.ratios(axis), strict=True)
         ]
         print_measures(axis, [measured, ratios], table_headings(*comparison.units(axis)))
@@ -55,10 +53,6 @@ def print_comparison(comparison: Comparison) -> None:
         told = [f"{name} {_told(found)}" for name, found in timing if found is not None]
         for words in (*told, *run.recording.notes):
             console.print(f"  {escape(run.label)}: {escape(words)}", highlight=False)
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.2f}" if isfinite(value) else NO_VALUE
 
 
 def _period(run: MeasuredRun) -> str:

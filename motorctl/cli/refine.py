@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,6 @@ from motorctl.cli.recording_argument import RecordingParts, WholeRun
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
-    from motorctl.identify.diagnose.result import RecordingDiagnosis
     from motorctl.identify.refine.refinement import Refinement
 
 
@@ -46,52 +44,31 @@ def _refine(
     parameters, bounds and covariances come from the data. NEW.yaml is loaded before it is put in
     place. Where nothing is missing, parameters change only if that is an improvement.
     """
+    from motorctl import refine
     from motorctl.cli.progress import showing_stages
-    from motorctl.errors import UsageError
-    from motorctl.identify.columns.measured import read_measured
-    from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.diagnose.report.page import write_report
-    from motorctl.identify.refine.json_document import refinement_document
-    from motorctl.identify.refine.refinement import load_machine, refine_config
-    from motorctl.identify.same_axis import declared_inertias, require_same_machine
 
-    if not out.parent.is_dir():
-        raise UsageError(f"{out}: there is no folder {out.parent}")
-    if out.suffix.lower() not in (".yaml", ".yml"):
-        raise UsageError(f"{out}: a configuration is a .yaml file")
-    machine, _ = load_machine(config)
     with showing_stages() as progress:
-        progress("reading", 0.0)
-        read = read_measured(recording, whole_run=whole_run)
-        names = list(read.axes) if axis is None else [axis]
-        require_same_machine(read, machine, names)
-        models = {name: machine.axes[name].declared for name in names}
-        diagnosis = diagnose_recording(
-            read,
-            models,
-            progress,
-            further=list(machine.further_effects.values()),
-            inertia=declared_inertias(read, machine, names),
+        refinement = refine(
+            recording, config, out, axis=axis, whole_run=whole_run, progress=progress
         )
-        progress("refining", 1.0)
-        refinement = refine_config(diagnosis, machine.source, out)
-    refinement.write()
-    commands = _commands(config, refinement)
-    written = []
+    commands = refinement.next_commands(config)
+    files = []
     if report is not None:
-        written = write_report(report, diagnosis, config_change=refinement.diff, commands=commands)
+        change = refinement.diff
+        files = write_report(report, refinement.diagnosis, config_change=change, commands=commands)
     if as_json:
-        say(json.dumps(refinement_document(diagnosis, refinement, machine, written)))
+        say(json.dumps(refinement.to_dict() | {"report": [str(path) for path in files]}))
         return
-    _print(diagnosis, refinement)
-    for path in written[:1]:
+    _print(refinement)
+    for path in files[:1]:
         say(path)
     say("next")
     for command in commands:
         say(f"  {command}")
 
 
-def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
+def _print(refinement: Refinement) -> None:
     from rich.markup import escape
     from rich.syntax import Syntax
 
@@ -99,6 +76,7 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     from motorctl.identify.refine.header import error_words
 
     console = Terminal(highlight=False)
+    diagnosis = refinement.diagnosis
     for name, axis in refinement.axes.items():
         console.print(f"[bold]axis {escape(name)}[/bold]")
         for words in (*axis.done, *(error_words(diagnosis.axes[name]) if axis.changed else ())):
@@ -110,22 +88,3 @@ def _print(diagnosis: RecordingDiagnosis, refinement: Refinement) -> None:
     else:
         say(refinement.diff)
     say(refinement.out)
-
-
-def _commands(config: str, refinement: Refinement) -> list[str]:
-    """Return what to run next: before and after on the same motion, simulated where possible."""
-    out = shlex.quote(str(refinement.out))
-    simulated = refinement.machine.drivers and all(
-        driver.cls.supports_virtual_time for driver in refinement.machine.drivers.values()
-    )
-    if not simulated:
-        return [f"motorctl check {out}", f"motorctl run {out}"]
-    before = shlex.quote(config)
-    stem = refinement.out.stem
-    logs = [shlex.quote(f"{stem}_{when}.parquet") for when in ("before", "after")]
-    return [
-        f"motorctl check {out}",
-        *([f"motorctl simulate {before} --log {logs[0]}"] if before != out else []),
-        f"motorctl simulate {out} --log {logs[1]}",
-        f"motorctl compare {' '.join(logs)}",
-    ]

@@ -36,33 +36,37 @@ def _simulate(
 
     Two runs with the same configuration and seed give the same rows, bit for bit.
     """
+    from motorctl import compare, simulate
     from motorctl.cli.measure_tables import COLUMNS
     from motorctl.cli.progress import showing_progress
-    from motorctl.config import load
-    from motorctl.identify.compare.measures import measure_recording, measured_document, table_cells
-    from motorctl.log import read_recording
-    from motorctl.loop.simulation import simulate, with_seed
+    from motorctl.identify.compare.measures import measured_document, table_cells
 
-    machine = load(config, None if controller is None else controller.value)
-    if seed is not None:
-        machine = with_seed(machine, seed)
     with showing_progress("simulating; the first run compiles the kernels") as progress:
-        result = simulate(machine, log, duration_s=duration, progress=progress)
-        measured = measure_recording(read_recording(log, gaps="keep"))
+        recorded = simulate(
+            config,
+            log,
+            controller=None if controller is None else controller.value,
+            duration_s=duration,
+            seed=seed,
+            progress=progress,
+        )
+        measured = compare(recorded).runs[0].axes
+    took = recorded.metadata["virtual_time"]
+    times_real_time = recorded.duration_s / took["wall_s"]
     if as_json:
         document = {
             "log": str(log),
-            "duration_s": result.duration_s,
-            "wall_s": result.wall_s,
-            "times_real_time": result.times_real_time,
-            "turnaround": result.turnaround,
+            "duration_s": recorded.duration_s,
+            "wall_s": took["wall_s"],
+            "times_real_time": times_real_time,
+            "turnaround": took["turnaround"],
             "axes": {name: measured_document(run) for name, run in measured.items()},
         }
         say(json.dumps(document))
         return
     say(
-        f"{log}: {result.duration_s:.1f} s in {result.wall_s:.1f} s, "
-        f"{result.times_real_time:.1f} times real time"
+        f"{log}: {recorded.duration_s:.1f} s in {took['wall_s']:.1f} s, "
+        f"{times_real_time:.1f} times real time"
     )
     for name, run in measured.items():
         values = zip(COLUMNS, table_cells(run.measures), strict=True)

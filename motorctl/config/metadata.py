@@ -5,10 +5,10 @@ from __future__ import annotations
 import platform
 from datetime import UTC, datetime
 
-from motorctl import __version__
 from motorctl.config.machine import Machine
 from motorctl.hal import Status
 from motorctl.log import LogAxis
+from motorctl.version import VERSION
 
 
 def log_axes(machine: Machine) -> list[LogAxis]:
@@ -23,7 +23,7 @@ def log_metadata(machine: Machine) -> dict[str, object]:
     """Return the document that a log of this machine carries, JSON-serialisable."""
     seeds = {name: getattr(setup.options, "seed", None) for name, setup in machine.drivers.items()}
     return {
-        "version": __version__,
+        "version": VERSION,
         "machine": machine.name,
         "rate_hz": machine.rate_hz,
         "device_statuses": {bit.value: bit.name for bit in Status},

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl import __version__
 from motorctl.config.machine import Axis, Machine
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.config_watch import ConfigWatch
@@ -26,6 +25,7 @@ from motorctl.loop import LoopMemory, Phase, reasons
 from motorctl.loop.compiling_time import compiling_words
 from motorctl.loop.faults import device_message
 from motorctl.loop.states import State
+from motorctl.version import VERSION
 
 _NO_SAMPLES = Status.ENCODER_LOST | Status.COMMUNICATION_LOST
 """With one of them no sample can be trusted, and none is missed: the device is lost."""
@@ -150,7 +150,7 @@ class Report:
 
     def _daemon(self) -> dict[str, Any]:
         return {
-            "version": __version__,
+            "version": VERSION,
             "pid": os.getpid(),
             "config": str(self.machine.source),
             "config_difference": self.config.difference if self.config else None,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from motorctl import __version__
 from motorctl.errors import UsageError
+from motorctl.version import VERSION
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def write_page(page: Path, package: str, template: str, **values: object) -> Non
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    html = environment.get_template(template).render(version=__version__, **values)
+    html = environment.get_template(template).render(version=VERSION, **values)
     try:
         page.write_text(html, encoding="utf-8")
     except OSError as error:

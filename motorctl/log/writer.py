@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl import __version__
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.log.columns import LogAxis, log_columns, log_schema
 from motorctl.log.convert import convert
 from motorctl.log.partial import SUFFIX, Ending, encode_batch, encode_ending, encode_head
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.version import VERSION
 
 BATCH_ROWS = 8192
 
@@ -228,7 +228,7 @@ class LogWriter:
 
 def _opening(axes: Sequence[LogAxis]) -> dict[str, Any]:
     return {
-        "version": __version__,
+        "version": VERSION,
         "host": {"name": platform.node()},
         "started_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "axes": {axis.name: {"parameters": list(axis.theta_names)} for axis in axes},

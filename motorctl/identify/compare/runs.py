@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, replace
-from math import nan
+from dataclasses import asdict, astuple, dataclass, fields, replace
+from math import inf, isfinite, nan
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from motorctl.errors import DataError
+from motorctl.errors import DataError, UsageError
 from motorctl.identify.compare.measures import (
+    EXPLAINED,
     SYMBOLS,
     MeasuredRun,
     Measures,
@@ -17,9 +18,15 @@ from motorctl.identify.compare.measures import (
     measure_recording,
     measure_timing,
     measured_document,
+    table_cells,
+    table_headings,
 )
 from motorctl.json_values import finite
 from motorctl.log import Recording
+from motorctl.notebook import frame_of_rows, html_lines, html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,35 @@ class Comparison:
         record = self.runs[0].recording.axes[axis]
         return record.position_unit, record.command_unit
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of ``compare --json``, without its pictures."""
+        return comparison_document(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a row for each axis and run: its measures, in m or rad and the command's unit.
+
+        Raises UsageError where pandas is not installed.
+        """
+        rows = [
+            {"axis": axis, "run": label, **asdict(measures)}
+            for axis in self.axes
+            for label, measures in self.measures(axis).items()
+        ]
+        return frame_of_rows(rows, ["axis", "run", *(field.name for field in fields(Measures))])
+
+    def _repr_html_(self) -> str:
+        parts = []
+        for axis in self.axes:
+            first, *later = self.measures(axis).items()
+            rows = [(label, *table_cells(measures)) for label, measures in (first, *later)]
+            rows += [
+                (f"{first[0]} / {label}", *map(told_ratio, ratios(first[1], measures).values()))
+                for label, measures in later
+            ]
+            headings = ("run", *table_headings(*self.units(axis)))
+            parts.append(html_table(headings, rows, f"axis {axis}"))
+        return "".join((*parts, html_lines((EXPLAINED,))))
+
 
 def ratios(first: Measures, other: Measures) -> dict[str, float]:
     """Return the first's measures over the other's, by their symbols; NaN over zero."""
@@ -61,12 +97,20 @@ def ratios(first: Measures, other: Measures) -> dict[str, float]:
     return {name: value / against if against else nan for name, value, against in pairs}
 
 
+def told_ratio(ratio: float) -> str:
+    """Return a ratio as tables have it."""
+    return f"{ratio:.2f}" if isfinite(ratio) else "–"
+
+
 def compare(recordings: Sequence[Recording], period_s: float | None = None) -> Comparison:
     """Measure one or more recordings.
 
     Raises DataError where a recording has no reference, where the recordings have no axis in
-    common, or where an axis has different units in two of them.
+    common, or where an axis has different units in two of them; UsageError where the period is no
+    time.
     """
+    if period_s is not None and not 0.0 < period_s < inf:
+        raise UsageError(f"period {period_s:g} s (--period): should be a number of seconds above 0")
     runs = []
     for recording in recordings:
         measured = measure_recording(recording, period_s)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.measured import Measured
 from motorctl.model import Effect, EffectList
 from motorctl.model.knowledge import Family
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 Verdict = Literal["complete", "effect", "unknown_structure", "insufficient_data"]
@@ -225,3 +229,50 @@ class RecordingDiagnosis:
     refused: Mapping[str, str] = field(default_factory=dict)
     """Why the other axes could not be diagnosed."""
     notes: tuple[str, ...] = ()
+
+    # What words and pictures need is imported when somebody asks for them.
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of ``diagnose --json``, without its files."""
+        from motorctl.identify.diagnose.report.json_document import diagnosis_document
+
+        return diagnosis_document(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a row for each parameter of each found effect; one of an axis without any.
+
+        Columns: axis, verdict, effect, confidence, explained_fraction, parameter, value,
+        std_error, unit. Raises UsageError where pandas is not installed.
+        """
+        from motorctl.identify.diagnose.report.notebook import diagnosis_frame
+
+        return diagnosis_frame(self)
+
+    def _repr_html_(self) -> str:
+        from motorctl.identify.diagnose.report.notebook import diagnosis_html
+
+        return diagnosis_html(self)
+
+    def write_report(self, folder: Path, config: str | None = None) -> list[Path]:
+        """Write what ``diagnose --out`` writes: the page, its pictures, program files of motions.
+
+        Parameters
+        ----------
+        folder
+            Where they go.
+        config
+            The configuration to be refined, where it is known: the page then tells how.
+
+        Returns
+        -------
+        list of Path
+            The files, the page first.
+
+        Raises
+        ------
+        UsageError
+            Where they cannot be written.
+        """
+        from motorctl.identify.diagnose.report.written import write_diagnosis
+
+        return write_diagnosis(self, folder, config)[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
@@ -13,6 +13,10 @@ from motorctl.identify.fit.result import AxisFit, FitError, FitEstimate, Recordi
 from motorctl.identify.fit.settings import Segment
 from motorctl.json_values import finite
 from motorctl.log.units import unit_for
+from motorctl.notebook import frame_of_rows, html_lines, html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FAR_PERCENT = 1000.0
 """Difference from which the other estimate is told by its value, no longer as a percentage [%].
@@ -46,6 +50,29 @@ def print_fit(console: Console, fit: RecordingFit) -> None:
             console.print(f"  {line}", markup=False, soft_wrap=True)
     for reason in fit.refused.values():
         console.print(f"not identified: {reason}", markup=False, soft_wrap=True)
+
+
+def fit_html(fit: RecordingFit) -> str:
+    """Return what `print_fit` prints as HTML."""
+    heading = f"{fit.source}: {fit.duration_s:.6g} s at {fit.sample_rate_hz:g} Hz"
+    parts = [html_lines((f"note: {note}" for note in fit.notes), heading)]
+    for name, axis in fit.axes.items():
+        parts += [html_table(*_parameter_rows(axis), f"axis {name}"), html_lines(_lines(axis))]
+    parts.append(html_lines(f"not identified: {reason}" for reason in fit.refused.values()))
+    return "".join(parts)
+
+
+def fit_frame(fit: RecordingFit) -> pd.DataFrame:
+    """Return a row a parameter; those of forces are NaN where no force constant is known."""
+    rows = [
+        {"axis": name, "parameter": parameter, **entry}
+        | {f"force_{key}": value for key, value in (forces or {}).get(parameter, {}).items()}
+        for name, axis in fit.axes.items()
+        for forces in (force_values(axis),)
+        for parameter, entry in parameter_values(axis).items()
+    ]
+    values = ("value", "std_error", "unit")
+    return frame_of_rows(rows, ["axis", "parameter", *values, *(f"force_{key}" for key in values)])
 
 
 def parameter_values(
@@ -162,16 +189,25 @@ def _force_units(fit: AxisFit) -> list[str]:
 
 
 def _table(name: str, fit: AxisFit) -> Table:
+    headings, rows = _parameter_rows(fit)
+    table = Table(title=f"axis {name}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    for cells in rows:
+        table.add_row(*cells)
+    return table
+
+
+def _parameter_rows(fit: AxisFit) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the parameters: values, as forces, by the other estimate."""
     forces = force_values(fit)
     other = fit.least_squares if fit.estimator == "instruments" else fit.instruments
-    table = Table(title=f"axis {name}", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("parameter", overflow="fold")
-    table.add_column("value ± std. error", overflow="fold")
+    headings = ["parameter", "value ± std. error"]
     if forces is not None:
-        table.add_column("as a force", overflow="fold")
+        headings.append("as a force")
     if other is not None:
-        by = "least sq." if other is fit.least_squares else "instr."
-        table.add_column(by, overflow="fold")
+        headings.append("least sq." if other is fit.least_squares else "instr.")
+    rows = []
     for i, (parameter, entry) in enumerate(parameter_values(fit).items()):
         bound = f", {entry['at_bound']} bound" if "at_bound" in entry else ""
         cells = [parameter, _amount(entry) + bound]
@@ -179,8 +215,8 @@ def _table(name: str, fit: AxisFit) -> Table:
             cells.append(_amount(forces[parameter]))
         if other is not None:
             cells.append(_compared(fit, other, i))
-        table.add_row(*cells)
-    return table
+        rows.append(cells)
+    return headings, rows
 
 
 def _compared(fit: AxisFit, other: FitEstimate, i: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from motorctl.identify.columns.measured import Measured
 from motorctl.identify.fit.regression_data import RegressionData
 from motorctl.identify.fit.settings import Estimator, FitOptions
 from motorctl.model import EffectList
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -156,3 +159,25 @@ class RecordingFit:
     refused: Mapping[str, str]
     """Why the other axes could not be identified."""
     notes: tuple[str, ...] = ()
+
+    # What words need, rich among it, is imported when somebody asks for them.
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of ``fit --json``."""
+        from motorctl.identify.fit.report import fit_document
+
+        return fit_document(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a row a parameter: axis, parameter, value, std_error, unit, and as a force.
+
+        Raises UsageError where pandas is not installed.
+        """
+        from motorctl.identify.fit.report import fit_frame
+
+        return fit_frame(self)
+
+    def _repr_html_(self) -> str:
+        from motorctl.identify.fit.report import fit_html
+
+        return fit_html(self)

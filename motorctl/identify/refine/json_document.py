@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from motorctl.config.machine import Machine
@@ -14,10 +13,9 @@ from motorctl.identify.refine.refinement import Refinement
 from motorctl.json_values import finite
 
 
-def refinement_document(
-    diagnosis: RecordingDiagnosis, refinement: Refinement, before: Machine, report: list[Path]
-) -> dict[str, Any]:
-    """Return the document; `before` is the machine as it was configured."""
+def refinement_document(refinement: Refinement) -> dict[str, Any]:
+    """Return the document of ``refine --json``, without the files of a report."""
+    diagnosis, before = refinement.diagnosis, refinement.before
     return {
         "source": diagnosis.source,
         "config": str(refinement.source),
@@ -26,7 +24,6 @@ def refinement_document(
         "axes": {name: _axis(diagnosis, axis, before) for name, axis in refinement.axes.items()},
         "refused": dict(diagnosis.refused),
         "diff": refinement.diff,
-        "report": [str(path) for path in report],
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +16,12 @@ from motorctl.config.shipped import locate
 from motorctl.errors import ConfigError, UsageError
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.refine.axis import AxisRefinement, current_model, keep_axis, refine_axis
-from motorctl.identify.refine.header import header_lines, with_header
+from motorctl.identify.refine.header import error_words, header_lines, with_header
 from motorctl.identify.refine.model_text import text_of, write_model
 from motorctl.identify.refine.written_beside import put_in_place, written_beside
 from motorctl.identify.refine.yaml_text import YamlText
 from motorctl.located_yaml import read_document
+from motorctl.notebook import html_code, html_lines
 
 PASSES = 3
 """Times that the models are written, at most: a change of what an alias names changes other axes
@@ -31,6 +33,10 @@ where aliases stand within aliases. Chosen by hand."""
 class Refinement:
     """A refined configuration, checked but not yet in place."""
 
+    diagnosis: RecordingDiagnosis
+    """On what it rests."""
+    before: Machine
+    """The machine as it was configured."""
     source: Path
     """The configuration that was refined."""
     out: Path
@@ -50,6 +56,36 @@ class Refinement:
     def write(self) -> Path:
         """Put the configuration in place, whole or not at all. Raises UsageError where it can't."""
         return put_in_place(written_beside(self.out, self.text), self.out)
+
+    def next_commands(self, config: str | None = None) -> list[str]:
+        """Return what to run next: before and after on the same motion, simulated where possible.
+
+        `config` is what the configuration was called, where that is not its path.
+        """
+        out, before = shlex.quote(str(self.out)), shlex.quote(config or str(self.source))
+        drivers = self.machine.drivers.values()
+        if not drivers or not all(driver.cls.supports_virtual_time for driver in drivers):
+            return [f"motorctl check {out}", f"motorctl run {out}"]
+        logs = [shlex.quote(f"{self.out.stem}_{when}.parquet") for when in ("before", "after")]
+        return [
+            f"motorctl check {out}",
+            *([f"motorctl simulate {before} --log {logs[0]}"] if before != out else []),
+            f"motorctl simulate {out} --log {logs[1]}",
+            f"motorctl compare {' '.join(logs)}",
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of ``refine --json``, without the files of a report."""
+        from motorctl.identify.refine.json_document import refinement_document
+
+        return refinement_document(self)
+
+    def _repr_html_(self) -> str:
+        parts = [
+            html_lines((*axis.done, *error_words(self.diagnosis.axes[name])), f"axis {name}")
+            for name, axis in self.axes.items()
+        ]
+        return "".join((*parts, html_code(self.diff), html_lines((str(self.out),))))
 
 
 def refine_config(
@@ -107,7 +143,7 @@ def refine_config(
     diff = difflib.unified_diff(
         old.splitlines(keepends=True), text.splitlines(keepends=True), source.name, out.name
     )
-    return Refinement(source, out, text, refined, "".join(diff), axes)
+    return Refinement(diagnosis, machine, source, out, text, refined, "".join(diff), axes)
 
 
 def _with_models(text: str, machine: Machine, axes: Mapping[str, AxisRefinement], out: Path) -> str:
