@@ -10,23 +10,33 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from motorctl.api.async_connection import AsyncConnection, connect_async
     from motorctl.api.comparison import compare
+    from motorctl.api.connection import Connection, connect
     from motorctl.api.diagnosis import diagnose, refine
     from motorctl.api.fitting import fit
     from motorctl.api.log import Log, open_log
     from motorctl.api.simulation import simulate
+    from motorctl.daemon.conversation import AxisFaultError, DaemonRefusedError, NotReachedError
     from motorctl.errors import ConfigError, DataError, MotorctlError, RunError, UsageError
 
     __version__: str
 
 __all__ = [
+    "AsyncConnection",
+    "AxisFaultError",
     "ConfigError",
+    "Connection",
+    "DaemonRefusedError",
     "DataError",
     "Log",
     "MotorctlError",
+    "NotReachedError",
     "RunError",
     "UsageError",
     "compare",
+    "connect",
+    "connect_async",
     "diagnose",
     "fit",
     "open_log",
@@ -37,6 +47,10 @@ __all__ = [
 _HOMES = {
     **dict.fromkeys(("ConfigError", "DataError", "MotorctlError"), "errors"),
     **dict.fromkeys(("RunError", "UsageError"), "errors"),
+    **dict.fromkeys(("AxisFaultError", "NotReachedError"), "daemon.conversation"),
+    "DaemonRefusedError": "daemon.conversation",
+    **dict.fromkeys(("Connection", "connect"), "api.connection"),
+    **dict.fromkeys(("AsyncConnection", "connect_async"), "api.async_connection"),
     **dict.fromkeys(("Log", "open_log"), "api.log"),
     **dict.fromkeys(("diagnose", "refine"), "api.diagnosis"),
     "compare": "api.comparison",

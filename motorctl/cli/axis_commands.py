@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,13 +12,10 @@ from motorctl.cli.socket_option import SocketOption
 from motorctl.printable import one_line
 
 if TYPE_CHECKING:
-    from motorctl.daemon.client import Client
+    from motorctl.api.orders import Motion
 
 AxisArgument = Annotated[str, typer.Argument(metavar="AXIS", help="Name of the axis.")]
 WaitOption = Annotated[bool, typer.Option("--wait", help="Return when the motion is at its end.")]
-
-REACHED_TIMEOUT_S = 5.0
-STOP_TIMEOUT_S = 60.0
 
 
 def start(
@@ -37,18 +33,18 @@ def start(
 
     Example: motorctl start x
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        answer = _ask(client, "start", axis=axis, **({"hold": True} if hold else {}))
-        if missing := answer.get("waits_for"):
-            others = " and ".join(missing)
-            _say(axis, f"enabled, holds; program {answer['program']} waits for {others}")
-        elif "program" in answer:
-            _tell_program(axis, answer)
-            _wait_for_end(client, axis, wait)
+    with connect(socket) as machine:
+        started = machine.start(axis, hold=hold, on_wait=_tell_wait)
+        if started.waits_for:
+            others = " and ".join(started.waits_for)
+            _say(axis, f"enabled, holds; program {started.program} waits for {others}")
+        elif started.motion is not None:
+            _tell_program(axis, started.motion)
+            if wait:
+                machine.wait(axis)
         else:
-            client.wait_for(axis, _in("idle", "running"), REACHED_TIMEOUT_S)
             _say(axis, "enabled, holds")
 
 
@@ -57,11 +53,10 @@ def stop(axis: AxisArgument, socket: SocketOption = None) -> None:
 
     Example: motorctl stop x
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        _ask(client, "stop", axis=axis)
-        client.wait_for(axis, _in("off"), STOP_TIMEOUT_S)
+    with connect(socket) as machine:
+        machine.stop(axis, on_wait=_tell_wait)
     _say(axis, "off")
 
 
@@ -72,17 +67,12 @@ def home(axis: AxisArgument, socket: SocketOption = None) -> None:
 
     Example: motorctl home x
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        _ask(client, "home", axis=axis)
-        status = client.wait_for(axis, _in("idle", "off", "stopping"), None)
-    if status["homed"] and status["state"] == "idle":
-        _say(axis, f"homed, at {_millimetres(status['position_m'])}")
-    else:
-        from motorctl.errors import RunError
-
-        raise RunError(f"axis {axis}: homing was stopped")
+    with connect(socket) as machine:
+        homed = machine.home(axis, on_wait=_tell_wait)
+    assert homed.position_m is not None  # of an axis that holds it is known
+    _say(axis, f"homed, at {_millimetres(homed.position_m)}")
 
 
 def move(
@@ -103,19 +93,19 @@ def move(
 
     Example: motorctl move x 0.25 --velocity 0.5 --wait
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        answer = _ask(
-            client,
-            "move",
-            axis=axis,
-            position_m=position_m,
+    with connect(socket) as machine:
+        motion = machine.move(
+            axis,
+            position_m,
             velocity_m_s=velocity,
             acceleration_m_s2=acceleration,
+            on_wait=_tell_wait,
         )
-        _say(axis, f"to {_millimetres(position_m)} in {answer['duration_s']:.2f} s")
-        _wait_for_end(client, axis, wait)
+        _say(axis, f"to {_millimetres(position_m)} in {motion.duration_s:.2f} s")
+        if wait:
+            machine.wait(axis)
 
 
 def program(
@@ -137,18 +127,12 @@ def program(
 
     Example: motorctl program x ring --wait
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        request: dict[str, Any] = {"name": name_or_file}
-        path = Path(name_or_file)
-        if path.suffix.lower() in {".yaml", ".yml", ".csv"} or len(path.parts) > 1:
-            from motorctl.daemon.program_transfer import packed
-
-            request = packed(path, list(client.ask("status")["axes"]))
-        answer = _ask(client, "program", axis=axis, **request)
-        _tell_program(axis, answer)
-        _wait_for_end(client, axis, wait)
+    with connect(socket) as machine:
+        _tell_program(axis, machine.program(axis, name_or_file, on_wait=_tell_wait))
+        if wait:
+            machine.wait(axis)
 
 
 def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
@@ -159,14 +143,13 @@ def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
 
     Example: motorctl reset x
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        answer = _ask(client, "reset", axis=axis)
-    driver = answer.get("opened")
-    home = "" if answer["homed"] else f"; `motorctl home {axis}` comes next"
-    cleared = "off; the fault of its drive was cleared" if answer.get("cleared") else "off"
-    _say(axis, f"off; driver {driver} was opened anew{home}" if driver else cleared)
+    with connect(socket) as machine:
+        done = machine.reset(axis, on_wait=_tell_wait)
+    home = "" if done.homed else f"; `motorctl home {axis}` comes next"
+    cleared = "off; the fault of its drive was cleared" if done.cleared else "off"
+    _say(axis, f"off; driver {done.opened} was opened anew{home}" if done.opened else cleared)
 
 
 def estop(socket: SocketOption = None) -> None:
@@ -176,11 +159,11 @@ def estop(socket: SocketOption = None) -> None:
 
     Example: motorctl estop
     """
-    from motorctl.daemon.client import Client
+    from motorctl import connect
 
-    with Client(socket) as client:
-        answer = client.ask("estop")
-    say(one_line(f"emergency stop: {', '.join(answer['axes'])}"))
+    with connect(socket) as machine:
+        stopped = machine.estop()
+    say(one_line(f"emergency stop: {', '.join(stopped)}"))
 
 
 def register(app: typer.Typer) -> None:
@@ -195,29 +178,15 @@ def register(app: typer.Typer) -> None:
     app.command()(estop)
 
 
-def _ask(client: Client, do: str, **arguments: Any) -> dict[str, Any]:
-    """Send a command; a daemon that gets ready, and an axis that still moves, are waited for."""
-    return client.ask_when_ready(do, _tell_wait, **arguments)
-
-
 def _tell_wait(why: str) -> None:
     if sys.stderr.isatty():
         say(f"motorctl: waiting: {why}", err=True)
 
 
-def _in(*states: str) -> Any:
-    return lambda status: status["state"] in states
-
-
-def _wait_for_end(client: Client, axis: str, wait: bool) -> None:
-    if wait:
-        client.wait_for(axis, _in("idle", "off"), None)
-
-
-def _tell_program(axis: str, answer: dict[str, Any]) -> None:
-    axes = ", ".join(answer["axes"])
-    approach = f", {answer['approach_s']:.2f} s of approach" if answer["approach_s"] > 0 else ""
-    _say(axis, f"program {answer['program']} on {axes}: {answer['duration_s']:.2f} s{approach}")
+def _tell_program(axis: str, motion: Motion) -> None:
+    axes = ", ".join(motion.axes)
+    approach = f", {motion.approach_s:.2f} s of approach" if motion.approach_s > 0 else ""
+    _say(axis, f"program {motion.program} on {axes}: {motion.duration_s:.2f} s{approach}")
 
 
 def _say(axis: str, text: str) -> None:

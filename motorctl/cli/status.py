@@ -28,15 +28,15 @@ def status(
     """
     from rich.live import Live
 
+    from motorctl import connect
     from motorctl.cli.status_view import status_view
     from motorctl.cli.terminal import Terminal
-    from motorctl.daemon.client import Client
     from motorctl.errors import UsageError
 
     if watch and as_json:
         raise UsageError("--watch and --json exclude each other")
-    with Client(socket) as client:
-        document = client.ask("status", axis=axis)
+    with connect(socket) as machine:
+        document = machine.ask("status", axis=axis)
         if as_json:
             say(json.dumps(document, indent=2))
             return
@@ -49,7 +49,7 @@ def status(
                 while True:
                     live.update(status_view(document, detailed=axis is not None), refresh=True)
                     time.sleep(WATCH_PERIOD_S)
-                    document = client.ask("status", axis=axis)
+                    document = machine.ask("status", axis=axis)
             except KeyboardInterrupt:
                 return
 

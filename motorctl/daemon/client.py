@@ -6,14 +6,24 @@ import contextlib
 import json
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from motorctl.daemon.access import insist_on_own_server
+from motorctl.daemon.conversation import (
+    POLL_S,
+    Ask,
+    Conversation,
+    DaemonRefusedError,
+    Pause,
+    T,
+    answered,
+    until,
+    when_ready,
+)
 from motorctl.daemon.paths import SYSTEM_FOLDER, client_socket
-from motorctl.daemon.protocol import FAILURES, Code
 from motorctl.errors import MotorctlError, RunError, UsageError
 
 ANSWER_TIMEOUT_S = 30.0
@@ -21,19 +31,8 @@ SLOW_TIMEOUT_S = 600.0
 SLOW = ("apply", "revert")
 """Commands that compile before they do anything: minutes on a slow computer."""
 CONNECT_TIMEOUT_S = 5.0
-PATIENCE_S: dict[str, float] = {Code.NOT_READY: 120.0, Code.STILL_MOVING: 5.0}
-"""How long a loop may compile, and an unpowered axis come to rest, until a client gives up."""
-READY_POLL_S = 0.1
-POLL_S = 0.02
 
-
-class DaemonRefusedError(MotorctlError):
-    """The daemon said no; exit status 2 where the request was wrong, 1 where the daemon failed."""
-
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.code = code
-        self.exit_status = 1 if code in FAILURES else 2
+__all__ = ["Client", "DaemonRefusedError", "allowed_s", "connected", "request_line"]
 
 
 class Client:
@@ -45,34 +44,9 @@ class Client:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self.path = client_socket() if path is None else path
+        self._socket, self.path = connected(path)
         self._count = 0
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(ANSWER_TIMEOUT_S)
-        try:
-            self._connect()
-            if path is None and not self.path.is_relative_to(SYSTEM_FOLDER):
-                insist_on_own_server(self._socket, self.path)
-        except OSError as error:
-            self._socket.close()
-            raise _unreachable(self.path, error) from error
-        except UsageError:
-            self._socket.close()
-            raise
         self._lines = self._socket.makefile("rb")
-
-    def _connect(self) -> None:
-        """Connect; while too many others wait to be accepted, try again."""
-        deadline = time.monotonic() + CONNECT_TIMEOUT_S
-        while True:
-            try:
-                self._socket.connect(str(self.path))
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise
-                time.sleep(POLL_S)
-            else:
-                return
 
     def __enter__(self) -> Self:
         return self
@@ -114,14 +88,13 @@ class Client:
             Where the daemon refuses the request.
         """
         self._count += 1
-        given = {key: value for key, value in arguments.items() if value is not None}
-        line = json.dumps({"id": self._count, "do": do, **given}) + "\n"
-        timeout_s = SLOW_TIMEOUT_S if do in SLOW else ANSWER_TIMEOUT_S
+        line = request_line(self._count, do, arguments)
+        timeout_s = allowed_s(do)
         self._socket.settimeout(timeout_s)
         try:
             # A daemon that refuses the client, or finds the request too long, answers unread.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-                self._socket.sendall(line.encode())
+                self._socket.sendall(line)
             reply = self._lines.readline()
         except TimeoutError:
             message = f"the daemon on {self.path} did not answer within {timeout_s:g} s"
@@ -131,7 +104,7 @@ class Client:
             raise RunError(message) from error
         if not reply:
             raise RunError(f"the daemon on {self.path} closed the connection without an answer")
-        return _content(json.loads(reply))
+        return answered(json.loads(reply))
 
     def ask_when_ready(
         self, do: str, on_wait: Callable[[str], None], **arguments: Any
@@ -148,19 +121,7 @@ class Client:
         on_wait
             Called once where the request has to wait, with the reason.
         """
-        began = time.monotonic()
-        waits = False
-        while True:
-            try:
-                return self.ask(do, **arguments)
-            except DaemonRefusedError as no:
-                if time.monotonic() - began > PATIENCE_S.get(no.code, 0.0):
-                    raise
-                why = str(no)
-            if not waits:
-                waits = True
-                on_wait(why)
-            time.sleep(READY_POLL_S)
+        return self.carry_out(when_ready(do, arguments, on_wait))
 
     def axis(self, axis: str) -> dict[str, Any]:
         """Return the status of one axis."""
@@ -186,23 +147,69 @@ class Client:
         RunError
             Where the axis falls into a fault meanwhile, or the time is over.
         """
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while not reached(status := self.axis(axis)):
-            if status["state"] == "fault":
-                raise RunError(f"axis {axis}: fault: {status['fault']['message']}")
-            if deadline is not None and time.monotonic() > deadline:
-                message = f"axis {axis} is still {status['state']} after {timeout_s:g} s"
-                raise RunError(message)
-            time.sleep(POLL_S)
-        return status
+        return self.carry_out(until(axis, reached, timeout_s))
+
+    def carry_out(self, conversation: Conversation[T]) -> T:
+        """Carry a conversation out to its end, and return what comes of it."""
+        try:
+            step = next(conversation)
+            while True:
+                try:
+                    answer = self._take(step)
+                except MotorctlError as error:
+                    step = conversation.throw(error)
+                else:
+                    step = conversation.send(answer)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+
+    def _take(self, step: Ask | Pause) -> dict[str, Any]:
+        if isinstance(step, Ask):
+            return self.ask(step.do, **step.arguments)
+        time.sleep(step.seconds)
+        return {}
 
 
-def _content(document: dict[str, Any]) -> dict[str, Any]:
-    document.pop("id")
-    if document.pop("ok"):
-        return document
-    error = document["error"]
-    raise DaemonRefusedError(error["code"], error["message"])
+def connected(path: Path | None) -> tuple[socket.socket, Path]:
+    """Return a connection to a daemon, and the path of its socket; errors as of `Client`.
+
+    While too many others wait to be accepted, it is tried again.
+    """
+    place = client_socket() if path is None else path
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(ANSWER_TIMEOUT_S)
+    deadline = time.monotonic() + CONNECT_TIMEOUT_S
+    try:
+        while True:
+            try:
+                connection.connect(str(place))
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(POLL_S)
+            else:
+                break
+        if path is None and not place.is_relative_to(SYSTEM_FOLDER):
+            insist_on_own_server(connection, place)
+    except OSError as error:
+        connection.close()
+        raise _unreachable(place, error) from error
+    except UsageError:
+        connection.close()
+        raise
+    return connection, place
+
+
+def request_line(number: int, do: str, arguments: Mapping[str, Any]) -> bytes:
+    """Return the line of a request; arguments that are None are left out."""
+    given = {key: value for key, value in arguments.items() if value is not None}
+    return json.dumps({"id": number, "do": do, **given}).encode() + b"\n"
+
+
+def allowed_s(do: str) -> float:
+    """Return how long the answer to a request may take [s]."""
+    return SLOW_TIMEOUT_S if do in SLOW else ANSWER_TIMEOUT_S
 
 
 def _unreachable(path: Path, error: OSError) -> MotorctlError:

@@ -14,9 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from served_socket import served
 
-from motorctl.daemon import client as client_module
 from motorctl.daemon import connection as connection_module
-from motorctl.daemon import request_pace
+from motorctl.daemon import conversation, request_pace
 from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.places import MAX_CLIENTS_A_USER
@@ -336,7 +335,7 @@ def test_a_client_waits_for_a_loop_that_is_not_ready_and_tells_once(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusals = [RefusedError(Code.NOT_READY, "the loop process is compiling; try again")] * 3
-    monkeypatch.setattr(client_module, "READY_POLL_S", 0.01)
+    monkeypatch.setattr(conversation, "READY_POLL_S", 0.01)
     monkeypatch.setattr(f"{__name__}.before_start", refusals)
     told: list[str] = []
     with Client(path) as client:
@@ -348,7 +347,7 @@ def test_a_client_waits_for_a_loop_that_is_not_ready_and_tells_once(
         assert (told, refusals) == ([why], [])
         with pytest.raises(DaemonRefusedError, match="not now"):
             client.ask_when_ready("estop", lambda _: told.append("never"))
-        monkeypatch.setattr(client_module, "PATIENCE_S", {})
+        monkeypatch.setattr(conversation, "PATIENCE_S", {})
         refusals += [RefusedError(Code.NOT_READY, "still compiling")] * 100
         with pytest.raises(DaemonRefusedError, match="still compiling"):
             client.ask_when_ready("start", lambda _: None, axis="x")

@@ -1,0 +1,122 @@
+"""What a running machine says of itself and its axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from motorctl.notebook import frame_of_rows, html_lines, html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+State = Literal["off", "homing", "idle", "running", "stopping", "fault"]
+MICRO = 1e6
+NUMBERS = (
+    "position_m",
+    "velocity_m_s",
+    "reference_m",
+    "following_error_m",
+    "command_v",
+)
+"""Keys of the status document that are numbers of the moment; None where they are not known."""
+
+
+@dataclass(frozen=True)
+class AxisStatus:
+    """One axis at one moment; a number is None where it is not known."""
+
+    axis: str
+    state: State
+    """`idle`: enabled, holds its position. `running`: moves, or follows a program."""
+    homed: bool
+    position_m: float | None
+    velocity_m_s: float | None
+    reference_m: float | None
+    following_error_m: float | None
+    """Position - reference."""
+    command_v: float | None
+    travel_m: tuple[float, float]
+    """The soft limits."""
+    max_voltage_v: float
+    fault: str | None
+    """What tripped it and what to do, in words."""
+    fault_cause: str | None
+    """As in logs, in small letters: `following_error`, …"""
+    theta_hat: Mapping[str, float | None]
+    """The learned parameters by their full names, each in its own unit."""
+    document: Mapping[str, Any]
+    """All that the daemon tells of the axis."""
+
+    @classmethod
+    def of(cls, axis: str, document: Mapping[str, Any]) -> AxisStatus:
+        """Return the status that a document of the control socket tells."""
+        fault = document["fault"] or {}
+        low, high = document["travel_m"]
+        return cls(
+            axis=axis,
+            state=document["state"],
+            homed=document["homed"],
+            **{name: document[name] for name in NUMBERS},
+            travel_m=(low, high),
+            max_voltage_v=document["max_voltage_v"],
+            fault=fault.get("message"),
+            fault_cause=fault.get("cause"),
+            theta_hat=document["theta_hat"],
+            document=document,
+        )
+
+
+@dataclass(frozen=True)
+class MachineStatus:
+    """A machine and its axes at one moment."""
+
+    machine: str
+    rate_hz: float
+    """Of the loop."""
+    axes: Mapping[str, AxisStatus]
+    recording: str | None
+    """The log that is being recorded."""
+    document: Mapping[str, Any]
+    """All that the daemon tells: ``motorctl status --json``."""
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> MachineStatus:
+        """Return the status that a document of the control socket tells."""
+        axes = {name: AxisStatus.of(name, told) for name, told in document["axes"].items()}
+        loop, recording = document["loop"], document["recording"]
+        return cls(document["machine"], loop["rate_hz"], axes, recording["file"], document)
+
+    def __getitem__(self, axis: str) -> AxisStatus:
+        return self.axes[axis]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a row an axis: state, homed, positions, error, command, fault.
+
+        Raises UsageError where pandas is not installed.
+        """
+        columns = ("axis", "state", "homed", *NUMBERS, "fault")
+        rows = [{name: getattr(axis, name) for name in columns} for axis in self.axes.values()]
+        return frame_of_rows(rows, columns)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                axis.axis,
+                axis.state if axis.homed else f"{axis.state}, not homed",
+                _number(axis.position_m, 1e3, ".4f"),
+                _number(axis.velocity_m_s, 1e3, ".2f"),
+                _number(axis.following_error_m, MICRO, ".2f"),
+                _number(axis.command_v, 1.0, ".3f"),
+            )
+            for axis in self.axes.values()
+        ]
+        headings = ("axis", "state", "position mm", "velocity mm/s", "error µm", "command V")
+        faults = [f"{axis.axis}: {axis.fault}" for axis in self.axes.values() if axis.fault]
+        title = f"{self.machine} at {self.rate_hz:g} Hz"
+        return html_table(headings, rows, title) + html_lines(faults)
+
+
+def _number(value: float | None, scale: float, digits: str) -> str:
+    return "–" if value is None else format(value * scale, digits)
