@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from motorctl.api.diagnosis import diagnose, refine
     from motorctl.api.fitting import fit
     from motorctl.api.log import Log, open_log
+    from motorctl.api.samples import Samples, Subscription
     from motorctl.api.simulation import simulate
     from motorctl.daemon.conversation import AxisFaultError, DaemonRefusedError, NotReachedError
     from motorctl.errors import ConfigError, DataError, MotorctlError, RunError, UsageError
@@ -33,6 +34,8 @@ __all__ = [
     "MotorctlError",
     "NotReachedError",
     "RunError",
+    "Samples",
+    "Subscription",
     "UsageError",
     "compare",
     "connect",
@@ -53,6 +56,7 @@ _HOMES = {
     **dict.fromkeys(("AsyncConnection", "connect_async"), "api.async_connection"),
     **dict.fromkeys(("Log", "open_log"), "api.log"),
     **dict.fromkeys(("diagnose", "refine"), "api.diagnosis"),
+    **dict.fromkeys(("Samples", "Subscription"), "api.samples"),
     "compare": "api.comparison",
     "fit": "api.fitting",
     "simulate": "api.simulation",

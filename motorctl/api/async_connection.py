@@ -8,14 +8,18 @@ import os
 from collections.abc import Collection, Generator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from motorctl.api import orders
+from motorctl.api.connection import PERIOD_S
 from motorctl.api.orders import AT_REST, STOP_TIMEOUT_S, Motion, OnWait, Reset, Started
 from motorctl.api.status import AxisStatus, MachineStatus
 from motorctl.daemon.client import allowed_s, connected, request_line
 from motorctl.daemon.conversation import Ask, Conversation, Pause, answered
 from motorctl.errors import MotorctlError, RunError
+
+if TYPE_CHECKING:
+    from motorctl.api.samples import Subscription
 
 T = TypeVar("T")
 LONGEST_ANSWER_BYTES = 16 << 20
@@ -172,6 +176,16 @@ class AsyncConnection:
     ) -> AxisStatus:
         """As `Connection.wait`."""
         return await self.carry_out(orders.wait(axis, states, timeout_s))
+
+    async def subscribe(
+        self, *, period_s: float = PERIOD_S, history_s: float = 0.0, restarts: bool = False
+    ) -> Subscription:
+        """As `Connection.subscribe`, to be iterated over with ``async for``."""
+        from motorctl.api.samples import Subscription
+
+        return await asyncio.to_thread(
+            Subscription, self.path, period_s=period_s, history_s=history_s, restarts=restarts
+        )
 
     async def reset(self, axis: str, *, on_wait: OnWait | None = None) -> Reset:
         """As `Connection.reset`."""

@@ -5,11 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motorctl.api import orders
 from motorctl.api.orders import AT_REST, STOP_TIMEOUT_S, Motion, OnWait, Reset, Started
 from motorctl.api.status import AxisStatus, MachineStatus
 from motorctl.daemon.client import Client
+
+if TYPE_CHECKING:
+    from motorctl.api.samples import Subscription
+
+PERIOD_S = 0.1
+"""Between two looks of a subscription [s], unless told otherwise."""
 
 
 class Connection(Client):
@@ -110,6 +117,30 @@ class Connection(Client):
             How long at most [s]; None: for ever.
         """
         return self.carry_out(orders.wait(axis, states, timeout_s))
+
+    def subscribe(
+        self, *, period_s: float = PERIOD_S, history_s: float = 0.0, restarts: bool = False
+    ) -> Subscription:
+        """Read every row of the loop as it comes: ``for samples in machine.subscribe():``.
+
+        Parameters
+        ----------
+        period_s
+            Between two looks [s]; rows wait for about 8 s.
+        history_s
+            Begin with rows that are so old [s], as far as they are there.
+        restarts
+            Go on with the next daemon after this one has ended.
+
+        Returns
+        -------
+        Subscription
+            Iterate over it, or call `read`; each time `Samples`, whose columns are arrays (N,)
+            under the names that logs have. Close it, or use it as a context manager.
+        """
+        from motorctl.api.samples import Subscription
+
+        return Subscription(self.path, period_s=period_s, history_s=history_s, restarts=restarts)
 
     def reset(self, axis: str, *, on_wait: OnWait | None = None) -> Reset:
         """Clear an axis' fault once its cause is gone; a lost driver is opened anew."""

@@ -20,7 +20,7 @@ def faults_of(
     machine
         Whose axes.
     statuses
-        Their status records, all of one tick, of `motorctl.loop.shared.axis_status`, shape (axes,).
+        Their status records, all of one tick, of `motorctl.loop.layout.axis_status`, shape (axes,).
     with_remedy
         Whether the messages say what to do about it.
     """
@@ -53,7 +53,7 @@ def fault_of(
     axis
         Name of the axis, for the command that clears the fault.
     status
-        The axis' status record, of `motorctl.loop.shared.axis_status`.
+        The axis' status record, of `motorctl.loop.layout.axis_status`.
     period_s
         Period of the axis [s].
     partner

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from motorctl.config.machine import Axis, Machine
+from motorctl.config.metadata import log_axes
 from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
@@ -31,6 +32,7 @@ from motorctl.daemon.protocol import (
     RefusedError,
     Request,
     RevertCommand,
+    SamplesCommand,
     StatusCommand,
 )
 from motorctl.daemon.refusals import START_MARGIN_S, Refusals
@@ -77,6 +79,8 @@ class Commander:
     ) -> None:
         self.machine = machine
         """What runs; another one once its models have changed."""
+        self.models_row = 0
+        """The first row of its models."""
         self._models = models
         self._refusals = Refusals(machine, memory)
         self._reopening = reopening
@@ -120,6 +124,8 @@ class Commander:
         """
         if isinstance(request, StatusCommand):
             return self._status(request.axis)
+        if isinstance(request, SamplesCommand):
+            return self._samples()
         if isinstance(request, EmergencyStopCommand):
             # As long as anything may move: also on the way down, when all else is refused.
             self._must_tick()
@@ -196,6 +202,22 @@ class Commander:
             for name, motion in self._motions.items()
         }
         return self._report.document([axis] if axis else self._names, motions)
+
+    def _samples(self) -> dict[str, Any]:
+        """Return what it takes to read the ring: how it is laid out, and what theta is made of."""
+        return {
+            "machine": self.machine.name,
+            "rate_hz": self.machine.rate_hz,
+            "layout": self._memory.layout,
+            "models_row": self.models_row,
+            "axes": {
+                axis.name: {
+                    "theta_names": list(axis.theta_names),
+                    "dual_drive": axis.dual_drive,
+                }
+                for axis in log_axes(self.machine)
+            },
+        }
 
     async def _reset(self, name: str, begun: Begun) -> dict[str, Any]:
         """Clear a fault; where the driver says that its bus is gone, open it anew before.

@@ -7,6 +7,8 @@ held of a client is at most one request and twice READ_BYTES.
 from __future__ import annotations
 
 import asyncio
+import os
+import socket
 import time
 from collections.abc import Callable
 
@@ -68,6 +70,7 @@ class Connection(asyncio.BufferedProtocol):
         self._stops = 0
         """Emergency stops under way."""
         self._heard_all = False
+        self._handed_over = False
         self._deaf = False
         self._timer: asyncio.TimerHandle | None = None
         self._transport: asyncio.Transport | None = None
@@ -145,6 +148,31 @@ class Connection(asyncio.BufferedProtocol):
         """Send an answer to a line of `next_line`, and go on to the next."""
         self.send(line)
         self.pass_over()
+
+    def answer_with_descriptor(self, opened: Callable[[], int], line: bytes) -> None:
+        """Send an answer with what `opened` opens beside its first byte, the first time only.
+
+        One for each connection: what waits in a socket that nobody reads would add up. A client
+        that has not taken its earlier answers is dropped, as asyncio, which keeps them, can hand
+        nothing over.
+        """
+        if self._handed_over or self._transport is None or self.ended:
+            self.answer(line)
+            return
+        self._handed_over = True
+        descriptor = opened()
+        try:
+            sent = 0
+            if not self._transport.get_write_buffer_size():
+                sent = _send(self._transport.get_extra_info("socket").fileno(), line, descriptor)
+        except OSError:
+            sent = 0
+        finally:
+            os.close(descriptor)
+        if not sent:
+            self.drop()
+            return
+        self.answer(line[sent:])
 
     def pass_over(self) -> None:
         """Go on to the next line, when it is time."""
@@ -248,3 +276,9 @@ class Connection(asyncio.BufferedProtocol):
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+
+
+def _send(place: int, line: bytes, descriptor: int) -> int:
+    """Send as much of a line as goes at once, with a descriptor; return how many bytes went."""
+    with socket.socket(fileno=os.dup(place)) as own:
+        return socket.send_fds(own, [line], [descriptor])

@@ -175,6 +175,15 @@ class StatusCommand(_Request):
     axis: str | None = None
 
 
+class SamplesCommand(_Request):
+    """Hand over a descriptor of the memory that the samples stand in, which can be read only.
+
+    It comes beside the first answer of a connection to this request (SCM_RIGHTS).
+    """
+
+    do: Literal["samples"]
+
+
 Request = (
     AxisCommand
     | MoveCommand
@@ -185,6 +194,7 @@ Request = (
     | ModelsCommand
     | EmergencyStopCommand
     | StatusCommand
+    | SamplesCommand
 )
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Annotated[Request, Field(discriminator="do")])
 

@@ -29,6 +29,7 @@ from motorctl.daemon.protocol import (
     RefusedError,
     Request,
     RevertCommand,
+    SamplesCommand,
     StatusCommand,
     answer,
     parse_request,
@@ -38,7 +39,7 @@ from motorctl.daemon.protocol import (
 
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
 
-OBSERVERS_COMMANDS = (StatusCommand, ModelsCommand, EmergencyStopCommand)
+OBSERVERS_COMMANDS = (StatusCommand, SamplesCommand, ModelsCommand, EmergencyStopCommand)
 CONFIGURATORS_COMMANDS = (ApplyCommand, RevertCommand)
 BACKLOG = 1024
 """Connections that wait to be accepted; a client that comes later is turned away by the kernel."""
@@ -58,11 +59,20 @@ _log = logging.getLogger("motorctl")
 
 
 class ControlServer:
-    """Reads requests from admitted clients and has `handle` answer them."""
+    """Reads requests from admitted clients and has `handle` answer them.
 
-    def __init__(self, control: ControlSocket, handle: Handler) -> None:
+    `open_samples` opens what is handed over beside the answer to a request for samples.
+    """
+
+    def __init__(
+        self,
+        control: ControlSocket,
+        handle: Handler,
+        open_samples: Callable[[], int] | None = None,
+    ) -> None:
         self._control = control
         self._handle = handle
+        self._open_samples = open_samples
         self._places = Places()
         self._connections: set[Connection] = set()
         self._turns: deque[Connection] = deque()
@@ -212,7 +222,10 @@ class ControlServer:
             return
         if isinstance(request, EmergencyStopCommand):
             self._overtake_all_but(connection)
-        self._begin(self._answer(connection.answer, request))
+        tell = connection.answer
+        if isinstance(request, SamplesCommand) and self._open_samples is not None:
+            tell = partial(connection.answer_with_descriptor, self._open_samples)
+        self._begin(self._answer(tell, request))
         await asyncio.sleep(0)  # it may take a while to begin, and counts
 
     def _stop_at_once(self, place: Place, connection: Connection, line: bytes) -> bool:

@@ -144,7 +144,8 @@ class Supervisor:
         self._commander = Commander(
             machine, self._loop.memory, self._report, reopening, self._look_at_axes, self._models
         )
-        self._server = ControlServer(control, self._commander.handle)
+        to_read = self._loop.memory.open_to_read
+        self._server = ControlServer(control, self._commander.handle, to_read)
         self._notifier = ServiceNotifier()
         self._ending = Ending(self._notifier)
         self._recorder: Recorder | None = None
@@ -360,6 +361,7 @@ class Supervisor:
         """Go on with other models; return the log that was begun for them, once it was."""
         for part in (self, self._report, self._flight, self._commander):
             part.machine = machine
+        self._commander.models_row = self._loop.memory.models_row
         assert self._recorder is not None
         deadline = time.monotonic() + TAKE_ON_S
         while self._recorder.models_row != self._loop.memory.models_row:

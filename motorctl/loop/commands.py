@@ -13,8 +13,8 @@ from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
 from motorctl.loop.guards.reactions import emergency_stop, stop
 from motorctl.loop.guards.readiness import check_readiness, has_power, is_unwell
 from motorctl.loop.homing import begin_homing
+from motorctl.loop.layout import MAILBOX_SIZE
 from motorctl.loop.reference import hold_where_it_is
-from motorctl.loop.shared import MAILBOX_SIZE
 from motorctl.loop.states import allows, is_off, take
 from motorctl.loop.vocabulary import Reply, Verb
 

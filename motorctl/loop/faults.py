@@ -280,7 +280,7 @@ def partner_words(
     index
         Which axis.
     statuses
-        The axes' status records, of `motorctl.loop.shared.axis_status`, shape (axes,).
+        The axes' status records, of `motorctl.loop.layout.axis_status`, shape (axes,).
     names, periods_s
         Of all axes, with their periods [s].
     """

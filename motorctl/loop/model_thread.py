@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
+from motorctl.loop.layout import MODELS_TOLD_BYTES
 from motorctl.loop.other_models import OtherModels
 from motorctl.loop.realtime import enter_beside
-from motorctl.loop.shared import MODELS_TOLD_BYTES, LoopMemory
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.succession import Succession
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Word

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from motorctl.config.analysis import required_command
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
-from motorctl.loop.shared import PROGRAM_SEGMENTS
+from motorctl.loop.layout import PROGRAM_SEGMENTS
 from motorctl.motion import (
     PointToPoint,
     Program,

@@ -17,8 +17,9 @@ from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.hal import Inputs, Outputs, Status
 from motorctl.loop.guards.device import FORGET_PLACE
+from motorctl.loop.layout import REOPEN_TOLD_BYTES
 from motorctl.loop.realtime import enter_beside
-from motorctl.loop.shared import REOPEN_TOLD_BYTES, LoopMemory
+from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Word
 

@@ -9,7 +9,7 @@ from motorctl.daemon.axis_faults import fault_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.axis_records import STALL_LIMIT_SHIFT, StallLimit
-from motorctl.loop.shared import axis_status
+from motorctl.loop.layout import axis_status
 
 PERIOD_S = 0.2e-3
 CAUSES = [cause for cause in FaultCause if cause is not FaultCause.NONE]

@@ -33,9 +33,10 @@ from motorctl.loop.commands import take_commands
 from motorctl.loop.fences import require_known_processor
 from motorctl.loop.guards.supervision import WATCH
 from motorctl.loop.handover import announce, look_at
+from motorctl.loop.layout import LOOP_STATUS
 from motorctl.loop.publish import publish
 from motorctl.loop.runner import VirtualRun
-from motorctl.loop.shared import LOOP_STATUS
+from motorctl.loop.sample_ring import SampleRing
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import STATUS_ROWS
 from motorctl.loop.warm_up import Unconnected
@@ -230,28 +231,41 @@ def _rows_written(processors: int) -> Iterator[LoopMemory]:
     memory.close()
 
 
+def _every_row_is_whole(ring: SampleRing, duration_s: float) -> None:
+    """Read for so long, and insist on each row's numbers."""
+    expected, read = ring.drained, 0
+    deadline = time.monotonic() + duration_s
+    while time.monotonic() < deadline:
+        ticks, samples, lost = ring.drain()
+        numbers = expected + lost + np.arange(len(ticks))
+        assert (ticks["tick"] == numbers).all()
+        assert (ticks["time_s"] == numbers).all()
+        for name, factor in (
+            ("lateness_s", 1), ("turnaround_s", 3),
+            ("read_s", 1), ("compute_s", 1), ("write_s", 1),
+        ):  # fmt: skip
+            assert (ticks[name] == factor * numbers * 1e-9).all(), name
+        for name in NUMBERS:
+            assert (samples[name][:, 0] == numbers).all(), name
+        assert (samples["theta_hat"][:, 0] == numbers[:, None]).all()
+        expected += lost + len(ticks)
+        read += len(ticks)
+    assert read > SMALL["ring_rows"]
+
+
 @pytest.mark.parametrize("duration_s", DURATIONS)
 @pytest.mark.parametrize("processors", PROCESSORS)
 def test_no_row_is_read_torn_or_stale_and_every_one_is_read_or_counted(processors, duration_s):
     with _rows_written(processors) as memory:
-        expected, read = 1000, 0
-        deadline = time.monotonic() + duration_s
-        while time.monotonic() < deadline:
-            ticks, samples, lost = memory.drain()
-            numbers = expected + lost + np.arange(len(ticks))
-            assert (ticks["tick"] == numbers).all()
-            assert (ticks["time_s"] == numbers).all()
-            for name, factor in (
-                ("lateness_s", 1), ("turnaround_s", 3),
-                ("read_s", 1), ("compute_s", 1), ("write_s", 1),
-            ):  # fmt: skip
-                assert (ticks[name] == factor * numbers * 1e-9).all(), name
-            for name in NUMBERS:
-                assert (samples[name][:, 0] == numbers).all(), name
-            assert (samples["theta_hat"][:, 0] == numbers[:, None]).all()
-            expected += lost + len(ticks)
-            read += len(ticks)
-        assert read > SMALL["ring_rows"]
+        _every_row_is_whole(memory, duration_s)
+
+
+@pytest.mark.parametrize("duration_s", DURATIONS)
+def test_nor_is_one_by_whoever_may_only_read(duration_s):
+    with _rows_written(2) as memory:
+        beside = SampleRing(memory.open_to_read(), SMALL)
+        _every_row_is_whole(beside, duration_s)
+        beside.close()
 
 
 @pytest.mark.slow

@@ -28,16 +28,21 @@ def _operates() -> Role:
 
 
 @contextmanager
-def served(place: Path, handle: Handler, role: Callable[[], Role] = _operates) -> Iterator[Path]:
+def served(
+    place: Path,
+    handle: Handler,
+    role: Callable[[], Role] = _operates,
+    open_samples: Callable[[], int] | None = None,
+) -> Iterator[Path]:
     """Serve a control socket at a place, its requests answered by `handle`, until this ends.
 
-    role is asked what the client that connects next may do.
+    role is asked what the client that connects next may do; `open_samples` as of `ControlServer`.
     """
     ready, events, stop = threading.Event(), asyncio.new_event_loop(), asyncio.Event()
 
     async def serve() -> None:
         control = _Admits(place, role)
-        server = ControlServer(control, handle)
+        server = ControlServer(control, handle, open_samples)
         await server.start()
         ready.set()
         await stop.wait()

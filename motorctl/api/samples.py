@@ -1,0 +1,263 @@
+"""Samples of a running machine, every row of its loop, as arrays."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import select
+import socket
+import time
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NoReturn, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.api.signals import Array, Signals
+from motorctl.daemon.client import connected, request_line
+from motorctl.daemon.conversation import answered
+from motorctl.errors import MotorctlError, RunError
+from motorctl.log.columns import Column, LogAxis, log_columns
+from motorctl.loop.sample_ring import SampleRing
+
+AGAIN_S = 0.5
+"""Between two tries to reach a daemon that has ended [s]. Larger begins later with the next one's
+samples, smaller asks more often in vain. By hand."""
+RECEIVED_BYTES = 64 << 10
+
+
+class Samples(Signals):
+    """Rows of the loop, one after the other: what a log has of them, under the same names.
+
+    ``samples["x.position_m"]`` has shape (N,). `lost` rows before the first were overwritten before
+    they were read.
+    """
+
+    def __init__(
+        self,
+        ticks: NDArray[np.void],
+        rows: NDArray[np.void],
+        columns: Mapping[str, Column],
+        lost: int,
+        run: int,
+    ) -> None:
+        self.lost = lost
+        self.run = run
+        """0 until the daemon was started anew, then 1, …"""
+        self.units = {name: column.field.unit for name, column in columns.items()}
+        self.descriptions = {name: column.field.description for name, column in columns.items()}
+        self._ticks, self._rows, self._columns = ticks, rows, columns
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self._columns)
+
+    @property
+    def rows(self) -> int:
+        """N."""
+        return len(self._ticks)
+
+    def _column(self, name: str) -> Array:
+        column = self._columns[name]
+        source = self._ticks if column.axis is None else self._rows[:, column.axis]
+        values: Array = source[column.field.name]
+        if column.entry is not None:
+            values = values[:, column.entry]
+        values = np.ascontiguousarray(values)
+        values.flags.writeable = False
+        return values
+
+    def __repr__(self) -> str:
+        lost = f", {self.lost} lost before" if self.lost else ""
+        return f"<Samples {self.rows} rows of {', '.join(self.axes)}{lost}>"
+
+
+class Subscription:
+    """Reads the rows of a daemon's loop as they come; iterate over it, or call `read`.
+
+    It looks into the memory that the loop writes, through a descriptor that cannot write: neither
+    loop nor daemon notices. Rows stay there for about 8 s; who looks less often loses some, and is
+    told how many. It ends when the daemon does; with `restarts` it goes on with the next one.
+    Whoever leaves off before closes it, or uses it as a context manager.
+    """
+
+    def __init__(self, path: Path, *, period_s: float, history_s: float, restarts: bool) -> None:
+        self.path = path
+        self.period_s = period_s
+        """Between two looks [s]."""
+        self.lost = 0
+        """Rows that were overwritten before they were read, so far."""
+        self.ended = False
+        """Whether the daemon is gone."""
+        self._restarts = restarts
+        self._run = 0
+        self._connection: socket.socket | None = None
+        self._held: tuple[NDArray[np.void], NDArray[np.void], int] | None = None
+        """Rows that were read and not handed on, and how many were lost before them."""
+        self._open(history_s)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return tuple(axis.name for axis in self._axes)
+
+    def read(self) -> Samples:
+        """Return the rows since the last call, at once; all are of the same models.
+
+        Raises RunError where the subscription is closed.
+        """
+        if self._connection is None:
+            raise RunError("the subscription is closed")
+        if self._held is None:
+            ticks, rows, lost = self._ring.drain()
+            self.lost += lost
+            self._held = ticks, rows, lost
+        ticks, rows, lost = self._held
+        first = self._ring.drained - len(ticks)
+        change = self._ring.models_row
+        if change > self._models_row and change <= first and not self._learn_models(change):
+            return Samples(ticks[:0], rows[:0], self._columns, 0, self._run)
+        cut = len(ticks)
+        if first < change < first + cut and change > self._models_row:
+            cut = change - first
+        rest = (ticks[cut:], rows[cut:], 0)
+        self._held = rest if cut < len(ticks) else None
+        return Samples(ticks[:cut], rows[:cut], self._columns, lost, self._run)
+
+    def __iter__(self) -> Iterator[Samples]:
+        while True:
+            self._look_for_end(self.period_s if self._held is None else 0.0)
+            if (samples := self.read()).rows:
+                yield samples
+            elif self.ended:
+                if not self._restarts:
+                    self.close()
+                    return
+                while not self._open_again():
+                    time.sleep(AGAIN_S)
+
+    async def __aiter__(self) -> AsyncIterator[Samples]:
+        while True:
+            await asyncio.sleep(self.period_s if self._held is None else 0.0)
+            self._look_for_end(0.0)
+            if (samples := self.read()).rows:
+                yield samples
+            elif self.ended:
+                if not self._restarts:
+                    self.close()
+                    return
+                while not await asyncio.to_thread(self._open_again):
+                    await asyncio.sleep(AGAIN_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the daemon's memory."""
+        if self._connection is not None:
+            self._connection.close()
+            self._ring.close()
+            self._connection = None
+
+    def _open(self, history_s: float) -> None:
+        self._connection, _ = connected(self.path)
+        self._count = 0
+        try:
+            told, descriptor = self._ask()
+            if descriptor is None:
+                self._refuse_to_go_on()
+        except BaseException:
+            self._connection.close()
+            self._connection = None
+            raise
+        assert descriptor is not None
+        self._ring = SampleRing(descriptor, told["layout"])
+        self._ring.skip(round(history_s * told["rate_hz"]))
+        self._held = None
+        self.ended = False
+        self._take_models(told)
+
+    def _refuse_to_go_on(self) -> NoReturn:
+        raise RunError(f"the daemon on {self.path} hands over no samples")
+
+    def _open_again(self) -> bool:
+        """Try to go on with the next daemon, and return whether it is there."""
+        self.close()
+        try:
+            self._open(0.0)
+        except MotorctlError:
+            return False
+        self._run += 1
+        return True
+
+    def _ask(self) -> tuple[dict[str, Any], int | None]:
+        """Return how the memory is laid out, and its descriptor where one came."""
+        assert self._connection is not None
+        self._count += 1
+        descriptors: list[int] = []
+        try:
+            self._connection.sendall(request_line(self._count, "samples", {}))
+            line = _line(self._connection, descriptors)
+            if not line:
+                self._refuse_to_go_on()
+            told = answered(json.loads(line))
+        except BaseException as error:
+            for descriptor in descriptors:
+                os.close(descriptor)
+            if isinstance(error, OSError):
+                message = f"the daemon on {self.path} does not answer: {error}"
+                raise RunError(message) from error
+            raise
+        return told, descriptors[0] if descriptors else None
+
+    def _learn_models(self, change: int) -> bool:
+        """Ask what the rows of other models are like, and return whether the daemon knows it."""
+        told, _ = self._ask()
+        if told["models_row"] != change:
+            return False
+        self._take_models(told)
+        return True
+
+    def _take_models(self, told: Mapping[str, Any]) -> None:
+        self._models_row = int(told["models_row"])
+        self._axes: Sequence[LogAxis] = [
+            LogAxis(name, tuple(axis["theta_names"]), axis["dual_drive"])
+            for name, axis in told["axes"].items()
+        ]
+        self._columns = {column.name: column for column in log_columns(self._axes)}
+
+    def _look_for_end(self, wait_s: float) -> None:
+        """Wait for so long, or until the daemon hangs up."""
+        if self.ended or self._connection is None:
+            time.sleep(wait_s)
+            return
+        readable, _, _ = select.select([self._connection], [], [], wait_s)
+        if readable:
+            try:
+                self.ended = not self._connection.recv(RECEIVED_BYTES, socket.MSG_PEEK)
+            except OSError:
+                self.ended = True
+
+
+def _line(connection: socket.socket, descriptors: list[int]) -> bytes:
+    """Return a line, empty where the daemon has hung up, and add the descriptors beside it."""
+    received = b""
+    while not received.endswith(b"\n"):
+        part, came, *_ = socket.recv_fds(connection, RECEIVED_BYTES, 1)
+        descriptors += came
+        received += part
+        if not part:
+            return b""
+    return received

@@ -1,0 +1,196 @@
+"""`subscribe`: every row of the loop as arrays, by a descriptor that cannot write."""
+
+from __future__ import annotations
+
+import asyncio
+import mmap
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from daemon_rig import Daemon, bench_config
+from recorded_ring import AXES, Ring, ring
+from served_socket import served
+
+import motorctl
+from motorctl.api.samples import Subscription
+from motorctl.daemon.access import Role
+from motorctl.daemon.client import Client
+from motorctl.daemon.protocol import Request
+
+pytestmark = pytest.mark.wall_clock(lanes=2)
+
+
+class Stage:
+    """A ring that a test fills, behind a control socket."""
+
+    def __init__(self, filled: Ring) -> None:
+        self.filled = filled
+        self.models_row = 0
+        self.theta = {axis.name: axis.theta_names for axis in AXES}
+
+    async def handle(self, _: Request) -> dict[str, Any]:
+        axes = {
+            name: {"theta_names": names, "dual_drive": False} for name, names in self.theta.items()
+        }
+        told = {"machine": "bench", "rate_hz": self.filled.rate_hz, "models_row": self.models_row}
+        return told | {"layout": self.filled.memory.layout, "axes": axes}
+
+
+@contextmanager
+def staged(place: Path) -> Iterator[tuple[Stage, Path]]:
+    with ring() as filled:
+        stage = Stage(filled)
+        to_read = filled.memory.open_to_read
+        with served(place, stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            yield stage, path
+
+
+def subscribed(path: Path, **options: Any) -> Subscription:
+    usual = {"period_s": 0.01, "history_s": 0.0, "restarts": False}
+    return Subscription(path, **usual | options)
+
+
+def test_rows_are_arrays_under_the_names_that_logs_have(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        stage.filled.run(100)
+        read = samples.read()
+        assert read["tick"].tolist() == list(range(100))
+        assert read["y.position_m"] == pytest.approx(1e-3 * np.arange(100))
+        assert read.units["y.position_m"] == "m"
+        assert read.axes == samples.axes == ("x", "y")
+        assert "x.theta_hat_offset" in read
+        assert "y.theta_hat_offset" not in read
+        assert "x.skew_m" not in read
+        assert len(read.to_pandas()) == 100
+        assert samples.read().rows == 0
+
+
+def test_a_reader_that_is_too_slow_is_told_how_much_it_lost(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        rows = stage.filled.memory.ring_rows
+        stage.filled.run(rows + 500)
+        read = samples.read()
+        assert (read.lost, read["tick"][0], read.rows) == (501, 501, rows - 1)
+        assert samples.lost == 501
+        stage.filled.run(10)
+        assert (samples.read().lost, samples.lost) == (0, 501)
+
+
+def test_what_was_before_the_subscription_can_be_had(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path):
+        stage.filled.run(1000)
+        with subscribed(path, history_s=0.2) as samples:
+            assert samples.read()["tick"][0] == 800
+
+
+def test_rows_of_other_models_come_apart_with_their_own_columns(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        stage.filled.run(100)
+        stage.filled.memory.status["models_row"][0] = 100
+        stage.filled.run(50)
+        old = samples.read()
+        assert (old.rows, "x.theta_hat_cogging_sin_1" in old) == (100, False)
+        assert samples.read().rows == 0, "the daemon does not say yet what they are like"
+        stage.models_row = 100
+        stage.theta["x"] = ("inertia", "cogging_sin_1")
+        new = samples.read()
+        assert (new["tick"][0], new.rows) == (100, 50)
+        assert "x.theta_hat_cogging_sin_1" in new
+
+
+def test_who_may_only_look_cannot_write_into_what_it_is_handed(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path):
+        with socket.socket(socket.AF_UNIX) as client:
+            client.connect(str(path))
+            client.sendall(b'{"id": 1, "do": "samples"}\n')
+            _, (descriptor,), *_ = socket.recv_fds(client, 65536, 4)
+        size = os.fstat(descriptor).st_size
+        with pytest.raises(PermissionError):
+            mmap.mmap(descriptor, size, prot=mmap.PROT_WRITE)
+        with mmap.mmap(descriptor, size, prot=mmap.PROT_READ) as seen:
+            stage.filled.memory.status["overruns"][0] = 77
+            place = 4096 + stage.filled.memory.status.dtype.fields["overruns"][1]
+            assert seen[place] == 77
+        os.close(descriptor)
+        with Client(path) as client_, pytest.raises(motorctl.DaemonRefusedError) as no:
+            client_.ask("stop", axis="x")
+        assert no.value.code == "forbidden"
+
+
+def open_descriptors() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_a_client_that_asks_and_never_reads_leaves_no_descriptors_behind(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (_, path), Client(path) as first:
+        first.ask("status")
+        before = open_descriptors()
+        with socket.socket(socket.AF_UNIX) as deaf:
+            deaf.connect(str(path))
+            deaf.sendall(b'{"id": 1, "do": "samples"}\n' * 150)
+            deadline = time.monotonic() + 1.0
+            while time.monotonic() < deadline:
+                assert first.ask("status")["machine"] == "bench"
+        deadline = time.monotonic() + 5.0
+        while open_descriptors() > before and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert open_descriptors() <= before
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    with Daemon(tmp_path_factory.mktemp("daemon"), bench_config()) as running:
+        yield running
+
+
+def test_rows_of_a_daemon_are_those_of_its_log_across_its_restart(daemon: Daemon) -> None:
+    read: list[motorctl.Samples] = []
+    with motorctl.connect(daemon.socket) as machine:
+        machine.start("x", hold=True)
+        with machine.subscribe(period_s=0.05, restarts=True) as samples:
+            machine.move("x", 0.06)
+            for batch in samples:
+                if not read:
+                    read.append(batch)
+                elif batch.run == 0:
+                    read.append(batch)
+                    if len(read) == 10:
+                        assert daemon.end() == 0
+                        daemon.process = daemon.launch()
+                else:
+                    assert batch["tick"][0] < 4000
+                    break
+    (log,) = (motorctl.open_log(path) for path in daemon.logs.glob("*.parquet"))
+    ticks = np.concatenate([batch["tick"] for batch in read])
+    assert (np.diff(ticks) == 1).all()
+    assert sum(batch.lost for batch in read) == samples.lost == 0
+    assert ticks[-1] == log["tick"][-1], "to the last row"
+    kept = np.isin(log["tick"], ticks)
+    for name in ("x.position_m", "x.command_v", "y.theta_hat_inertia", "x.state"):
+        assert (np.concatenate([batch[name] for batch in read]) == log[name][kept]).all(), name
+    assert len(ticks) > 200
+
+
+def test_a_subscription_ends_with_its_daemon(daemon: Daemon) -> None:
+    daemon.wait_until_running()
+
+    async def to_the_end() -> int:
+        async with motorctl.connect_async(daemon.socket) as machine:
+            rows = 0
+            async for batch in await machine.subscribe(period_s=0.02):
+                if not rows:
+                    daemon.process.terminate()
+                rows += batch.rows
+            return rows
+
+    assert asyncio.run(to_the_end()) > 0
+    assert daemon.process.wait(30.0) == 0
+    with pytest.raises(motorctl.RunError, match="no daemon answers"):
+        motorctl.connect(daemon.socket)
