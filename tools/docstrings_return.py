@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("motorctl", "drivers", "devices", "benchmarks", "docs", "tools", "tests")
+FOLDERS = ("motorctl", "drivers", "devices", "benchmarks", "docs", "examples", "tools", "tests")
 GIVES = re.compile(r"\s*gives?\b(?!.*\b(?:return|yield))", re.IGNORECASE)
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

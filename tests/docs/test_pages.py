@@ -10,7 +10,17 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("benchmarks", "configs", "devices", "docs", "drivers", "motorctl", "systemd", "tests")
+FOLDERS = (
+    "benchmarks",
+    "configs",
+    "devices",
+    "docs",
+    "drivers",
+    "examples",
+    "motorctl",
+    "systemd",
+    "tests",
+)
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(page for name in FOLDERS for page in (ROOT / name).rglob("*.md"))]
 )
