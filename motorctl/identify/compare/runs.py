@@ -77,6 +77,10 @@ class Comparison:
         ]
         return frame_of_rows(rows, ["axis", "run", *(field.name for field in fields(Measures))])
 
+    def __repr__(self) -> str:
+        labels = ", ".join(run.label for run in self.runs)
+        return f"<Comparison of {labels}: axes {', '.join(self.axes)}>"
+
     def _repr_html_(self) -> str:
         parts = []
         for axis in self.axes:

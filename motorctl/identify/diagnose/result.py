@@ -248,6 +248,10 @@ class RecordingDiagnosis:
 
         return diagnosis_frame(self)
 
+    def __repr__(self) -> str:
+        parts = [f"{name}: {axis.sentence}" for name, axis in self.axes.items()]
+        return f"<RecordingDiagnosis {self.source}: {' '.join(parts)}>"
+
     def _repr_html_(self) -> str:
         from motorctl.identify.diagnose.report.notebook import diagnosis_html
 

@@ -177,6 +177,10 @@ class RecordingFit:
 
         return fit_frame(self)
 
+    def __repr__(self) -> str:
+        parts = [f"{name}: {', '.join(axis.model.names)}" for name, axis in self.axes.items()]
+        return f"<RecordingFit {self.source}: {'; '.join(parts)}>"
+
     def _repr_html_(self) -> str:
         from motorctl.identify.fit.report import fit_html
 

@@ -80,6 +80,10 @@ class Refinement:
 
         return refinement_document(self)
 
+    def __repr__(self) -> str:
+        done = [f"{name}: {'; '.join(axis.done)}" for name, axis in self.axes.items()]
+        return f"<Refinement {self.out}: {' '.join(done)}>"
+
     def _repr_html_(self) -> str:
         parts = [
             html_lines((*axis.done, *error_words(self.diagnosis.axes[name])), f"axis {name}")

@@ -10,7 +10,7 @@ from motorctl.identify.diagnose.report.parameter_text import (
     found_values,
     percent,
 )
-from motorctl.identify.diagnose.report.tables import effect_rows, error_rows, parameter_rows
+from motorctl.identify.diagnose.report.tables import Rows, effect_rows, error_rows, parameter_rows
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.notebook import frame_of_rows, html_lines, html_table
 
@@ -43,14 +43,13 @@ def diagnosis_html(diagnosis: RecordingDiagnosis) -> str:
 
 def _axis(name: str, axis: AxisDiagnosis) -> Iterator[str]:
     yield html_lines((), f"axis {name}: {axis.sentence}")
-    headings = ("", "value ± standard error", "as a force")
     for found in axis.effects:
         title = (
             f"{found.name} ({found.effect.title.lower()}): confidence {percent(found.confidence)}, "
             f"explains {percent(found.explained_fraction)} of the explainable error"
         )
         values = found_values(axis.data, found)
-        yield html_table(headings, effect_rows(axis.data, found.effect, values), title)
+        yield _values(effect_rows(axis.data, found.effect, values), title)
         yield html_lines(found.evidence)
         if found.indistinguishable_from:
             rivals = ", ".join(found.indistinguishable_from)
@@ -59,7 +58,7 @@ def _axis(name: str, axis: AxisDiagnosis) -> Iterator[str]:
         yield html_lines((axis.unknown.sentence,))
         if (spline := axis.unknown.compensation) is not None:
             values = compensation_values(axis.data, axis.unknown)
-            yield html_table(headings, effect_rows(axis.data, spline, values), spline.name)
+            yield _values(effect_rows(axis.data, spline, values), spline.name)
     for missing in axis.missing:
         shown = f"not shown by this motion: {', '.join(missing.effects)}: {missing.why}"
         yield html_lines((shown, f"what would show it: {missing.motion}"))
@@ -67,6 +66,13 @@ def _axis(name: str, axis: AxisDiagnosis) -> Iterator[str]:
     yield html_table(*parameter_rows(axis), "parameters")
     left_out = (f"{effect} was left out: {why}" for effect, why in axis.dropped.items())
     yield html_lines((*left_out, *(f"note: {note}" for note in axis.notes)))
+
+
+def _values(rows: Rows, title: str) -> str:
+    """Return a table of values, with forces where any is known."""
+    width = 3 if any(row[2] for row in rows) else 2
+    headings = ("", "value ± standard error", "as a force")[:width]
+    return html_table(headings, [row[:width] for row in rows], title)
 
 
 def diagnosis_frame(diagnosis: RecordingDiagnosis) -> pd.DataFrame:
