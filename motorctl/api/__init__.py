@@ -1,1 +1,1 @@
-"""The public Python API, handed on by `motorctl` itself: one file a subject."""
+"""The public Python API, which motorctl itself hands on: one file a subject."""

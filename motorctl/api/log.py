@@ -107,7 +107,8 @@ def open_log(recording: RecordingPath | Sequence[RecordingPath], *, whole_run: b
     """Open a log, an unfinished one, a run of logs or a foreign recording.
 
     Nothing but names is read of a finished log until a column is asked for. Of one that is still
-    recorded there are the rows that stood on the disk when it was opened.
+    recorded, under the name that it will have, there are the rows that stood on the disk when it
+    was opened.
 
     Parameters
     ----------
@@ -130,6 +131,7 @@ def open_log(recording: RecordingPath | Sequence[RecordingPath], *, whole_run: b
     from motorctl.api.log_columns import ForeignColumns, LogColumns, UnfinishedColumns
     from motorctl.log import read_recording
     from motorctl.log.open_table import is_unfinished
+    from motorctl.log.partial import SUFFIX
     from motorctl.log.run_parts import open_recorded
     from motorctl.log.run_table import RunTable
     from motorctl.log.table_parquet import ParquetTable
@@ -137,6 +139,10 @@ def open_log(recording: RecordingPath | Sequence[RecordingPath], *, whole_run: b
     given = [recording] if isinstance(recording, str | os.PathLike) else list(recording)
     paths = [Path(path) for path in given]
     first = paths[0]
+    if len(paths) == 1 and not first.exists():
+        beside = first.with_name(first.name + SUFFIX)  # its log while it is recorded
+        paths = [beside] if beside.exists() else paths
+        first = paths[0]
     if len(paths) == 1 and first.is_file() and is_unfinished(first):
         return Log(paths, whole_run, UnfinishedColumns(first))
     if first.suffix.lower() not in (".yaml", ".yml"):

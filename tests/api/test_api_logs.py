@@ -81,7 +81,8 @@ def test_a_log_that_is_being_recorded_opens_as_far_as_it_is_on_the_disk(tmp_path
     writer = LogWriter(tmp_path / "run.parquet", {"rate_hz": 1000.0}, AXES)
     writer.append(ROWS[0][:500], ROWS[1][:500])
     writer.flush()
-    log = motorctl.open_log(writer.partial)
+    log = motorctl.open_log(tmp_path / "run.parquet")
+    assert log.paths == (writer.partial,)
     assert log.rows == 500
     assert (log["y.position_m"] == ROWS[1]["position_m"][:500, 1]).all()
     assert "not finished" in log.notes[0]
