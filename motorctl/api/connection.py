@@ -128,7 +128,8 @@ class Connection(Client):
         period_s
             Between two looks [s]; rows wait for about 8 s.
         history_s
-            Begin with rows that are so old [s], as far as they are there.
+            Begin with rows that are so old [s], as far as they are there and of the models that
+            run now.
         restarts
             Go on with the next daemon after this one has ended.
 

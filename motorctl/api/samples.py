@@ -185,6 +185,8 @@ class Subscription:
         assert descriptor is not None
         self._ring = SampleRing(descriptor, told["layout"])
         self._ring.skip(round(history_s * told["rate_hz"]))
+        if self._held is not None:  # of models that the last daemon did not tell any more
+            self.lost += len(self._held[0])
         self._held = None
         self.ended = False
         self._take_models(told)
@@ -224,7 +226,11 @@ class Subscription:
 
     def _learn_models(self, change: int) -> bool:
         """Ask what the rows of other models are like, and return whether the daemon knows it."""
-        told, _ = self._ask()
+        try:
+            told, _ = self._ask()
+        except RunError:
+            self.ended = True
+            return False
         if told["models_row"] != change:
             return False
         self._take_models(told)
@@ -246,7 +252,7 @@ class Subscription:
         readable, _, _ = select.select([self._connection], [], [], wait_s)
         if readable:
             try:
-                self.ended = not self._connection.recv(RECEIVED_BYTES, socket.MSG_PEEK)
+                self.ended = not self._connection.recv(RECEIVED_BYTES)
             except OSError:
                 self.ended = True
 

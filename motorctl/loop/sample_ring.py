@@ -67,8 +67,13 @@ class SampleRing:
         return value
 
     def skip(self, keep_rows: int = 0) -> None:
-        """Let the next `drain` begin at the rows that are to come, or so many before them."""
-        self._drained = max(0, self._look_at(self.status, Word.RING_HEAD) - keep_rows)
+        """Let the next `drain` begin at the rows that are to come, or so many before them.
+
+        But at none that the ring does not hold any more, or that are of earlier models.
+        """
+        head: int = self._look_at(self.status, Word.RING_HEAD)
+        oldest = head - self.ring_rows + 1  # the one before may be written anew just now
+        self._drained = max(0, oldest, min(head, self.models_row), head - keep_rows)
 
     def drain(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
         """Copy the rows that were announced since the last call.

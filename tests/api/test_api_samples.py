@@ -6,6 +6,7 @@ import asyncio
 import mmap
 import os
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -103,6 +104,27 @@ def test_rows_of_other_models_come_apart_with_their_own_columns(tmp_path: Path) 
         new = samples.read()
         assert (new["tick"][0], new.rows) == (100, 50)
         assert "x.theta_hat_cogging_sin_1" in new
+
+
+def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path: Path) -> None:
+    with ring() as filled:
+        stage, to_read = Stage(filled), filled.memory.open_to_read
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            samples = subscribed(path, restarts=True)
+            filled.run(10)
+            assert samples.read().rows == 10
+            filled.memory.status["models_row"][0] = 10
+            filled.run(5)
+            assert samples.read().rows == 0
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read):
+            stage.models_row = 10
+            following = iter(samples)
+            filling = threading.Timer(1.0, filled.run, (7,))
+            filling.start()
+            batch = next(following)
+            assert (batch.run, batch.rows, samples.lost) == (1, 7, 5)
+            filling.join()
+            samples.close()
 
 
 def test_who_may_only_look_cannot_write_into_what_it_is_handed(tmp_path: Path) -> None:

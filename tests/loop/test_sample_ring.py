@@ -42,6 +42,12 @@ def test_a_reader_begins_now_or_a_while_ago() -> None:
         assert len(beside.drain()[0]) == 0
         beside.skip(keep_rows=20)
         assert beside.drain()[0]["tick"].tolist() == list(range(480, 500))
+        filled.memory.status["models_row"][0] = 490
+        beside.skip(keep_rows=20)
+        assert beside.drain()[0]["tick"].tolist() == list(range(490, 500))
+        filled.run(beside.ring_rows)
+        beside.skip(keep_rows=10 * beside.ring_rows)
+        assert beside.drain()[2] == 0, "what is gone was not asked for, and is not lost"
         beside.close()
 
 
