@@ -21,6 +21,7 @@ from motorctl.daemon.client import connected, request_line
 from motorctl.daemon.conversation import answered
 from motorctl.errors import MotorctlError, RunError
 from motorctl.log.columns import Column, LogAxis, log_columns
+from motorctl.loop.layout import signature
 from motorctl.loop.sample_ring import SampleRing
 
 AGAIN_S = 0.5
@@ -174,13 +175,17 @@ class Subscription:
     def _open(self, history_s: float) -> None:
         self._connection, _ = connected(self.path)
         self._count = 0
+        descriptor = None
         try:
             told, descriptor = self._ask()
             if descriptor is None:
                 self._refuse_to_go_on()
+            self._must_mean_the_same(told)
         except BaseException:
             self._connection.close()
             self._connection = None
+            if descriptor is not None:
+                os.close(descriptor)
             raise
         assert descriptor is not None
         self._ring = SampleRing(descriptor, told["layout"])
@@ -190,6 +195,13 @@ class Subscription:
         self._held = None
         self.ended = False
         self._take_models(told)
+
+    def _must_mean_the_same(self, told: Mapping[str, Any]) -> None:
+        if told["signature"] != signature(told["layout"]):
+            raise RunError(
+                f"the daemon on {self.path} runs another version of motorctl, whose memory is laid "
+                "out otherwise: read its samples with the version that it runs"
+            )
 
     def _refuse_to_go_on(self) -> NoReturn:
         raise RunError(f"the daemon on {self.path} hands over no samples")

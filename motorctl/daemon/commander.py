@@ -42,6 +42,7 @@ from motorctl.errors import MotorctlError
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop import Excitation, LoopMemory, Phase, Reply, Verb
+from motorctl.loop.layout import signature
 from motorctl.loop.plan import plan_move, plan_program
 from motorctl.loop.states import State
 from motorctl.motion import Program, Trajectory
@@ -209,6 +210,7 @@ class Commander:
             "machine": self.machine.name,
             "rate_hz": self.machine.rate_hz,
             "layout": self._memory.layout,
+            "signature": signature(self._memory.layout),
             "models_row": self.models_row,
             "axes": {
                 axis.name: {

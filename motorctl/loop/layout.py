@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 
 import numpy as np
@@ -129,3 +130,10 @@ def places(layout: Mapping[str, int]) -> tuple[dict[str, Place], int]:
         size = np.dtype(dtype).itemsize * int(np.prod(shape))
         offset += -(-size // 4096) * 4096
     return found, offset
+
+
+def signature(layout: Mapping[str, int]) -> str:
+    """Return what two programs have in common that mean the same by every byte of the memory."""
+    found, size = places(layout)
+    parts = [(name, dtype.descr, *rest) for name, (dtype, *rest) in found.items()]
+    return hashlib.sha256(repr((parts, size)).encode()).hexdigest()

@@ -24,6 +24,7 @@ from motorctl.api.samples import Subscription
 from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client
 from motorctl.daemon.protocol import Request
+from motorctl.loop.layout import signature
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
@@ -34,6 +35,7 @@ class Stage:
     def __init__(self, filled: Ring) -> None:
         self.filled = filled
         self.models_row = 0
+        self.signature: str | None = None
         self.theta = {axis.name: axis.theta_names for axis in AXES}
 
     async def handle(self, _: Request) -> dict[str, Any]:
@@ -41,7 +43,9 @@ class Stage:
             name: {"theta_names": names, "dual_drive": False} for name, names in self.theta.items()
         }
         told = {"machine": "bench", "rate_hz": self.filled.rate_hz, "models_row": self.models_row}
-        return told | {"layout": self.filled.memory.layout, "axes": axes}
+        layout = self.filled.memory.layout
+        mark = self.signature or signature(layout)
+        return told | {"layout": layout, "signature": mark, "axes": axes}
 
 
 @contextmanager
@@ -125,6 +129,13 @@ def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path:
             assert (batch.run, batch.rows, samples.lost) == (1, 7, 5)
             filling.join()
             samples.close()
+
+
+def test_a_daemon_of_another_version_is_not_misread(tmp_path: Path) -> None:
+    with staged(tmp_path / "s") as (stage, path):
+        stage.signature = "of other fields"
+        with pytest.raises(motorctl.RunError, match="another version of motorctl"):
+            subscribed(path)
 
 
 def test_who_may_only_look_cannot_write_into_what_it_is_handed(tmp_path: Path) -> None:
