@@ -12,6 +12,7 @@ import pytest
 import yaml
 from daemon_rig import Daemon, bench_config, wait_until
 
+import motorctl
 from motorctl.daemon.client import DaemonRefusedError
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
@@ -89,12 +90,24 @@ def test_a_model_is_applied_proves_itself_and_is_taken_back(daemon: Daemon) -> N
 
 def test_each_model_has_a_log_of_its_own_and_no_row_is_lost(daemon: Daemon) -> None:
     first = daemon.ask("status")["recording"]["file"]
-    daemon.cli("apply", str(other(daemon)))
-    second = daemon.ask("status")["recording"]["file"]
-    assert first != second
-    daemon.cli("revert")
+    with motorctl.connect(daemon.socket) as machine, machine.subscribe() as samples:
+        daemon.cli("apply", str(other(daemon)))
+        assert models_seen(samples)[-1] == "C1"
+        second = daemon.ask("status")["recording"]["file"]
+        assert first != second
+        daemon.cli("revert")
+        assert models_seen(samples)[-1] == "C2"
     assert daemon.ask("status")["recording"]["rows_lost"] == 0
     wait_until(lambda: Path(second).exists() or bool(daemon.partial_logs()))
+
+
+def models_seen(samples: motorctl.Subscription) -> list[str]:
+    """Return which models the rows of a subscription so far are of, by their columns."""
+    seen = []
+    while (batch := samples.read()).rows:
+        assert "y.theta_hat_em_quadratic" in batch
+        seen.append("C2" if "x.theta_hat_em_quadratic" in batch else "C1")
+    return seen
 
 
 def test_the_same_models_change_nothing(daemon: Daemon) -> None:
