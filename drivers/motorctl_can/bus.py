@@ -20,11 +20,20 @@ class BusOptions(DriverOptions):
     """A bus of python-can."""
 
     interface: Literal["socketcan", "virtual", "udp_multicast", "slcan"]
+    """What is behind the bus: a Linux CAN interface; a bus within this process; a bus within
+    this computer or network; or a serial adapter."""
     channel: str = Field(min_length=1)
+    """The interface's own name for it: `can0`; any name (virtual); a multicast group such as
+    239.74.163.2; or a serial port (slcan)."""
     bitrate: int = Field(default=1000000, ge=5000, le=1000000)
+    """Of the bus [bit/s]. A Linux interface must have been set up with it; a service has udev
+    do so from here. Where it differs from the others', the bus goes off."""
     port: int = Field(default=43113, ge=1, le=65535)
+    """UDP port of udp_multicast."""
     tty_baudrate: int = Field(default=115200, ge=1200, le=20000000)
+    """Baud rate of slcan's serial port."""
     settle_s: float = Field(default=0.0, ge=0, le=10, allow_inf_nan=False)
+    """Pause after slcan's port was opened [s]: some adapters restart then and need 2 s."""
 
     def wrong_in_bus(self) -> Iterator[Wrong]:
         """Tell where interface, channel and bit rate do not fit together."""

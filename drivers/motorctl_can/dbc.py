@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 class Pointer(BaseModel):
     """A signal of the DBC file, where 0 may mean yes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     signal: str
+    """`Frame.Signal` of the DBC file."""
     inverted: bool = False
+    """0 on the wire means yes."""
 
 
 def _kind(given: Any) -> str | None:

@@ -29,16 +29,22 @@ class Tcp(Part):
     """A device on the network."""
 
     host: Name
+    """Name or address of the device."""
     port: int = Field(default=502, ge=1, le=65535)
+    """TCP port; Modbus has 502."""
 
 
 class Rtu(Part):
     """A device on a serial line. Parity is even where nothing else is said, as in the standard."""
 
     port: Name
+    """The serial port, as /dev/ttyUSB0."""
     baud: int = Field(ge=300, le=12_000_000)
+    """Bits a second, as the device is set; `check` tells how many exchanges they carry."""
     parity: Literal["none", "even", "odd"] = "even"
+    """As the device is set; wrong, and no answer comes."""
     stop_bits: Literal[1, 2] = 1
+    """As the device is set; the standard has 2 without parity."""
     silence_s: float | None = Field(default=None, ge=0, le=1)
     """t3.5; None: 3.5 characters up to 19200 baud, 1.75 ms above."""
     timeout_s: float | None = Field(default=None, gt=0, le=60)
@@ -64,9 +70,13 @@ class ModbusOptions(DriverOptions):
     """
 
     coupler: CouplerName = "generic"
+    """A known make, whose watchdog and addresses the driver knows; generic: any device."""
     tcp: Tcp | None = None
+    """The device on the network; null: it is on rtu."""
     rtu: Rtu | None = Field(default=None, validate_default=True)
+    """The device on a serial line; null: it is on tcp."""
     unit: int = Field(default=1, ge=0, le=255, validate_default=True)
+    """Unit identifier of the device; on rtu 1 to 247, as it is set there."""
     connect_timeout_s: float = Field(default=1.0, gt=0, le=60)
     """For the connection, and for each exchange that `open` makes."""
     device_turnaround_s: float = Field(default=0.5e-3, ge=0, le=10)
@@ -74,11 +84,19 @@ class ModbusOptions(DriverOptions):
     watchdog_s: float | None = Field(default=None, ge=1e-3, le=65.535, validate_default=True)
     """After which time without a request the coupler itself zeroes its outputs."""
     word_order: Literal["high_first", "low_first"] = "high_first"
+    """Which register of a number of 32 or 64 bits comes first. Wrong, and counts jump by 65536."""
     output_base: Address | None = Field(default=None, validate_default=True)
+    """Added to every address of an output; null: 0, with a Beckhoff coupler 0x0800."""
     input_base: Address | None = Field(default=None, validate_default=True)
+    """Added to every address of an input; null: 0."""
     channels: dict[Annotated[int, Field(ge=0)], ChannelMap] = Field(min_length=1)
+    """The registers of each channel, by its number."""
     sequence: Sequence | None = None
+    """Registers that show which request a reply answers; null: on TCP the transaction's number
+    does, on RTU nothing."""
     boot_id: BootId | None = None
+    """Register that shows that the device was restarted; null: a restart is seen only where the
+    connection breaks."""
 
     @field_validator("rtu")
     @classmethod

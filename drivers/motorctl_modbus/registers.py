@@ -18,17 +18,23 @@ Address = Annotated[int, Field(ge=0, le=0xFFFF)]
 class Part(BaseModel):
     """Base of every part of the options; unknown keys are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Volts(Part):
     """The output word of an axis: zero_count + volts / volts_per_count, clamped to its width."""
 
     address: Address
+    """First register, counted from output_base."""
     bits: Literal[16, 32] = 16
+    """Width of the word."""
     signed: bool = True
+    """Two's complement; else from 0."""
     volts_per_count: float = Field(gt=0, allow_inf_nan=False)
+    """Volts of command for one count of the word: 10/32767 for an output of 10 V over 16 bits.
+    Wrong, and every parameter of the model is wrong by as much."""
     zero_count: int = Field(default=0, ge=-(2**31), lt=2**32)
+    """The count that gives 0 V."""
 
     @field_validator("zero_count")
     @classmethod
@@ -60,35 +66,50 @@ class Counts(Part):
     """A counter of an axis. 64 bit ones are signed."""
 
     address: Address
+    """First register, counted from input_base."""
     bits: Literal[16, 32, 64]
+    """Width of the counter; as encoder.counter_bits."""
     signed: bool = True
+    """Two's complement; else from 0."""
 
 
 class OutputBit(Part):
     """One bit of an output register; bit 0 is the lowest."""
 
     address: Address
+    """Register, counted from output_base."""
     bit: int = Field(ge=0, le=15)
+    """Bit of it, 0 the lowest."""
 
 
 class InputBit(Part):
     """One bit of an input register; `inverted` where 0 means that it is so."""
 
     address: Address
+    """Register, counted from input_base."""
     bit: int = Field(ge=0, le=15)
+    """Bit of it, 0 the lowest."""
     inverted: bool = False
+    """0 means that it is so."""
 
 
 class StatusBits(Part):
     """Where the device shows what, each named as in `motorctl.hal.Status`."""
 
     encoder_lost: InputBit | None = None
+    """The count cannot be trusted; null: the device does not tell."""
     amplifier_fault: InputBit | None = None
+    """The amplifier has a fault; null: the device does not tell."""
     limit_negative: InputBit | None = None
+    """The limit switch at the negative end is pressed; null: none."""
     limit_positive: InputBit | None = None
+    """The limit switch at the positive end is pressed; null: none."""
     home_switch: InputBit | None = None
+    """The home switch is pressed; null: none."""
     index_latched: InputBit | None = None
+    """An index mark was passed since the last reply; null: none."""
     estop: InputBit | None = None
+    """The emergency-stop chain is open; null: the device does not tell."""
 
     def named(self) -> Iterator[tuple[str, InputBit]]:
         """Yield the bits that the device has, with their names."""
@@ -102,23 +123,31 @@ class ChannelMap(Part):
     """The registers of one channel."""
 
     volts: Volts
+    """Where the command goes."""
     enable: OutputBit
+    """The bit that enables the amplifier."""
     counts: Counts
+    """Where the encoder's count is."""
     index_counts: Counts | None = None
+    """Where the count at the last index mark is; null: no index."""
     status: StatusBits = StatusBits()
+    """Where the device shows faults and switches."""
 
 
 class Sequence(Part):
     """A number that every request writes to `output` and that the device shows in `input`."""
 
     output: Address
+    """Register that it is written to, counted from output_base."""
     input: Address
+    """Register that shows it, counted from input_base."""
 
 
 class BootId(Part):
     """An input register whose value is another one after every start of the device."""
 
     address: Address
+    """Register, counted from input_base."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ Delay = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]
 class Rs485Options(BaseModel):
     """How the kernel's serial driver switches the transmitter by RTS."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     rts_level_for_tx: bool = Field(default=True, description="level of RTS while sending")
     rts_level_for_rx: bool = Field(default=False, description="level of RTS otherwise")

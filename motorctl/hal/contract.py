@@ -173,7 +173,7 @@ def serial_line(port: str) -> str:
 class DriverOptions(BaseModel):
     """Base of every driver's own options; unknown keys are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Driver(ABC):

@@ -30,7 +30,9 @@ class SimOptions(DriverOptions):
     """
 
     preset: PresetName = "published_gantry"
+    """The simulated machine that plants begin from."""
     seed: int = Field(default=1, ge=0, lt=2**63)
+    """Of all noise; two runs with the same seed are the same, bit for bit."""
     substep_s: float = Field(default=20e-6, ge=10e-6, le=1e-3)
     """Longest step of the integration; a period is divided evenly into steps no longer."""
     plants: dict[int, Plant] = Field(default_factory=dict)
@@ -38,6 +40,7 @@ class SimOptions(DriverOptions):
     beams: tuple[Beam, ...] = Field(default=(), max_length=8)
     """Beams, each between two channels."""
     faults: tuple[Fault, ...] = Field(default=(), max_length=32)
+    """What breaks, and when."""
 
     @model_validator(mode="before")
     @classmethod

@@ -37,6 +37,7 @@ class Beam(Settings):
     damping_v_s_m: NonNegative = 0.0
     """The same of the rate of the skew."""
     load: BeamLoad | None = None
+    """A load that stands on the beam; null: none."""
 
     @model_validator(mode="after")
     def _has_two_ends(self) -> Self:

@@ -31,13 +31,17 @@ class Fault(Settings):
     """
 
     kind: FaultKind
+    """What breaks."""
     at_s: NonNegative
+    """When, after the driver was opened [s]."""
     duration_s: Positive | None = None
     """None: for good."""
     channel: int | None = Field(default=None, ge=0)
     """None: every channel."""
     jump_m: float = 0.0
+    """By how much the count jumps [m]; of encoder_jump."""
     force_v: float = 0.0
+    """The force that pushes [V]; of force_step."""
 
     @model_validator(mode="after")
     def _amount_belongs_to_its_kind(self) -> Self:

@@ -7,12 +7,12 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from motorctl_sim.options import effects, undeclared
-from motorctl_sim.options.settings import NonNegative, Positive, Settings
+from motorctl_sim.options.settings import MergedSettings, NonNegative, Positive
 
 MAX_INDEX_MARKS = 16
 
 
-class Amplifier(Settings):
+class Amplifier(MergedSettings):
     """D/A converter and amplifier."""
 
     max_voltage_v: Positive = 10.0
@@ -21,7 +21,7 @@ class Amplifier(Settings):
     """None: no steps."""
 
 
-class Encoder(Settings):
+class Encoder(MergedSettings):
     """The encoder's own side; resolution and width of the counter come from the axis."""
 
     absolute: bool = True
@@ -34,7 +34,7 @@ class Encoder(Settings):
     """Where the index marks are; the count is latched by hardware as the carriage passes one."""
 
 
-class HomeSwitch(Settings):
+class HomeSwitch(MergedSettings):
     """A switch that is pressed over a stretch of travel."""
 
     from_m: float | None = None
@@ -51,14 +51,16 @@ class HomeSwitch(Settings):
         return self
 
 
-class EndStop(Settings):
+class EndStop(MergedSettings):
     """Rubber at both ends of `travel_m`; it only pushes, it never holds."""
 
     stiffness_v_m: Positive
+    """Its stiffness over A1 [V/m]."""
     damping_v_s_m: NonNegative
+    """Its damping over A1 [V s/m]."""
 
 
-class Plant(Settings):
+class Plant(MergedSettings):
     """One axis. Every force is in volts: newtons over the force constant A1."""
 
     inertia_v_s2_m: Positive
@@ -83,37 +85,65 @@ class Plant(Settings):
     travel_m: tuple[float, float]
     """Between the end stops."""
     initial_position_m: float = 0.0
+    """Where the carriage stands at the start [m]; within travel_m."""
     initial_velocity_m_s: float = 0.0
+    """How fast it moves at the start [m/s]."""
     end_stop: EndStop
+    """What the carriage meets at both ends."""
     limit_switches_m: tuple[float, float] | None = None
     """Pressed at and below the first, at and above the second."""
     home_switch: HomeSwitch | None = None
+    """Where the home switch is pressed; null: none."""
     amplifier: Amplifier = Amplifier()
+    """The D/A converter's range and steps."""
     encoder: Encoder = Encoder()
+    """Noise, direction and index marks of the encoder."""
 
     cogging: effects.Cogging | None = None
+    """Force between iron core and magnets; null: none."""
     force_ripple: effects.ForceRipple | None = None
+    """Force constant that changes over a pitch; null: none."""
     stribeck: effects.Stribeck | None = None
+    """More friction at low speed; null: none."""
     asymmetric_friction: effects.AsymmetricFriction | None = None
+    """Friction that differs between the directions; null: none."""
     presliding: effects.Presliding | None = None
+    """Friction that is a spring before it slides; null: none."""
     position_dependent_friction: effects.PositionDependentFriction | None = None
+    """Friction that changes over the travel; null: none."""
     position_force: effects.PositionForce | None = None
+    """A force that depends on the position; null: none."""
     quadratic_drag: effects.QuadraticDrag | None = None
+    """Drag with the square of the speed; null: none."""
     input_lag: effects.InputLag | None = None
+    """The current lags behind the command; null: none."""
     input_delay: effects.InputDelay | None = None
+    """The command acts later; null: none."""
     dead_zone: effects.DeadZone | None = None
+    """Small commands do nothing; null: none."""
     gain_drift: effects.GainDrift | None = None
+    """The force constant falls as the motor warms up; null: none."""
     payload_change: effects.PayloadChange | None = None
+    """A load is put down or taken off; null: none."""
     cross_axis: effects.CrossAxis | None = None
+    """Another channel's motion pulls; null: none."""
     flexible_mode: effects.FlexibleMode | None = None
+    """A part of the mass hangs on a spring; null: none."""
     encoder_error: effects.EncoderError | None = None
+    """The encoder's interpolation error; null: none."""
     periodic_disturbance: effects.PeriodicDisturbance | None = None
+    """A force that repeats with time; null: none."""
 
     backlash: undeclared.Backlash | None = None
+    """A part of the mass sits in a clearance; null: none."""
     friction_patch: undeclared.FrictionPatch | None = None
+    """A sticky place; null: none."""
     friction_bump: undeclared.FrictionBump | None = None
+    """A speed with more friction; null: none."""
     thrust_hysteresis: undeclared.ThrustHysteresis | None = None
+    """Thrust that remembers its command; null: none."""
     wandering_force: undeclared.WanderingForce | None = None
+    """A force that wanders with time; null: none."""
 
     @property
     def carriage_inertia_v_s2_m(self) -> float:

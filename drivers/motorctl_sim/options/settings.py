@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 MAX_HARMONICS = 12
 
@@ -21,7 +23,20 @@ class Settings(BaseModel):
     )
 
 
-class Profile(Settings):
+class MergedSettings(Settings):
+    """A table that is merged with the preset's: a file need not write the keys that stay."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Return the schema of the table as it stands in a file: no key is required."""
+        described = handler(schema)
+        handler.resolve_ref_schema(described).pop("required", None)
+        return described
+
+
+class Profile(MergedSettings):
     """Any smooth function of position: a cubic spline through knots, constant beyond its ends."""
 
     position_m: tuple[float, ...] = Field(min_length=2, max_length=64)
@@ -46,14 +61,19 @@ class Harmonic(Settings):
     """One harmonic of a force that repeats with a pitch: amplitude sin(2 pi order x/P + phase)."""
 
     order: int = Field(ge=1, le=100)
+    """k: how often it repeats in a pitch."""
     amplitude_v: float
+    """Its amplitude [V]."""
     phase_rad: float = 0.0
+    """Its phase at x = 0 [rad]."""
 
 
 class RelativeHarmonic(Settings):
     """One harmonic of a relative change: amplitude sin(2 pi order x/P + phase)."""
 
     order: int = Field(ge=1, le=100)
+    """k: how often it repeats in a pitch."""
     amplitude: float = Field(ge=-0.5, le=0.5)
     """Share of the thrust."""
     phase_rad: float = 0.0
+    """Its phase at x = 0 [rad]."""
