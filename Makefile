@@ -59,6 +59,7 @@ lint: $(STAMP)
 	$(BIN)/python tools/docstrings_return.py
 	$(BIN)/python tools/effects_table.py --check
 	$(BIN)/python tools/draw_states.py --check
+	$(BIN)/python tools/reference.py --check
 
 clean:
 	rm -rf $(VENV)

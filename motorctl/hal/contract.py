@@ -55,13 +55,16 @@ class Status(IntFlag):
     ENCODER_LOST = 1 << 0
     """The count cannot be trusted (broken wire, illegal transition, stale frame)."""
     AMPLIFIER_FAULT = 1 << 1
+    """The amplifier reports a fault."""
     COMMUNICATION_LOST = 1 << 2
     """No news, but the device counts on. Where it may have restarted, and lost its count, a driver
     reports ENCODER_LOST as well: an incremental axis then has to be homed again."""
     LIMIT_NEGATIVE = 1 << 3
     """The limit switch at the negative end is pressed."""
     LIMIT_POSITIVE = 1 << 4
+    """The limit switch at the positive end is pressed."""
     HOME_SWITCH = 1 << 5
+    """The home switch is pressed."""
     INDEX_LATCHED = 1 << 6
     """An index mark was passed since the last read; ``Inputs.index_counts`` holds its count."""
     ESTOP = 1 << 7

@@ -13,12 +13,17 @@ class AxisState(IntEnum):
     """States of an axis."""
 
     OFF = 0
+    """Disabled: the motor gives no force."""
     HOMING = 1
+    """Looking for its zero."""
     IDLE = 2
     """Enabled and holding its position."""
     RUNNING = 3
+    """Following a program or a move."""
     STOPPING = 4
+    """On the ramp that brings it to rest."""
     FAULT = 5
+    """A guard tripped, or homing failed: disabled until it is reset; `fault` says why."""
 
 
 class SampleFlag(IntFlag):
@@ -31,12 +36,17 @@ class SampleFlag(IntFlag):
     PROJECTED = 1 << 2
     """The estimate was projected onto its bounds or Assumption 2's half-plane."""
     HOMED = 1 << 3
+    """Its zero is known: soft limits are in force."""
     SKIPPED = 1 << 4
     """One or more whole periods were skipped right before this tick (overrun)."""
     LIMIT_NEGATIVE = 1 << 5
+    """The limit switch at the negative end was pressed."""
     LIMIT_POSITIVE = 1 << 6
+    """The limit switch at the positive end was pressed."""
     HOME_SWITCH = 1 << 7
+    """The home switch was pressed."""
     INDEX = 1 << 8
+    """An index mark was passed since the tick before."""
     HELD = 1 << 9
     """The driver had no new sample: the position is the last one, or the model's prediction."""
     BETWEEN = 1 << 10
@@ -49,19 +59,33 @@ class FaultCause(IntEnum):
     """Why an axis is in the state FAULT."""
 
     NONE = 0
+    """It is not."""
     FOLLOWING_ERROR = 1
+    """It was further from its reference than `limits.following_error` allows."""
     SOFT_LIMIT = 2
+    """It left `limits.travel_m`, homed."""
     OVERSPEED = 3
+    """It was faster than `limits.max_velocity_m_s` allows."""
     NOT_A_NUMBER = 4
+    """The law computed a command that is not finite."""
     ENCODER_LOST = 5
+    """The driver reported that the count cannot be trusted."""
     ENCODER_JUMP = 6
+    """The count went where no motion leads."""
     AMPLIFIER = 7
+    """The driver reported a fault of the amplifier."""
     COMMUNICATION = 8
+    """The driver reported that it has lost the device."""
     ESTOP = 9
+    """An emergency stop: of a person, or of the hardware's chain."""
     LIMIT_SWITCH = 10
+    """It ran onto a limit switch."""
     HOMING_FAILED = 11
+    """Homing found no switch or mark, or took too long."""
     OVERRUN = 12
+    """Ticks came too late, too often: `loop.overrun_policy`."""
     SUPERVISOR_LOST = 13
+    """The supervisor process gave no sign of life."""
     NO_NEW_SAMPLE = 14
     """The driver had no new sample for more ticks than the configuration allows."""
     PARTNER = 15
@@ -69,6 +93,7 @@ class FaultCause(IntEnum):
     ENCODER_STUCK = 16
     """The count stood still while the reference moved."""
     ENCODER_NOISE = 17
+    """The count at standstill was noisier than any motion could make it."""
     SATURATION = 18
     """The command stood at the voltage limit for too long."""
     THERMAL = 19
