@@ -12,6 +12,8 @@ import numpy as np
 from motorctl.hal import (
     Channel,
     DriverOptions,
+    FirstAxis,
+    FirstOptions,
     Inputs,
     NetworkInterface,
     Outputs,
@@ -26,6 +28,7 @@ from motorctl_can.bus import link_settings
 from motorctl_can.bus_driver import CLOSED, SAFE_REPEATS, BusDriver
 from motorctl_can.checks import missing_from_layout
 from motorctl_can.codec_records import channels_of, frames_of, signals_of
+from motorctl_can.first_options import first_options
 from motorctl_can.layout import Frame
 from motorctl_can.link import Link, now_s
 from motorctl_can.options import CanOptions
@@ -65,6 +68,11 @@ class CanDriver(BusDriver):
         self._settle: Callable[..., None] = kernels.settle
         self._deliver: Callable[..., None] = kernels.deliver
         self._encode: Callable[..., None] = kernels.encode
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return a layout with a command and a state frame for each axis."""
+        return first_options(axes, period_s)
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate that bus and layout carry; docs/drivers/can.md has the arithmetic."""

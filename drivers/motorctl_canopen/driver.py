@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
-from typing import ClassVar
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar
 
 from motorctl.hal import (
     Channel,
     DriverOptions,
+    FirstAxis,
+    FirstOptions,
+    FoundDevice,
     Inputs,
     NetworkInterface,
     Outputs,
@@ -21,6 +24,8 @@ from motorctl_can.bus_driver import CLOSED, SAFE_REPEATS, BusDriver
 from motorctl_can.link import Link
 from motorctl_canopen import fits, objects
 from motorctl_canopen.exchange import Exchange, heartbeat_periods
+from motorctl_canopen.first_options import first_options
+from motorctl_canopen.look import look
 from motorctl_canopen.node import Node
 from motorctl_canopen.opening import Opening
 from motorctl_canopen.options import CanopenOptions
@@ -49,6 +54,16 @@ class CanopenDriver(BusDriver):
         between_s = heartbeat_periods(options.watchdog_s, period_s) * period_s
         self.watchdog_s = options.watchdog_s - between_s
         self._nodes: list[Node] = []
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return drives by the numbers of their channels."""
+        return first_options(axes, period_s)
+
+    @classmethod
+    def look(cls, options: Mapping[str, Any]) -> FoundDevice:
+        """Return the drives that answer on the bus."""
+        return look(options)
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate that the bus carries; docs/drivers/canopen.md has the arithmetic."""

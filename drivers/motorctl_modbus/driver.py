@@ -13,6 +13,8 @@ from motorctl.hal import (
     Claim,
     Driver,
     DriverOptions,
+    FirstAxis,
+    FirstOptions,
     Inputs,
     Outputs,
     RateBudget,
@@ -31,6 +33,7 @@ from motorctl_modbus.exchange import (
     RtuExchange,
     TcpExchange,
 )
+from motorctl_modbus.first_options import first_options
 from motorctl_modbus.layout import InputBlock, OutputBlock, used_of
 from motorctl_modbus.line import LOST, SENT, Line
 from motorctl_modbus.opening import (
@@ -135,6 +138,11 @@ class ModbusDriver(Driver):
                 found.append(f"no {flag} for {axes}: the device has no way to tell of one")
         told = {c.axis: dict(options.channels[c.number].status.named()) for c in self.channels}
         return [*found, *unseen_limit_switches(told)]
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return a coupler on TCP with registers in a row."""
+        return first_options(axes)
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which one exchange fills nine tenths of the period."""

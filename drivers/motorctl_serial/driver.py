@@ -13,6 +13,8 @@ from motorctl.hal import (
     Channel,
     Driver,
     DriverOptions,
+    FirstAxis,
+    FirstOptions,
     Inputs,
     Outputs,
     RateBudget,
@@ -26,6 +28,7 @@ from motorctl.hal import (
 with kernels_cached():
     from motorctl_serial import frames, receiver
 from motorctl_serial import budget, session
+from motorctl_serial.first_options import first_options
 from motorctl_serial.options import SerialOptions
 from motorctl_serial.port import Port
 from motorctl_serial.protocol import (
@@ -102,6 +105,11 @@ class SerialDriver(Driver):
         self._lose_count: Callable[..., None] = receiver.lose_count
         self._deliver: Callable[..., None] = receiver.deliver
         self._put_command: Callable[..., int] = frames.put_command
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return a box at a USB adapter."""
+        return first_options(axes, period_s)
 
     def rate_budget(self) -> RateBudget:
         """Compute how many exchanges a second fit on the line."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from motorctl.hal import (
     Channel,
     Driver,
     DriverOptions,
+    FirstAxis,
+    FirstOptions,
+    FoundDevice,
     Inputs,
     Outputs,
     RateBudget,
@@ -24,6 +27,7 @@ from motorctl.hal import (
     unseen_limit_switches,
 )
 from motorctl_sim import compose
+from motorctl_sim.first_options import first_options, look
 from motorctl_sim.options import SimOptions
 from motorctl_sim.pace import Pace
 
@@ -85,6 +89,16 @@ class SimDriver(Driver):
 
     def _reset(self) -> None:
         self._states = compose.make_states(self._sim, self.channels)
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return a simulated machine of what is known, and of nothing else."""
+        return first_options(axes)
+
+    @classmethod
+    def look(cls, options: Mapping[str, Any]) -> FoundDevice:
+        """Return the plants that these options make."""
+        return look(options)
 
     def rate_budget(self) -> RateBudget:
         """Compute the rate at which the simulation takes a quarter of the period."""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 GROUPS = (
     "demo",
+    "init",
     "check",
     "drivers",
     "effects",

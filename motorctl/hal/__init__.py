@@ -24,6 +24,7 @@ from motorctl.hal.error_codes import (
     error_code,
     error_words,
 )
+from motorctl.hal.first_options import FirstAxis, FirstOptions, FoundAxis, FoundDevice
 from motorctl.hal.limit_switches import LIMIT_SWITCHES, unseen_limit_switches
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
 from motorctl.kernels import inner_kernel, kernels_cached, specialise
@@ -41,6 +42,10 @@ __all__ = [
     "Driver",
     "DriverEntry",
     "DriverOptions",
+    "FirstAxis",
+    "FirstOptions",
+    "FoundAxis",
+    "FoundDevice",
     "Inputs",
     "NetworkInterface",
     "Outputs",

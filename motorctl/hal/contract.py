@@ -38,15 +38,17 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
+
+from motorctl.hal.first_options import FirstAxis, FirstOptions, FoundDevice
 
 
 class Status(IntFlag):
@@ -237,6 +239,40 @@ class Driver(ABC):
         self.options = options
         self.channels = tuple(channels)
         self.period_s = period_s
+
+    @classmethod
+    def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
+        """Return options with which the configuration of a new machine begins, without any I/O.
+
+        `motorctl init` writes them, with what its user has told besides. They should be complete,
+        so that `check` passes; what is only guessed is named.
+
+        Parameters
+        ----------
+        axes
+            What is known of the axes that the driver is to serve.
+        period_s
+            Of the driver [s].
+        """
+        return FirstOptions({})
+
+    @classmethod
+    def look(cls, options: Mapping[str, Any]) -> FoundDevice:
+        """Return what is there, for `motorctl init --from devices`; nothing of it is changed.
+
+        Parameters
+        ----------
+        options
+            Those that the user has told, as they would stand in YAML: which bus to look at.
+
+        Raises
+        ------
+        NotImplementedError
+            Where the device has no way to tell, as of most protocols.
+        RunError
+            Where nothing answers.
+        """
+        raise NotImplementedError
 
     @abstractmethod
     def rate_budget(self) -> RateBudget:

@@ -1,0 +1,296 @@
+"""From words to numbers: what a person told of each axis, as options or as answers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, get_args
+
+import yaml
+
+from motorctl.config.axis_keys import HomingMethod
+from motorctl.errors import UsageError
+from motorctl.hal import FoundAxis, driver_class
+from motorctl.init import quantities as q
+from motorctl.init.known import AxisKnown, MachineKnown, force_of_torque, mass_of_rotor
+from motorctl.located_yaml import CoreLoader
+
+AXIS_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
+USUAL_NAMES = ("x", "y", "z")
+HOMING: tuple[HomingMethod, ...] = get_args(HomingMethod)
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that has to be known of an axis."""
+
+    option: str
+    """Without its dashes."""
+    words: str
+    """What is asked at a terminal."""
+    example: str
+
+
+ENCODER = Question("encoder", "encoder: length of a count, or counts a turn", "0.5um, 10000/turn")
+SCREW = Question("screw-pitch", "travel of one turn of the screw", "5mm")
+MASS = Question("mass", "mass of all that moves", "12kg")
+FORCE = Question("force-constant", "force a volt (or an ampere) of command", "30N/V, 45N/A")
+AMPLIFIER = Question("amplifier", "amperes that the amplifier gives a volt", "2A/V")
+TRAVEL = Question("travel", "travel between the soft limits", "-0.2..0.3")
+VELOCITY = Question("max-velocity", "top speed", "0.5m/s")
+HOME = Question("homing", f"how it finds its zero: {', '.join(HOMING)}", "absolute")
+
+
+@dataclass
+class AxisTold:
+    """Words of one axis, by the option that they belong to; `found` is what its device told."""
+
+    name: str
+    driver: str
+    channel: int
+    words: dict[str, str] = field(default_factory=dict)
+    found: FoundAxis | None = None
+
+    def missing(self) -> list[Question]:
+        """Return what has still to be known, in the order in which people are asked."""
+        found = self.found or FoundAxis(self.channel)
+        needed: list[tuple[Question, object]] = [
+            (ENCODER, found.resolution_m),
+            (MASS, found.inertia_v_s2_m),
+            (FORCE, found.inertia_v_s2_m),
+            (TRAVEL, found.travel_m),
+            (VELOCITY, None),
+        ]
+        if not driver_class(self.driver).simulated:
+            needed.append((HOME, found.homing))  # a wrong zero makes soft limits worthless
+        missing = [asked for asked, known in needed if known is None and not self._has(asked)]
+        force, encoder = self.words.get(FORCE.option, ""), self.words.get(ENCODER.option, "")
+        turns = re.search(r"/\s*(turn|rev)", encoder) or re.match(r".*\d\s*N\*?m", force)
+        if turns and not self._has(SCREW):
+            missing.insert(0, SCREW)  # beside the answer that needs it
+        if force.rstrip().endswith("/A") and not self._has(AMPLIFIER):
+            missing.insert(0, AMPLIFIER)
+        return missing
+
+    def _has(self, question: Question) -> bool:
+        return question.option in self.words
+
+    def read(self, question: Question) -> None:
+        """Refuse words that make no sense for a question; others may still be missing."""
+        words = self.words[question.option]
+        option = f"--{question.option}"
+        pitch = self._positive(SCREW, q.LENGTH)
+        if question is ENCODER and "/" in words and pitch is None:
+            q.resolution(option, words, 1.0)
+        elif question is TRAVEL:
+            q.travel(option, words)
+        elif question is HOME:
+            _homing(words)
+        elif question in KINDS:
+            q.positive(option, words, KINDS[question])
+
+    def _positive(self, question: Question, kind: q.Kind) -> float | None:
+        words = self.words.get(question.option)
+        return None if words is None else q.positive(f"--{question.option}", words, kind)
+
+    def known(self) -> AxisKnown:
+        """Return the axis in numbers. Raises UsageError where words make no sense."""
+        found = self.found or FoundAxis(self.channel)
+        said: list[str] = []
+        pitch = self._positive(SCREW, q.LENGTH)
+        resolution = found.resolution_m
+        if ENCODER.option in self.words:
+            words = self.words[ENCODER.option]
+            resolution = q.resolution("--encoder", words, pitch)
+            if pitch is not None and "/" in words:
+                said.append(f"a count is {pitch:g} m a turn / {words.partition('/')[0].strip()}")
+        force, mass, inertia_said = self._force_and_mass(found, pitch, said)
+        travel = found.travel_m
+        if TRAVEL.option in self.words:
+            travel = q.travel("--travel", self.words[TRAVEL.option])
+        homing = _homing(self.words.get(HOME.option) or found.homing or "absolute")
+        home = found.home_position_m
+        if "home-position" in self.words:
+            home, _ = q.quantity("--home-position", self.words["home-position"], q.LENGTH)
+        velocity = self._positive(VELOCITY, q.VELOCITY)
+        assert resolution is not None  # what is missing was asked for
+        assert travel is not None
+        assert velocity is not None
+        return AxisKnown(
+            name=self.name,
+            driver=self.driver,
+            channel=self.channel,
+            resolution_m=float(f"{resolution:.10g}"),
+            mass_kg=mass,
+            force_constant_n_v=force,
+            travel_m=travel,
+            max_velocity_m_s=velocity,
+            max_acceleration_m_s2=self._optional("max-acceleration", q.ACCELERATION),
+            max_voltage_v=self._optional("max-voltage", q.VOLTAGE) or found.max_voltage_v or 10.0,
+            counter_bits=self._bits() or found.counter_bits or 32,
+            friction_n=self._optional("friction", q.FORCE),
+            homing=homing,
+            home_position_m=home,
+            inertia_said=inertia_said,
+            said=tuple(said),
+        )
+
+    def _optional(self, option: str, kind: q.Kind) -> float | None:
+        words = self.words.get(option)
+        return None if words is None else q.positive(f"--{option}", words, kind)
+
+    def _bits(self) -> int | None:
+        words = self.words.get("counter-bits")
+        if words is None:
+            return None
+        if not words.isdecimal() or not 8 <= int(words) <= 64:
+            raise UsageError(f"--counter-bits {words}: should be a whole number, 8 to 64")
+        return int(words)
+
+    def _force_and_mass(
+        self, found: FoundAxis, pitch: float | None, said: list[str]
+    ) -> tuple[float, float, str | None]:
+        """Return newtons a volt, kilograms, and where their ratio comes from if not from them."""
+        if FORCE.option not in self.words or MASS.option not in self.words:
+            assert found.inertia_v_s2_m is not None  # what is missing was asked for
+            return 1.0, found.inertia_v_s2_m, "as the device tells"
+        words = self.words[FORCE.option]
+        force, unit = q.quantity("--force-constant", words, q.FORCE_CONSTANT)
+        if not force > 0.0:
+            raise UsageError(f"--force-constant {words}: should be above 0, as in 30N/V")
+        if unit.startswith("N*m"):
+            if pitch is None:
+                raise UsageError(
+                    f"--force-constant {words}: a torque needs the travel a turn, as in "
+                    "--screw-pitch 5mm"
+                )
+            force = force_of_torque(force, pitch)
+            said.append(f"force constant: {words} x 2 pi / {pitch:g} m = {force:.4g} N/{unit[-1]}")
+        if unit.endswith("/A"):
+            gain = self._positive(AMPLIFIER, q.CURRENT_GAIN)
+            if gain is None:
+                raise UsageError(
+                    f"--force-constant {words}: the command is in volts, so amperes a volt of the "
+                    "amplifier are needed, as in --amplifier 2A/V"
+                )
+            force *= gain
+            said.append(f"the amplifier gives {gain:g} A/V: {force:.4g} N/V")
+        mass = q.positive("--mass", self.words[MASS.option], q.MASS)
+        rotor = self._optional("rotor-inertia", q.ROTARY_INERTIA)
+        if rotor is not None:
+            if pitch is None:
+                raise UsageError("--rotor-inertia needs the travel a turn, as in --screw-pitch 5mm")
+            turning = mass_of_rotor(rotor, pitch)
+            said.append(
+                f"mass: {mass:g} kg and {turning:.4g} kg, as which {rotor:g} kg*m^2 on the screw "
+                "resist"
+            )
+            mass += turning
+        return force, mass, None
+
+
+def _homing(words: str) -> HomingMethod:
+    for method in HOMING:
+        if words == method:
+            return method
+    raise UsageError(f"--homing {words}: should be one of {', '.join(HOMING)}")
+
+
+KINDS = {
+    SCREW: q.LENGTH,
+    MASS: q.MASS,
+    FORCE: q.FORCE_CONSTANT,
+    AMPLIFIER: q.CURRENT_GAIN,
+    VELOCITY: q.VELOCITY,
+    ENCODER: q.RESOLUTION,
+}
+
+
+def axes_told(
+    names: Sequence[str], drivers: Sequence[str], words: Mapping[str, Iterable[str]]
+) -> list[AxisTold]:
+    """Return the axes with the words of each.
+
+    Parameters
+    ----------
+    names
+        The axes, in their order.
+    drivers
+        ``TYPE`` for all axes, or ``AXIS=TYPE`` for one.
+    words
+        By option: ``VALUE`` for all axes, or ``AXIS=VALUE`` for one.
+
+    Raises
+    ------
+    UsageError
+        Where a name is none, or is told twice.
+    """
+    for name in names:
+        if not AXIS_NAME.fullmatch(name):
+            raise UsageError(f"--axis {name}: should be a letter, then letters, digits and _")
+    if len(set(names)) < len(names):
+        raise UsageError(f"--axis: {', '.join(names)}: each name may be there once")
+    types = _by_axis("driver", drivers, names)
+    axes, numbers = [], dict.fromkeys(types.values(), 0)
+    for name in names:
+        driver = types[name]
+        axes.append(AxisTold(name, driver, numbers[driver]))
+        numbers[driver] += 1
+    for option, given in words.items():
+        for name, value in _by_axis(option, given, names).items():
+            next(axis for axis in axes if axis.name == name).words[option] = value
+    return axes
+
+
+def _by_axis(option: str, given: Iterable[str], names: Sequence[str]) -> dict[str, str]:
+    """Return the value of each axis that has one: what is told of one axis goes before."""
+    common: dict[str, str] = {}
+    own: dict[str, str] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals:
+            common |= dict.fromkeys(names, text)
+        elif name in names:
+            own[name] = value
+        else:
+            raise UsageError(f"--{option} {text}: there is no axis '{name}'; {', '.join(names)}")
+    return common | own
+
+
+def driver_options(given: Iterable[str], drivers: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return options of drivers by their types, from ``TYPE.KEY=VALUE`` with dots in the key.
+
+    Raises UsageError where one is told of no driver of the machine.
+    """
+    known = list(dict.fromkeys(drivers))
+    options: dict[str, dict[str, Any]] = {}
+    for text in given:
+        path, equals, value = text.partition("=")
+        driver, *keys = path.split(".")
+        if not equals or not keys or driver not in known:
+            raise UsageError(
+                f"--driver-option {text}: should be DRIVER.KEY=VALUE, as in "
+                f"{known[0]}.channel=can1; drivers: {', '.join(known)}"
+            )
+        part: dict[Any, Any] = options.setdefault(driver, {})
+        for key in keys[:-1]:
+            part = part.setdefault(int(key) if key.isdecimal() else key, {})
+        try:
+            part[keys[-1]] = yaml.load(value, CoreLoader)
+        except yaml.YAMLError as error:
+            raise UsageError(f"--driver-option {text}: the value is no YAML") from error
+    return options
+
+
+def machine_told(
+    name: str,
+    axes: Sequence[AxisTold],
+    rate: str | None,
+    options: Mapping[str, Mapping[str, Any]],
+    found: Mapping[str, Mapping[str, Any]],
+) -> MachineKnown:
+    """Return the machine in numbers. Raises UsageError where words make no sense."""
+    rate_hz = None if rate is None else q.positive("--rate", rate, q.FREQUENCY)
+    known = tuple(axis.known() for axis in axes)
+    return replace(MachineKnown(name, known, rate_hz, driver_options=options), found_options=found)

@@ -1,0 +1,162 @@
+"""`motorctl init` as a person meets it: options with units, questions, and what devices tell."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from motorctl.cli import make_app
+from motorctl.config import load
+from motorctl.errors import MotorctlError, UsageError
+from motorctl.init.quantities import LENGTH, VELOCITY, quantity, resolution, travel
+
+STAGE = ["--encoder=0.5um", "--mass=12kg", "--force-constant=30N/V", "--travel=-0.2..0.3"]
+FAST = "--max-velocity=0.8m/s"
+
+
+def run(*words):
+    result = CliRunner().invoke(make_app(), [str(word) for word in ("init", *words)])
+    if isinstance(result.exception, MotorctlError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_a_screw_axis_is_told_by_torque_counts_a_turn_and_what_turns_with_it(tmp_path):
+    out = tmp_path / "screw.yaml"
+    told = run(
+        out, "--driver=sim", "--axis=z", "--encoder=10000/turn", "--screw-pitch=5mm",
+        "--mass=20kg", "--rotor-inertia=0.4kg*cm^2", "--force-constant=0.1N*m/A",
+        "--amplifier=1A/V", "--travel=0..400mm", "--max-velocity=12m/min",
+    )  # fmt: skip
+    axis = load(out).axes["z"]
+    turn = 2.0 * math.pi / 0.005
+    assert axis.encoder.resolution_m == 0.5e-6
+    assert axis.limits.travel_m == (0.0, 0.4)
+    assert axis.limits.max_velocity_m_s == pytest.approx(0.2)
+    expected = (20.0 + 0.4e-4 * turn**2) / (0.1 * turn)
+    assert axis.estimates[0].initial == pytest.approx(expected, rel=5e-3)
+    assert "mass: 20 kg and 63.17 kg, as which 4e-05 kg*m^2 on the screw" in out.read_text()
+    assert f"motorctl simulate {out} --log screw.parquet" in " ".join(told.split())
+
+
+def test_an_option_holds_for_every_axis_or_for_the_one_that_it_names(tmp_path):
+    out, simulated = tmp_path / "three.yaml", tmp_path / "three_simulated.yaml"
+    told = json.loads(
+        run(
+            out, "--driver=sim", "--driver=z=modbus", "--axis=x", "--axis=y", "--axis=z", *STAGE,
+            FAST, "--mass=y=40kg", "--max-velocity=z=0.1m/s", "--homing=z=switch",
+            "--driver-option=modbus.tcp.host=10.0.0.7", f"--simulated={simulated}", "--json",
+        )
+    )  # fmt: skip
+    machine = load(out)
+    first = {name: axis.estimates[0].initial for name, axis in machine.axes.items()}
+    assert first == {"x": 0.4, "y": 1.33, "z": 0.4}
+    assert machine.axes["z"].limits.max_velocity_m_s == 0.1
+    assert machine.drivers["modbus"].options.tcp.host == "10.0.0.7"
+    assert told["axes"]["z"]["delay_s"] == pytest.approx(1e-3)
+    assert load(simulated).axes["z"].homing.method == "switch"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--encoder=0.1mrad",), "has no rotary axes: an angle cannot be given"),
+        (("--travel=0..360deg",), "has no rotary axes: an angle cannot be given"),
+        (("--max-velocity=3000rpm",), "has no rotary axes: an angle cannot be given"),
+        (("--mass=12",), None),
+        (("--mass=12lb",), r"--mass 12lb: should be a mass, as in 12kg; units: kg, g, t"),
+        (("--mass=-1kg",), "--mass -1kg: should be above 0"),
+        (("--force-constant=30",), r"units: N/V, N/A"),
+        (("--force-constant=45N/A",), "--amplifier, amperes that the amplifier gives a volt"),
+        (("--encoder=1000/turn",), "--screw-pitch, travel of one turn of the screw"),
+        (("--travel=0.3..-0.2",), "the lower end should stand first"),
+        (("--mass=w=3kg",), "--mass w=3kg: there is no axis 'w'; x"),
+        (("--driver=simm",), "unknown driver 'simm'; installed:"),
+        (("--from=device",), "--from device: should be devices"),
+        (("--driver-option=can.channel=can1",), "should be DRIVER.KEY=VALUE"),
+    ],
+)
+def test_what_makes_no_sense_is_one_message_that_names_the_option(tmp_path, words, message):
+    given = [*STAGE, FAST, *words]
+    if not any(word.startswith("--driver=") for word in words):
+        given.append("--driver=sim")
+    if message is None:
+        run(tmp_path / "machine.yaml", *given)
+        return
+    with pytest.raises(UsageError, match=message):
+        run(tmp_path / "machine.yaml", *given)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_terminal_all_that_is_missing_is_told_at_once(tmp_path):
+    with pytest.raises(UsageError) as told:
+        run(tmp_path / "machine.yaml", "--driver=canopen", "--axis=x", "--mass=3kg")
+    for option in ("encoder", "force-constant", "travel", "max-velocity", "homing"):
+        assert f"axis x: --{option}, " in str(told.value)
+    assert "--mass," not in str(told.value)
+
+
+def test_the_simulation_tells_what_is_there(tmp_path):
+    out = tmp_path / "found.yaml"
+    run(
+        out, "--from=devices", "--driver=sim", "--driver-option=sim.preset=small_stage",
+        "--encoder=0.1um", "--max-velocity=0.5m/s",
+    )  # fmt: skip
+    machine = load(out)
+    axis = machine.axes["x"]
+    assert axis.estimates[0].initial == 0.05
+    assert axis.homing.method == "switch_index"
+    assert axis.homing.home_position_m == -0.07
+    assert machine.drivers["sim"].options.preset == "small_stage"
+    assert machine.drivers["sim"].options.plant(0).cogging is not None  # as found, nothing less
+
+
+@pytest.mark.parametrize("driver", ["serial", "modbus", "can"])
+def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
+    with pytest.raises(UsageError, match=f"devices of driver {driver} have no way to tell"):
+        run(tmp_path / "machine.yaml", "--from=devices", f"--driver={driver}")
+
+
+def test_at_a_terminal_what_is_missing_is_asked_until_it_makes_sense(tmp_path):
+    answers = ["12 stone", "12kg", "45N/A", "2A/V", "-0.2..0.3", "0.8m/s"]
+    code = "from motorctl.cli import main; main()"
+    words = ["init", "asked.yaml", "--driver=sim", "--axis=x", "--encoder=0.5um"]
+    main, side = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        stdin=side, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True,
+    ) as process:  # fmt: skip
+        os.write(main, "".join(f"{answer}\n" for answer in answers).encode())
+        os.write(main, b"\x04")  # nobody says more
+        _, asked = process.communicate(timeout=60)
+    os.close(main)
+    os.close(side)
+    assert process.returncode == 0, asked
+    assert "x: mass of all that moves (12kg)" in asked
+    assert "--mass 12 stone: should be a mass, as in 12kg" in asked
+    assert "x: amperes that the amplifier gives a volt (2A/V)" in asked
+    axis = load(tmp_path / "asked.yaml").axes["x"]
+    assert axis.estimates[0].initial == pytest.approx(12 / 90, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("-0.2..0.3", (-0.2, 0.3)), ("-200..300mm", (-0.2, 0.3)), ("-20cm..0.3m", (-0.2, 0.3))],
+)
+def test_a_travel_has_two_ends_and_one_unit_may_do_for_both(text, expected):
+    assert travel("--travel", text) == pytest.approx(expected)
+
+
+def test_units_are_read_as_people_spell_them():
+    assert quantity("--x", "5 µm", LENGTH)[0] == pytest.approx(5e-6)
+    assert quantity("--x", "1e-3", LENGTH)[0] == 1e-3
+    assert quantity("--x", "60m/min", VELOCITY)[0] == pytest.approx(1.0)
+    assert resolution("--encoder", "2500 counts/rev", 0.01) == pytest.approx(4e-6)
