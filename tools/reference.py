@@ -70,7 +70,8 @@ def keys_page(schema: Schema) -> str:
         "",
         f"{count} keys, from the schema that `motorctl check` checks by. Units are in the names of "
         "the keys: `_m` metres, `_v` volts of command, `_1_s` 1/s. NAME is a name of your own. "
-        "What the columns of a log mean: [log_columns.md](log_columns.md).",
+        "What the columns of a log mean: [log_columns.md](log_columns.md). A file to begin with: "
+        "[`motorctl init`](../init.md).",
         "",
         *(f"- [`{part.path}`](#{_anchor(part.path)})" for part in parts),
     ]

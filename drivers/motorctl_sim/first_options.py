@@ -26,7 +26,7 @@ def first_options(axes: Sequence[FirstAxis]) -> FirstOptions:
     """Return a simulated machine of what is known, an axis a channel."""
     plants = {axis.channel: _plant(axis) for axis in axes}
     told: dict[tuple[str | int, ...], str] = {
-        ("plants",): "the machine as it was told to init, and nothing besides; docs/init.md adds"
+        ("plants",): "as it was told to init, and nothing besides; docs/init.md adds an effect"
     }
     return FirstOptions({"preset": PRESET, "seed": 1, "plants": plants}, told)
 
