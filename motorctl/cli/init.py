@@ -239,8 +239,8 @@ def _print(written: list[Written], known: object) -> None:
         say(each.path)
     for name, axis in first.axes.items():
         console.print(
-            f"axis {name}: {axis.acceleration_m_s2:g} m/s^2 with {axis.inertia:g} V*s^2/m; k1 "
-            f"{axis.gains.k1_1_s:g} 1/s at {1.0 / axis.period_s:g} Hz, phase margin "
+            f"axis {name}: {axis.acceleration_m_s2:g} m/s^2; k1 {axis.gains.k1_1_s:g} 1/s at "
+            f"{1.0 / axis.period_s:g} Hz with a phase margin of "
             f"{axis.gains.margins.phase_margin_deg or 0.0:.0f} degrees",
             markup=False,
         )

@@ -22,9 +22,10 @@ DWELL_S = 0.3
 RECORD_S = 20.0
 """The first motion lasts so long at least [s]: enough to identify from. By hand."""
 LEAST_CYCLES, MOST_CYCLES = 2, 12
-SPEEDS = ((0.6, 1.0), (0.4, 0.5), (0.2, 0.25))
+SPEEDS = ((0.618, 1.0), (0.4142, 0.5), (0.2071, 0.25))
 """Of the first motion, as parts of the top speed, and how far each goes, as parts of its distance:
-three speeds tell viscous friction from drag and from Coulomb friction."""
+three speeds tell viscous friction from drag and from Coulomb friction. No round numbers: at a
+whole number of counts a tick each is off by the same, which looks like an encoder's error."""
 SEARCH_M_S, LATCH_M_S = 0.05, 0.01
 """Speeds of homing at most [m/s]: slow enough that a switch that is not there harms nothing."""
 HOME_SHARE = 0.05
@@ -207,7 +208,7 @@ def program(numbers: AxisNumbers) -> dict[str, Any]:
     moves: list[dict[str, float]] = []
     for speed, way in SPEEDS:
         limits = {
-            "max_velocity_m_s": _rounded(speed * known.max_velocity_m_s),
+            "max_velocity_m_s": float(f"{speed * known.max_velocity_m_s:.4g}"),
             "max_acceleration_m_s2": _rounded(PROGRAM_SHARE * numbers.acceleration_m_s2),
             "max_jerk_m_s3": _rounded(PROGRAM_SHARE * numbers.jerk_m_s3),
             "dwell_s": DWELL_S,

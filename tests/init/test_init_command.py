@@ -160,3 +160,20 @@ def test_units_are_read_as_people_spell_them():
     assert quantity("--x", "1e-3", LENGTH)[0] == 1e-3
     assert quantity("--x", "60m/min", VELOCITY)[0] == pytest.approx(1.0)
     assert resolution("--encoder", "2500 counts/rev", 0.01) == pytest.approx(4e-6)
+
+
+@pytest.mark.slow
+def test_a_screw_that_was_begun_here_is_simulated_and_diagnosed_as_it_was_told(tmp_path):
+    out, log = tmp_path / "screw.yaml", tmp_path / "screw.parquet"
+    run(
+        out, "--driver=sim", "--axis=z", "--encoder=10000/turn", "--screw-pitch=5mm",
+        "--mass=20kg", "--rotor-inertia=0.4kg*cm^2", "--force-constant=0.1N*m/A",
+        "--amplifier=1A/V", "--travel=0..400mm", "--max-velocity=200mm/s",
+    )  # fmt: skip
+    app = make_app()
+    for words in (["check", out], ["simulate", out, "--log", log]):
+        assert CliRunner().invoke(app, [str(word) for word in words]).exit_code == 0
+    result = CliRunner().invoke(app, ["diagnose", str(log), "--json"])
+    (axis,) = json.loads(result.stdout)["axes"].values()
+    assert axis["verdict"] == "complete"
+    assert axis["parameters"]["inertia"]["value"] == pytest.approx(0.662, rel=1e-3)
