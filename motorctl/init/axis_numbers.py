@@ -11,6 +11,7 @@ from motorctl.init.first_gains import FirstGains, first_gains
 from motorctl.init.known import AxisKnown
 from motorctl.init.quantities import STANDARD_GRAVITY_M_S2
 from motorctl.model import basic_effects
+from motorctl.model.knowledge import Signal
 
 Range = tuple[float, float]
 
@@ -114,9 +115,9 @@ def axis_numbers(known: AxisKnown, period_s: float, delay_s: float) -> AxisNumbe
         inertia=inertia,
         inertia_bounds=inertia_bounds,
         viscous=viscous,
-        viscous_bounds=(0.0, _rounded(max(5.0 * viscous, VISCOUS_SHARE * full / fastest))),
+        viscous_bounds=_from_zero("velocity", 5.0 * viscous, VISCOUS_SHARE * full / fastest),
         friction=friction,
-        friction_bounds=(0.0, _rounded(max(3.0 * friction, FRICTION_SHARE * full))),
+        friction_bounds=_from_zero("direction", 3.0 * friction, FRICTION_SHARE * full),
         offset_bounds=(-_rounded(OFFSET_SHARE * full), _rounded(OFFSET_SHARE * full)),
         covariances=(
             _covariance("acceleration", PUBLISHED_ACCELERATION_M_S2 / acceleration),
@@ -146,7 +147,8 @@ def mechanics(known: AxisKnown) -> tuple[float, float, float]:
     """
     inertia = _inertia(known)
     friction = _friction(known, inertia)
-    return inertia, friction, _rounded(friction / known.max_velocity_m_s)
+    (parameter,) = basic_effects()["velocity"]().parameters
+    return inertia, friction, _rounded(min(friction / known.max_velocity_m_s, parameter.upper))
 
 
 def _inertia(known: AxisKnown) -> float:
@@ -230,8 +232,14 @@ def _error_m(known: AxisKnown, gains: FirstGains, friction: float) -> float:
     return _rounded(min(max(least, known.max_voltage_v / stiffness), most))
 
 
-def _covariance(signal: str, ratio: float) -> float:
-    (parameter,) = basic_effects()[signal]().parameters  # type: ignore[index]
+def _from_zero(signal: Signal, *values: float) -> Range:
+    """Return bounds from 0 to the largest of some values, as far as the parameter may go."""
+    (parameter,) = basic_effects()[signal]().parameters
+    return 0.0, _rounded(min(max(values), parameter.upper))
+
+
+def _covariance(signal: Signal, ratio: float) -> float:
+    (parameter,) = basic_effects()[signal]().parameters
     return _rounded(min(parameter.covariance * ratio**2, LARGEST_COVARIANCE))
 
 

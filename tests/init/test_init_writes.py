@@ -69,15 +69,23 @@ def test_what_is_written_of_many_machines_passes_check(tmp_path, axis):
     insist_on_check(tmp_path, axis)
 
 
+def refusal(tmp_path, axis):
+    """Return why nothing is written of an axis, empty where something is."""
+    try:
+        written(tmp_path, axis)
+    except UsageError as error:
+        return str(error)
+    return ""
+
+
 def insist_on_check(tmp_path, axis):
     """Accept a refusal only of encoders whose counts are coarse for the travel, in words."""
-    try:
-        first = written(tmp_path, axis)
-    except UsageError as refusal:
-        assert "too short for this loop" in str(refusal)
-        assert axis.resolution_m > 5e-6 * (axis.travel_m[1] - axis.travel_m[0])
-        return
-    machine = load(first.path)
+    if axis.resolution_m > 5e-6 * (axis.travel_m[1] - axis.travel_m[0]):
+        told = refusal(tmp_path, axis)
+        assert not told or "too short for this loop" in told
+        if told:
+            return
+    machine = load(written(tmp_path, axis).path)
     own = machine.axes["x"]
     assert own.limits.travel_m == pytest.approx(axis.travel_m)
     assert own.estimates[0].initial == pytest.approx(axis.inertia_v_s2_m, rel=6e-3)
