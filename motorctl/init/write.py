@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config import load
-from motorctl.errors import ConfigError, Problem, UsageError
+from motorctl.errors import ConfigError, UsageError
 from motorctl.hal import FirstAxis
 from motorctl.identify.refine.written_beside import put_in_place, written_beside
 from motorctl.init import yaml_text
@@ -80,7 +80,7 @@ def write_configuration(
         machine = load(written)
     except ConfigError as error:
         written.unlink(missing_ok=True)
-        raise _in_words(path, error) from error
+        raise UsageError(_in_words(path, error)) from error
     except BaseException:
         written.unlink(missing_ok=True)
         raise
@@ -106,11 +106,10 @@ def stand_in(known: MachineKnown, written: Written) -> tuple[MachineKnown, dict[
     return simulated, delays_s
 
 
-def _in_words(path: Path, error: ConfigError) -> UsageError:
+def _in_words(path: Path, error: ConfigError) -> str:
     """Return what `check` would refuse, with the keys, for the lines are nowhere to be seen."""
-    told = [Problem(str(path), None, problem.key, problem.message) for problem in error.problems]
-    words = "\n".join(f"  {problem.key}: {problem.message}" for problem in told)
-    return UsageError(f"{path}: what was told does not fit together; nothing was written\n{words}")
+    words = "\n".join(f"  {problem.key}: {problem.message}" for problem in error.problems)
+    return f"{path}: what was told does not fit together; nothing was written\n{words}"
 
 
 def _served(
