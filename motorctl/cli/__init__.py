@@ -28,6 +28,7 @@ GROUPS = (
     "refine",
     "compare",
     "close_loop",
+    "experiment",
     "tune",
     "response",
     "latency",

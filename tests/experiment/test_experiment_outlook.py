@@ -1,0 +1,103 @@
+"""Which motion would settle what a diagnosis leaves open, and what none can."""
+
+import dataclasses
+from functools import cache
+
+import pytest
+from diagnosis_bench import axis_diagnosis
+
+from motorctl.experiment.candidates import Candidate, candidates
+from motorctl.experiment.open_questions import is_sure, open_questions
+from motorctl.experiment.outlook import look_out, what_it_settles
+from motorctl.experiment.session import Standing, next_experiment
+from motorctl.identify.diagnose.report.motion_advice import Reach, Stroke
+
+REACHES = {"x": Reach(0.02, 0.38, 0.8, 8.0, 400.0)}
+GENTLE = Candidate("gentle", "gentle", {"x": (Stroke(0.7, 0.4, 0.05), Stroke(0.3, 0.4, 0.05))})
+HARD = Candidate("hard", "hard", {"x": (Stroke(0.7, 1.0, 1.0), Stroke(0.3, 1.0, 1.0))})
+
+
+@cache
+def ambiguous():
+    """Return a machine with a wave of the thrust that is taken for one of the force."""
+    axis = axis_diagnosis("cogging", duration_s=6.0)
+    name = dataclasses.replace(
+        axis.effects[0], confidence=0.5, indistinguishable_from=("force_ripple",)
+    )
+    return open_questions(dataclasses.replace(axis, effects=(name,), verdict="effect"))
+
+
+def test_a_look_alike_and_what_was_not_seen_are_open_questions():
+    kinds = {question.effects: question.kind for question in ambiguous().questions}
+    assert kinds["cogging", "force_ripple"] == "which"
+    assert kinds["stribeck",] == "whether"
+
+
+def test_a_sure_diagnosis_leaves_no_name_open():
+    axis = axis_diagnosis("cogging", duration_s=6.0)
+    sure = dataclasses.replace(axis.effects[0], confidence=0.97, indistinguishable_from=())
+    assert is_sure(dataclasses.replace(axis, effects=(sure,), missing=()))
+    doubted = dataclasses.replace(sure, confidence=0.6)
+    assert not is_sure(dataclasses.replace(axis, effects=(doubted,), missing=()))
+
+
+def test_hard_motion_shows_a_lag_that_gentle_motion_hides():
+    axis = axis_diagnosis("input_lag", duration_s=6.0)
+    name = dataclasses.replace(
+        axis.effects[0], confidence=0.5, indistinguishable_from=("input_delay",)
+    )
+    known = open_questions(dataclasses.replace(axis, effects=(name,), verdict="effect"))
+    look = look_out(known, REACHES, [GENTLE, HARD])
+    place = [question.kind for question in known.questions].index("whether")
+    assert "stands out" in known.questions[place].words
+    told = {each.candidate.words: each.per_row[place] for each in look.prospects}
+    assert told["hard"] > 2.0 * told["gentle"]
+
+
+def test_the_best_motion_settles_most_in_a_second_and_says_what():
+    look = look_out(ambiguous(), REACHES, [GENTLE, HARD])
+    best = look.best
+    assert best is not None
+    assert best.rate == max(each.rate for each in look.prospects) > 0.0
+    assert best.rate == pytest.approx(sum(best.shares) / best.duration_s)
+    assert "or not" in what_it_settles(best, look.open.questions)
+
+
+def test_what_was_run_in_vain_gives_way_to_the_next_best():
+    look = look_out(ambiguous(), REACHES, [HARD, *candidates("x", REACHES)[:4]])
+    now = Standing({"x": look}, ())
+    first = next_experiment(now, REACHES, GENTLE)
+    again = next_experiment(now, REACHES, GENTLE, [first.candidate] * 9)
+    assert first.candidate.words == look.prospects[0].candidate.words
+    assert again.candidate.words != first.candidate.words
+
+
+def test_what_no_motion_can_tell_apart_is_said_to_be_inseparable_with_the_numbers():
+    known = ambiguous()
+    hopeless = [
+        dataclasses.replace(question, needed_per_row=1e9) if question.kind == "which" else question
+        for question in known.questions
+    ]
+    look = look_out(dataclasses.replace(known, questions=tuple(hopeless)), REACHES, [HARD])
+    (lost,) = look.inseparable
+    assert "cogging and force_ripple: inseparable within this envelope" in lost.words
+    assert "1e+09 is needed" in lost.words
+    assert "hard" in lost.words
+    place = [question.effects for question in known.questions].index(("cogging", "force_ripple"))
+    assert look.prospects[0].shares[place] == 0.0
+
+
+def test_a_delay_too_short_for_the_band_is_inseparable_from_a_lag_whatever_the_motion():
+    axis = axis_diagnosis("input_delay", duration_s=6.0)
+    delay = axis.effects[0]
+    short = dataclasses.replace(
+        delay,
+        effect=delay.effect.with_options(time_s=1e-4),
+        confidence=0.5,
+        indistinguishable_from=("input_lag",),
+    )
+    known = open_questions(dataclasses.replace(axis, effects=(short,), verdict="effect"))
+    look = look_out(known, REACHES, [HARD])
+    assert any("0.1 ms" in each.why and "are needed" in each.why for each in look.inseparable)
+    with pytest.raises(StopIteration):
+        next(words for words in look.lost if "or not" in words)
