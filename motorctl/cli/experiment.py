@@ -141,7 +141,11 @@ def _print(now: Standing, chosen: Experiment | None) -> None:
     for each in now.inseparable:
         say(each.words)
     if chosen is None:
-        say("nothing is left that a motion within the envelope could settle")
+        say(
+            "nothing is left that a motion within the envelope could settle"
+            if now.settled
+            else "no motion within the envelope is expected to settle much of what is left"
+        )
         return
     say(f"next: {chosen.candidate.words}, {chosen.duration_s:.1f} s")
     for words in chosen.settles:

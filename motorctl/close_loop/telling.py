@@ -141,6 +141,8 @@ def record_telling(
         ended = ""
         if now.settled:
             ended = "nothing is left that a motion within the envelope could settle"
+        elif chosen is None:
+            ended = "no motion within the envelope is expected to settle much of what is left"
         elif used_s + chosen.duration_s > motions.rich_s:
             ended = f"the time is used up: {used_s:.3g} of {motions.rich_s:g} s"
         if ended:

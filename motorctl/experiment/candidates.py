@@ -37,6 +37,10 @@ ROAMING = 5
 """Moves at random in one candidate: about two seconds. By hand."""
 LONGEST_S = 6.0
 """Longer motions are not weighed [s]: several short ones, each chosen anew, tell more. By hand."""
+PROBE_S = 2.0
+"""Of such moves, in the motion to begin with [s]: cut to 3 s, the rich motion named most effects of
+simulated gantries. Larger moves for what is known already, smaller leaves the first diagnosis too
+few rows. By hand."""
 BEGINS = (0.11, 0.47, 0.83)
 """Of these moves: other places, speeds and accelerations each. By hand."""
 SETTLED_S = 0.15
@@ -105,11 +109,18 @@ def probe(reaches: Mapping[str, Reach]) -> Candidate:
     for k, (axis, reach) in enumerate(reaches.items()):
         begin = BEGINS[k % len(BEGINS)]
         strokes[axis] = (
-            *roam(reach, ROAMING - 1, begin),
+            *_lasting(reach, list(roam(reach, ROAMING, begin)), PROBE_S),
             *_reversals(reach, 0.5, REVERSAL_SPEEDS[0], 1),
-            *_to_and_fro(reach, 0.5, SLOW_SPEEDS[2], 1),
+            *_to_and_fro(reach, 0.5, SLOW_SPEEDS[0], 1),
         )
     return Candidate("probe", "moves at random, fast and slow reversals, on every axis", strokes)
+
+
+def _lasting(reach: Reach, strokes: list[Stroke], seconds: float) -> list[Stroke]:
+    """Return the first strokes, at least two, that together last about so long."""
+    counts = range(2, len(strokes) + 1)
+    enough = (k for k in counts if duration_s(reach, strokes[:k]) >= seconds)
+    return strokes[: next(enough, len(strokes))]
 
 
 def _of_one(reach: Reach) -> Iterator[tuple[str, str, list[Stroke]]]:

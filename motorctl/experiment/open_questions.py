@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -86,11 +86,20 @@ class Open:
     """Over what was recorded, by the id of a hypothesis."""
 
 
-def is_sure(axis: AxisDiagnosis) -> bool:
-    """Return whether a diagnosis leaves no name open."""
-    if axis.verdict not in ("effect", "complete") or axis.missing:
-        return False
-    return all(e.confidence >= SURE and not e.indistinguishable_from for e in axis.effects)
+def is_sure(axis: AxisDiagnosis, inseparable: Collection[str] = ()) -> bool:
+    """Return whether a diagnosis leaves no name open but those that no motion can settle."""
+    if axis.verdict not in ("effect", "complete"):
+        no_more = bool(inseparable) and _only(axis, inseparable)
+        return axis.verdict == "insufficient_data" and no_more
+    named = [e for e in axis.effects if e.name not in inseparable]
+    return _only(axis, inseparable) and all(
+        e.confidence >= SURE and not e.indistinguishable_from for e in named
+    )
+
+
+def _only(axis: AxisDiagnosis, inseparable: Collection[str]) -> bool:
+    """Return whether the diagnosis misses a motion for nothing else."""
+    return all(set(missing.effects) <= set(inseparable) for missing in axis.missing)
 
 
 def open_questions(axis: AxisDiagnosis, catalogue: Catalogue | None = None) -> Open:
@@ -167,7 +176,7 @@ def _which(
                 truths=(best, rival),
                 known=max(known, 0.0),
                 needed=max(known, 0.0) + max(needed - known, LEAST_GAIN),
-                needed_per_row=0.5 * SAME,
+                needed_per_row=0.5 * SAME if twin else 0.0,
                 hopeless=_too_alike(named, other, best) if timing else "",
             )
             if timing:

@@ -28,7 +28,7 @@ from motorctl_benchmarks.diagnosis.answer import answer_of
 from motorctl_benchmarks.diagnosis.cases import Case
 from motorctl_benchmarks.diagnosis.score import exact_set, no_wrong_name
 
-CUTS_S = (3.0, 6.0, 12.0, 18.0)
+CUTS_S = (3.0, 6.0, 12.0)
 """Lengths to which the rich motion is cut, to see from when on it would have been enough."""
 TIMED = ("input_lag", "input_delay")
 
