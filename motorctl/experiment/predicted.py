@@ -26,9 +26,14 @@ from motorctl.identify.columns.stretches import (
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.parameters import values_of
+from motorctl.model.columns import error_columns
 from motorctl.motion import Trajectory
 
 Array = NDArray[np.float64]
+
+MOST_COMMAND = 2.0
+"""Largest command that is predicted, over the largest that was recorded. Larger lets a wrong input
+map run away beyond what it was fitted to, smaller bends harder motions. By hand."""
 
 
 def predicted(
@@ -62,7 +67,8 @@ def predicted(
     stretch = make_stretch(motion, slice(None), smooth_hz, known.quiet_hz)
     a = second_difference(stretch.x, known.period_s)
     values = values_of(hypothesis)
-    command = command_for(stretch, values.model, values.theta, a)
+    most = MOST_COMMAND * known.largest_command
+    command = command_for(stretch, values.model, values.theta, a, most)
     held = CommandPath(
         hypothesis.path.delay_s + 0.5 * known.period_s, hypothesis.path.lag_s
     )  # what is held acts half a period late
@@ -101,8 +107,6 @@ def _measured(data: Measured, axis: str, time_s: Array, x: Array, command: Array
 
 def _errors_of_measurement(hypothesis: Hypothesis, x: Array) -> Array:
     """Return what a hypothesis adds to the measured position."""
-    from motorctl.model.columns import error_columns
-
     total, b = np.zeros_like(x), dict(zip(hypothesis.places, hypothesis.b[1:], strict=True))
     for effect in hypothesis.of_kind("measurement"):
         columns = error_columns(effect, x)

@@ -9,7 +9,7 @@ from diagnosis_bench import axis_diagnosis
 from motorctl.experiment.candidates import Candidate, candidates
 from motorctl.experiment.open_questions import is_sure, open_questions
 from motorctl.experiment.outlook import look_out, what_it_settles
-from motorctl.experiment.session import Standing, next_experiment
+from motorctl.experiment.session import MOST_S, Standing, next_experiment
 from motorctl.identify.diagnose.report.motion_advice import Reach, Stroke
 
 REACHES = {"x": Reach(0.02, 0.38, 0.8, 8.0, 400.0)}
@@ -65,11 +65,34 @@ def test_the_best_motion_settles_most_in_a_second_and_says_what():
 
 def test_what_was_run_in_vain_gives_way_to_the_next_best():
     look = look_out(ambiguous(), REACHES, [HARD, *candidates("x", REACHES)[:4]])
-    now = Standing({"x": look}, ())
+    now = Standing({"x": look}, ("x",))
+    best = look.prospects[0].candidate
     first = next_experiment(now, REACHES, GENTLE)
-    again = next_experiment(now, REACHES, GENTLE, [first.candidate] * 9)
-    assert first.candidate.words == look.prospects[0].candidate.words
-    assert again.candidate.words != first.candidate.words
+    again = next_experiment(now, REACHES, GENTLE, [best] * 9)
+    assert first is not None
+    assert again is not None
+    assert first.candidate.words.startswith(best.words)
+    assert not again.candidate.words.startswith(best.words)
+
+
+def test_motions_that_are_put_together_count_no_question_twice_and_stay_short():
+    look = look_out(ambiguous(), REACHES)
+    chosen = next_experiment(Standing({"x": look}, ()), REACHES, GENTLE)
+    assert chosen is not None
+    pieces = chosen.candidate.words.split("; ")
+    assert len(pieces) == len(set(pieces))
+    assert chosen.duration_s < MOST_S + 1.0
+    assert chosen.settles[0].startswith("x: ")
+
+
+def test_nothing_is_run_where_every_name_is_settled_and_no_motion_helps():
+    look = look_out(ambiguous(), REACHES, [GENTLE])
+    idle = [dataclasses.replace(p, shares=tuple(0.0 for _ in p.shares)) for p in look.prospects]
+    settled = dataclasses.replace(look, prospects=tuple(idle))
+    assert next_experiment(Standing({"x": settled}, ()), REACHES, GENTLE) is None
+    doubtful = next_experiment(Standing({"x": settled}, ("x",)), REACHES, GENTLE)
+    assert doubtful is not None
+    assert doubtful.candidate is GENTLE
 
 
 def test_what_no_motion_can_tell_apart_is_said_to_be_inseparable_with_the_numbers():
