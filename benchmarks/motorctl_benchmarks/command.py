@@ -78,7 +78,8 @@ def bench(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
             "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
-            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp.",
+            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp. "
+            "experiments: a kind of plants, as in 'lag or delay'.",
         ),
     ] = None,
     clean: Annotated[
@@ -183,9 +184,9 @@ def bench(
             raise UsageError("bench tuning takes no --size, --only, --logs or --plot")
         options = _tuning(cases, seed, workers, out)
     elif subject == "experiments":
-        if any(value is not None for value in (size, only, logs, plot)):
-            raise UsageError("bench experiments takes no --size, --only, --logs or --plot")
-        options = _experiments(cases, seed, workers, out)
+        if any(value is not None for value in (size, logs, plot)):
+            raise UsageError("bench experiments takes no --size, --logs or --plot")
+        options = _experiments(cases, seed, workers, only, out)
     elif subject == "buses":
         if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
             raise UsageError("bench buses takes no option but --only and --json")
@@ -335,11 +336,17 @@ def _tuning(
 
 
 def _experiments(
-    cases: int | None, seed: int | None, workers: int | None, out: Path | None
+    cases: int | None,
+    seed: int | None,
+    workers: int | None,
+    only: list[str] | None,
+    out: Path | None,
 ) -> ExperimentsOptions:
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
 
+    families = None if only is None else tuple(only)
     given = {"plants": cases, "first_seed": seed, "workers": workers, "out": out}
+    given["families"] = families
     return ExperimentsOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 

@@ -67,7 +67,7 @@ def _experiment(
     if axis is not None and axis not in reaches:
         raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {', '.join(reaches)}")
     first = probe(reaches)
-    now = Standing({}, tuple(reaches))
+    now, sentences = Standing({}, tuple(reaches)), dict[str, str]()
     chosen: Experiment | None = Experiment(first, first.lasts_s(reaches), ("what is there at all",))
     if recording:
         with showing_stages() as progress:
@@ -78,6 +78,8 @@ def _experiment(
             further = list(machine.further_effects.values())
             inertia = declared_inertias(read, machine, models)
             found = diagnose_recording(read, models, progress, None, further, inertia)
+            sentences = {name: each.sentence for name, each in found.axes.items()}
+            sentences |= {name: f"not diagnosed: {why}" for name, why in found.refused.items()}
             progress("weighing motions", 1.0)
             now = standing(found, reaches, further, list(models))
             chosen = None if now.settled else next_experiment(now, reaches, first)
@@ -90,6 +92,8 @@ def _experiment(
     if as_json:
         say(json.dumps(standing_document(now, chosen) | {"files": files}))
         return
+    for name, sentence in sentences.items():
+        say(f"axis {name}: {sentence}")
     _print(now, chosen)
     for file in files:
         say(file)
@@ -128,7 +132,7 @@ def _print(now: Standing, chosen: Experiment | None) -> None:
         questions = [q for q in look.open.questions if q.words not in look.lost]
         if not questions:
             continue
-        say(f"axis {name}: open is {'; '.join(question.words for question in questions)}")
+        say(f"axis {name}, still open: {'; '.join(question.words for question in questions)}")
         table = Table("motion", "s", "settled/s", "what it is expected to settle")
         for prospect in look.prospects[:SHOWN]:
             told = what_it_settles(prospect, look.open.questions)

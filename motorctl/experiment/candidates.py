@@ -43,6 +43,8 @@ simulated gantries. Larger moves for what is known already, smaller leaves the f
 few rows. By hand."""
 BEGINS = (0.11, 0.47, 0.83)
 """Of these moves: other places, speeds and accelerations each. By hand."""
+MANY = 100.0
+"""Speeds from this on are told without decimals [mm/s]; only looks depend on it."""
 SETTLED_S = 0.15
 """Rest before and after a motion that is weighed [s]: what filters take from the ends. By hand."""
 
@@ -184,4 +186,5 @@ def _place(share: float, reach: Reach) -> str:
 
 
 def _speed(m_s: float) -> str:
-    return f"{1e3 * m_s:.3g} mm/s"
+    mm_s = 1e3 * m_s
+    return f"{mm_s:.0f} mm/s" if mm_s >= MANY else f"{mm_s:.3g} mm/s"

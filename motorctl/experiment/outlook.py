@@ -213,6 +213,7 @@ def _prospect(known: Open, candidate: Candidate, reaches: Mapping[str, Reach]) -
             )
             needed = question.needed - question.known
             per_row.append(gained / rows)
+        gained = gained if math.isfinite(gained) else 0.0
         told.append(gained)
         net = gained - question.needed_per_row * rows
         shares.append(min(max(net, 0.0) / needed, 1.0) if needed > 0.0 else 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ SHOWN = 12
 """Candidates in the picture, the most telling first; only looks depend on it."""
 POINTS = 3000
 """Of the motion that is drawn; only looks depend on it."""
+TITLE_WIDTH = 90
+"""Letters of a line above the motion; only looks depend on it."""
 LONGEST_WORDS = 66
 """Letters of a candidate's name in the picture; only looks depend on it."""
 
@@ -81,5 +84,5 @@ def _draw_motion(panel: Axes, candidate: Candidate, reaches: Mapping[str, Reach]
         panel.plot(time_s, 1e3 * (x - x[0]), color=colour(k), lw=1.0, label=f"axis {axis}")
     panel.set_xlabel("time [s]")
     panel.set_ylabel("way from the start [mm]")
-    panel.set_title(candidate.words, fontsize=8, loc="left")
+    panel.set_title(textwrap.fill(candidate.words, TITLE_WIDTH), fontsize=8, loc="left")
     panel.legend(frameon=False, fontsize=8)

@@ -3,14 +3,17 @@
 import dataclasses
 from functools import cache
 
+import numpy as np
 import pytest
 from diagnosis_bench import axis_diagnosis
 
 from motorctl.experiment.candidates import Candidate, candidates
 from motorctl.experiment.open_questions import is_sure, open_questions
 from motorctl.experiment.outlook import look_out, what_it_settles
+from motorctl.experiment.predicted import predicted
 from motorctl.experiment.session import MOST_S, Standing, next_experiment
 from motorctl.identify.diagnose.report.motion_advice import Reach, Stroke
+from motorctl.identify.diagnose.search.held_out_blocks import residual
 
 REACHES = {"x": Reach(0.02, 0.38, 0.8, 8.0, 400.0)}
 GENTLE = Candidate("gentle", "gentle", {"x": (Stroke(0.7, 0.4, 0.05), Stroke(0.3, 0.4, 0.05))})
@@ -39,6 +42,21 @@ def test_a_sure_diagnosis_leaves_no_name_open():
     assert is_sure(dataclasses.replace(axis, effects=(sure,), missing=()))
     doubted = dataclasses.replace(sure, confidence=0.6)
     assert not is_sure(dataclasses.replace(axis, effects=(doubted,), missing=()))
+
+
+@pytest.mark.parametrize(
+    "name", ["cogging", "force_ripple", "input_delay", "position_dependent_friction"]
+)
+def test_a_hypothesis_explains_what_it_predicts_itself(name):
+    axis = axis_diagnosis(name, duration_s=6.0)
+    best = open_questions(dataclasses.replace(axis, verdict="effect")).best
+    path = HARD.trajectories(REACHES)
+    moved = best.on(predicted(best, path, "x", 10.0))
+    rows = moved.regressors.signals.rows
+    left = residual(moved.problem, best.solution.b)[:rows]
+    whole = moved.problem.columns[:, -1].ravel()[:rows]
+    assert rows > 100
+    assert np.sqrt(np.mean(left**2)) < 0.03 * np.sqrt(np.mean(whole**2))
 
 
 def test_hard_motion_shows_a_lag_that_gentle_motion_hides():

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress
 from motorctl_benchmarks.experiments.plants import FAMILIES, draw_plant
@@ -32,20 +33,29 @@ class ExperimentsOptions:
     first_seed: int = 980_000
     workers: int | None = None
     out: Path | None = None
+    families: tuple[str, ...] = FAMILIES
+    """In turn; raises UsageError of one that is none."""
+
+    def __post_init__(self) -> None:
+        """Look at the families."""
+        for family in self.families:
+            if family not in FAMILIES:
+                known = ", ".join(f'"{each}"' for each in FAMILIES)
+                raise UsageError(f"--only {family}: plants are of these kinds: {known}")
 
 
 def experiments_findings(progress: Progress, options: ExperimentsOptions) -> Findings:
     """Run every plant."""
     with tempfile.TemporaryDirectory(prefix="motorctl-") as folder:
         tasks = list(range(options.plants))
-        run = partial(run_one, Path(folder), options.first_seed)
+        run = partial(run_one, Path(folder), options.first_seed, options.families)
         rows = run_tasks(run, tasks, progress, options.workers, options.out)
     return found_of(rows)
 
 
-def run_one(folder: Path, first_seed: int, k: int) -> Compared:
+def run_one(folder: Path, first_seed: int, families: tuple[str, ...], k: int) -> Compared:
     """Run the k-th plant."""
-    family = FAMILIES[k % len(FAMILIES)]
+    family = families[k % len(families)]
     place = Path(tempfile.mkdtemp(dir=folder))
     return compare(draw_plant(first_seed + k, family), family, place)
 
