@@ -345,8 +345,13 @@ def _experiments(
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
 
     families = None if only is None else tuple(only)
-    given = {"plants": cases, "first_seed": seed, "workers": workers, "out": out}
-    given["families"] = families
+    given = {
+        "plants": cases,
+        "first_seed": seed,
+        "workers": workers,
+        "out": out,
+        "families": families,
+    }
     return ExperimentsOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
