@@ -111,6 +111,7 @@ def test_an_axis_that_somebody_stops_is_not_started_again(
     assert {daemon.state(axis) for axis in ("x", "y")} <= {"off", "stopping"}
 
 
+@pytest.mark.slow
 def test_motions_that_are_chosen_one_by_one_are_run_apart_and_read_as_one_recording(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
