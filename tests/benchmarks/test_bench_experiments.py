@@ -43,7 +43,15 @@ def test_the_time_is_judged_by_the_median_and_lags_by_their_error():
 def test_what_is_said_to_be_inseparable_is_no_lag_that_was_told_apart():
     found = found_of([plant(6.0, time_error=0.02), plant(6.0, inseparable=("alike",))])
     assert figure(found, "within").value == 100.0
-    assert "1 of 2 lags and delays told apart" in found.notes[0]
+    assert "1 of 2 lags and delays told apart, 1 said to be inseparable" in found.notes[0]
+
+
+def test_a_lag_that_is_still_open_is_not_told_apart():
+    open_one = Outcome(24.0, settled=False, exact=True, time_error=0.0)
+    row = Compared("case", FAMILIES[0], {"input_lag": {}}, 0.5, RICH, RICH, open_one)
+    found = found_of([plant(6.0, time_error=0.02), row])
+    assert found.notes[0].startswith("1 of 2 lags and delays told apart, 0 said")
+    assert found.notes[0].endswith("1 still open")
 
 
 def test_a_kind_of_plants_that_is_none_is_refused_with_those_that_are():
