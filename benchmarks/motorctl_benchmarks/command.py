@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.experiments.findings import ExperimentsOptions
     from motorctl_benchmarks.measure import Options, Result
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
@@ -38,7 +39,7 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, "
-            "socket, tuning."
+            "socket, tuning, experiments."
         ),
     ] = "speed",
     cases: Annotated[
@@ -46,7 +47,7 @@ def bench(
         typer.Option(
             min=1,
             help="diagnosis: so many cases in each group. machines: seeds of each kind; default 1. "
-            "tuning: plants that are drawn; default 20.",
+            "tuning, experiments: plants that are drawn; default 20, 60.",
         ),
     ] = None,
     size: Annotated[
@@ -77,7 +78,8 @@ def bench(
             metavar="CASE",
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
             "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
-            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp.",
+            "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp. "
+            "experiments: a kind of plants, as in 'lag or delay'.",
         ),
     ] = None,
     clean: Annotated[
@@ -130,6 +132,9 @@ def bench(
     tuning: gains that `tune` chooses for the shipped gantry and for plants that are drawn, run
     beside a grid of gains, every one of which is run.
 
+    experiments: motion time until nothing is open about plants with look-alikes: the rich motion
+    beside motions that are chosen one after the other.
+
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
     campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
     stand it, or a row was lost.
@@ -178,6 +183,10 @@ def bench(
         if any(value is not None for value in (size, only, logs, plot)):
             raise UsageError("bench tuning takes no --size, --only, --logs or --plot")
         options = _tuning(cases, seed, workers, out)
+    elif subject == "experiments":
+        if any(value is not None for value in (size, logs, plot)):
+            raise UsageError("bench experiments takes no --size, --logs or --plot")
+        options = _experiments(cases, seed, workers, only, out)
     elif subject == "buses":
         if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
             raise UsageError("bench buses takes no option but --only and --json")
@@ -324,6 +333,26 @@ def _tuning(
 
     given = {"plants": cases, "first_seed": seed, "workers": workers, "out": out}
     return TuningOptions(**{key: value for key, value in given.items() if value is not None})  # type: ignore[arg-type]
+
+
+def _experiments(
+    cases: int | None,
+    seed: int | None,
+    workers: int | None,
+    only: list[str] | None,
+    out: Path | None,
+) -> ExperimentsOptions:
+    from motorctl_benchmarks.experiments.findings import ExperimentsOptions
+
+    families = None if only is None else tuple(only)
+    given = {
+        "plants": cases,
+        "first_seed": seed,
+        "workers": workers,
+        "out": out,
+        "families": families,
+    }
+    return ExperimentsOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
 def _print_page(result: Result) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.buses.figures import BusesOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
+    from motorctl_benchmarks.experiments.findings import ExperimentsOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
@@ -28,6 +29,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     Options = (
         BusesOptions
         | CampaignOptions
+        | ExperimentsOptions
         | MachinesOptions
         | RecordingsOptions
         | SafetyOptions
@@ -109,6 +111,14 @@ def _tuning(progress: Progress, options: Options | None) -> Findings:
     return tuning_findings(progress, asked)
 
 
+def _experiments(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.experiments.findings import ExperimentsOptions, experiments_findings
+
+    asked = options or ExperimentsOptions()
+    assert isinstance(asked, ExperimentsOptions)
+    return experiments_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -118,8 +128,18 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "campaign": _safety,
     "socket": _socket,
     "tuning": _tuning,
+    "experiments": _experiments,
 }
-WITH_CASES = ("diagnosis", "buses", "machines", "recordings", "campaign", "socket", "tuning")
+WITH_CASES = (
+    "diagnosis",
+    "buses",
+    "machines",
+    "recordings",
+    "campaign",
+    "socket",
+    "tuning",
+    "experiments",
+)
 """Subjects that take options."""
 
 
@@ -171,7 +191,8 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, buses, machines, recordings, campaign, socket or tuning.
+        Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning or
+        experiments.
 
     Raises
     ------

@@ -29,6 +29,7 @@ GROUPS = (
     "refine",
     "compare",
     "close_loop",
+    "experiment",
     "tune",
     "response",
     "latency",

@@ -22,6 +22,7 @@ class MotionChoice(StrEnum):
 
     OWN = "own"
     RICH = "rich"
+    TELLING = "telling"
 
 
 def register(app: typer.Typer) -> None:
@@ -41,7 +42,8 @@ def _close_loop(
         MotionChoice | None,
         typer.Option(
             help="What is recorded for diagnosis: by default a rich motion, made within what the "
-            "machine's own programs use; or these programs themselves."
+            "machine's own programs use; these programs themselves; or telling motions, each "
+            "chosen by what is still open, until nothing is."
         ),
     ] = None,
     duration: Annotated[
@@ -78,7 +80,7 @@ def _close_loop(
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
     from motorctl.close_loop.rounds import close_loop
-    from motorctl.close_loop.tables import error_row, tracking_table, velocity_words
+    from motorctl.close_loop.tables import error_row, telling_words, tracking_table, velocity_words
     from motorctl.errors import UsageError
 
     if duration is not None and not 2.0 <= duration < float("inf"):
@@ -105,6 +107,9 @@ def _close_loop(
         return
     for part in loop.rounds:
         say(f"round {part.number}")
+        if part.telling is not None:
+            for words in telling_words(part.telling):
+                say(f"  {words}")
         for name, axis in part.diagnosis.axes.items():
             say(f"  axis {name}: {axis.sentence}")
             accepted = part.accepted

@@ -9,6 +9,7 @@ from typing import Any
 from motorctl.close_loop.judge import AxisJudgement
 from motorctl.close_loop.matched_velocity import VelocityStep
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
+from motorctl.close_loop.telling import Telling
 from motorctl.identify.compare.measures import SYMBOLS, Measures
 from motorctl.identify.compare.runs import ratios
 from motorctl.identify.diagnose.report.json_document import axis_document
@@ -55,8 +56,25 @@ def _round(part: Round) -> dict[str, Any]:
         "refused": dict(part.diagnosis.refused),
         "attempts": [_attempt(attempt) for attempt in part.attempts],
         "accepted": None if accepted is None else str(accepted.refinement.out),
+        "experiments": [] if part.telling is None else _experiments(part.telling),
+        "inseparable": [] if part.telling is None else _inseparable(part.telling),
         "left_out": {name: list(words) for name, words in part.dropped.items()},
     }
+
+
+def _experiments(telling: Telling) -> list[dict[str, Any]]:
+    return [
+        {
+            "motion": each.candidate.words,
+            "duration_s": each.duration_s,
+            "settles": list(each.settles),
+        }
+        for each in telling.experiments
+    ]
+
+
+def _inseparable(telling: Telling) -> list[str]:
+    return [each.words for each in telling.standing.inseparable]
 
 
 def _attempt(attempt: Attempt) -> dict[str, Any]:

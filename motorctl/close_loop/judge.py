@@ -10,9 +10,10 @@ from motorctl.close_loop.motion import MotionName
 from motorctl.close_loop.trial import Trial, model_error_v
 from motorctl.identify.compare.measures import SYMBOLS, Measures
 
-MOTION_WORDS: Mapping[MotionName, str] = {
+MOTION_WORDS: Mapping[str, str] = {
     "own": "its own motion",
     "rich": "the rich motion",
+    "telling": "telling motions",
     "unused": "a motion that was not used",
 }
 JUDGED = ("eF", "L2[e]")

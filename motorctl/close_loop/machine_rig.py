@@ -66,6 +66,7 @@ class MachineRig:
     """
 
     verb = "running"
+    goes_on = True
 
     def __init__(self, client: Client, running: Machine, consent: Consent) -> None:
         self._client = client

@@ -10,7 +10,7 @@ from typing import Any
 from motorctl.close_loop.json_document import effects_added
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
-from motorctl.close_loop.tables import error_row, tracking_table
+from motorctl.close_loop.tables import error_row, telling_words, tracking_table
 from motorctl.errors import UsageError
 from motorctl.html_pages import Figure, figure, write_page
 from motorctl.identify.compare.measures import EXPLAINED, table_headings
@@ -114,6 +114,7 @@ def _round(part: Round, report: Path, folder: Path) -> dict[str, Any]:
         "config": "" if attempt is None else attempt.refinement.out.relative_to(folder).as_posix(),
         "verdicts": [(name, axis.sentence) for name, axis in part.diagnosis.axes.items()],
         "refused": list(part.diagnosis.refused.items()),
+        "telling": [] if part.telling is None else telling_words(part.telling),
         "left_out": [
             (name, words) for name, all_words in part.dropped.items() for words in all_words
         ],

@@ -28,6 +28,8 @@ class Rig(Protocol):
     """What it does with a motion, for whoever waits, such as `simulating`."""
     runs_on: str
     """Names the machine that it moves: what was run on another one is run again."""
+    goes_on: bool
+    """Whether time and place go on from one motion to the next; virtual time begins anew."""
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where it cannot run this machine."""
@@ -63,6 +65,7 @@ class SimulatedRig:
 
     verb = "simulating"
     runs_on = "virtual time"
+    goes_on = False
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where a driver does not support virtual time."""
@@ -92,6 +95,7 @@ class ResumedRig:
         self._reuse = reuse
         self.verb = rig.verb
         self.runs_on = rig.runs_on
+        self.goes_on = rig.goes_on
 
     def insist(self, machine: Machine) -> None:
         """As the rig behind it."""

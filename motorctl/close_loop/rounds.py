@@ -15,6 +15,7 @@ from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
 from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
 from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
+from motorctl.close_loop.telling import Telling, record_telling
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
 from motorctl.errors import UsageError
@@ -30,7 +31,7 @@ MOST_ATTEMPTS = 4
 MOST_REASONS = 2
 CONFIG = "config.yaml"
 
-Motion = Literal["own", "rich"]
+Motion = Literal["own", "rich", "telling"]
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,8 @@ class Round:
     """The last one may be accepted; none where there was nothing to change."""
     dropped: Mapping[str, tuple[str, ...]]
     """What was found but left out, by axis, with the reason."""
+    telling: Telling | None = None
+    """Which motions were chosen, where they were."""
 
     @property
     def accepted(self) -> Attempt | None:
@@ -116,7 +119,8 @@ def close_loop(
 
     Everything is kept in `out`: a folder for each round with its log, report and configurations,
     and refined.yaml, the configuration that came out. `motion` is what is recorded for diagnosis:
-    the machine's own or a rich one made within its limits; by default rich, for one move back and
+    the machine's own, a rich one made within its limits, or telling ones, each chosen by what is
+    still open; by default rich, for one move back and
     forth ties position, velocity, time and command together, and what looks alike is mistaken.
     duration_s is the length of each run, rig what runs it: by default virtual time. With `resume`
     what `out` holds of an earlier time is not run again. Raises UsageError where the rig cannot run
@@ -150,7 +154,7 @@ def close_loop(
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
         folder.mkdir(exist_ok=True)
-        recording, motions = _recorded(current, folder, chosen, motions, rig, progress)
+        recording, motions, telling = _recorded(current, folder, chosen, motions, rig, progress)
         models = declared_models(recording)
         held_out = current.recordings["unused"]
         further = list(machine.further_effects.values())
@@ -159,7 +163,7 @@ def close_loop(
         attempts, dropped = _attempts(
             diagnosis, current, first, folder, names, motions, duration_s, rig, progress
         )
-        done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped))
+        done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped, telling))
         accepted = done[-1].accepted
         if accepted is None:
             ended = _why_no_further(done[-1])
@@ -265,11 +269,15 @@ def _weaker_half(found: AxisDiagnosis, added: tuple[str, ...]) -> list[str]:
 
 def _recorded(
     current: Trial, folder: Path, motion: Motion, motions: Motions, rig: Rig, progress: Progress
-) -> tuple[Recording, Motions]:
+) -> tuple[Recording, Motions, Telling | None]:
     """Return the recording that is diagnosed."""
     if motion == "own":  # was simulated to try the configuration out
-        return current.recordings["own"], motions
-    return record_rich(current.config, folder / "rich.parquet", motions, rig, progress)
+        return current.recordings["own"], motions, None
+    if motion == "telling":
+        telling = record_telling(current.config, folder, motions, rig, progress)
+        return telling.recording, telling.motions, telling
+    log = folder / "rich.parquet"
+    return (*record_rich(current.config, log, motions, rig, progress), None)
 
 
 def _require_rig(rig: Rig, machine: Machine, config: str | Path) -> None:

@@ -6,6 +6,7 @@ import math
 
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.matched_velocity import VelocityStep
+from motorctl.close_loop.telling import Telling
 from motorctl.identify.compare.measures import table_cells
 from motorctl.identify.compare.runs import ratios
 
@@ -26,6 +27,17 @@ def tracking_table(judgement: AxisJudgement) -> list[Rows]:
             ]
         )
     return groups
+
+
+def telling_words(telling: Telling) -> list[str]:
+    """Return in words which motions were run, what each was to settle, and what none can."""
+    lines = [
+        f"{each.duration_s:.1f} s of {each.candidate.words}: {'; '.join(each.settles)}"
+        for each in telling.experiments
+    ]
+    lines += [each.words for each in telling.standing.inseparable]
+    lines += [f"still open: {words}" for words in telling.standing.open_words]
+    return [*lines, f"{telling.duration_s:.1f} s of motion: {telling.ended}"]
 
 
 def velocity_words(step: VelocityStep) -> str:

@@ -12,7 +12,7 @@ MIDDLE = 0.25
 Convention: the middle half is left."""
 
 
-def _travel_m(axis: Axis) -> tuple[float, float]:
+def allowed_travel_m(axis: Axis) -> tuple[float, float]:
     """Return within which an axis stays in experiments that nobody is asked about [m]."""
     low, high = axis.limits.travel_m
     own = axis.experiments.travel_m if axis.experiments else None
@@ -40,7 +40,7 @@ def beyond_envelope(axis: Axis, peaks: Peaks, minutes: float) -> Iterator[str]:
         yield f"axes.{axis.name}.experiments is not in the configuration"
         return
     own, limits, where = axis.experiments, axis.limits, f"axes.{axis.name}.experiments"
-    low, high = _travel_m(axis)
+    low, high = allowed_travel_m(axis)
     if peaks.range_m[0] < low or peaks.range_m[1] > high:
         yield (
             f"{where}.travel_m: it goes from {peaks.range_m[0]:.4g} to {peaks.range_m[1]:.4g} m, "

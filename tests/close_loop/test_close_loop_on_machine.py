@@ -13,9 +13,16 @@ from daemon_rig import Daemon, bench_config
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
-from motorctl.close_loop import machine_rig
+from motorctl.close_loop import machine_rig, telling
+from motorctl.close_loop.motion import Motions
 from motorctl.close_loop.rigs import BrokenOffError
+from motorctl.daemon.client import Client
+from motorctl.daemon.running_machine import machine_of_daemon
 from motorctl.errors import MotorctlError, UsageError
+from motorctl.experiment.candidates import Candidate
+from motorctl.experiment.session import Experiment, Standing
+from motorctl.identify.diagnose.report.motion_advice import Stroke
+from motorctl.log import read_recording
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
@@ -102,3 +109,32 @@ def test_an_axis_that_somebody_stops_is_not_started_again(
     assert "nothing here stopped it" in str(result.exception)
     assert "keeps 0 of 1 motions that were begun" in result.stderr
     assert {daemon.state(axis) for axis in ("x", "y")} <= {"off", "stopping"}
+
+
+@pytest.mark.slow
+def test_motions_that_are_chosen_one_by_one_are_run_apart_and_read_as_one_recording(
+    daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    to_and_fro = Candidate(
+        "", "to and fro", {"x": (Stroke(0.55, 0.5, 0.5), Stroke(0.45, 0.5, 0.5))}
+    )
+    left = [Standing({}, ("x",)), Standing({}, ())]
+    monkeypatch.setattr(telling, "_diagnosed", lambda *_: None)
+    monkeypatch.setattr(telling, "standing", lambda *_: left.pop(0))
+    monkeypatch.setattr(
+        telling,
+        "next_experiment",
+        lambda _now, reaches, *_: Experiment(to_and_fro, to_and_fro.lasts_s(reaches), ()),
+    )
+    out = daemon.config.parent / "telling"
+    out.mkdir()
+    with Client(daemon.socket) as client:
+        rig = machine_rig.MachineRig(client, machine_of_daemon(client), lambda *_: None)
+        told = telling.record_telling(daemon.config, out, Motions(), rig, lambda *_: None)
+    first, second = (read_recording(log, gaps="keep") for log in sorted(out.glob("*.parquet")))
+    assert second.time_s[0] > first.time_s[-1]
+    assert len(told.recording.time_s) == len(first.time_s) + len(second.time_s)
+    assert second.duration_s < first.duration_s + 5.0
+    x = second.axes["x"].position
+    assert 0.0 < x.max() - x.min() < 0.1
+    assert daemon.state("x") in ("off", "idle", "stopping")

@@ -20,6 +20,7 @@ class CountedRig:
     """Writes a log at once, or trips."""
 
     verb = "counting"
+    goes_on = False
 
     def __init__(self, runs_on: str = "virtual time") -> None:
         self.runs_on = runs_on

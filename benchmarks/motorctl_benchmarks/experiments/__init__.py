@@ -1,0 +1,1 @@
+"""Motion time until a diagnosis is certain: the rich motion beside motions that are chosen."""

@@ -1,0 +1,60 @@
+"""Motions that could be run next, and the reach that they stay within."""
+
+import dataclasses
+
+import pytest
+
+from motorctl.config import load, load_resolved
+from motorctl.experiment.candidates import LONGEST_S, SETTLED_S, candidates, probe
+from motorctl.experiment.reach import reach_in_envelope, reach_of
+from motorctl.motion import Moves, check_program
+
+GANTRY = load("published_gantry")
+
+
+def reaches_of(machine):
+    return {name: reach_in_envelope(machine, axis) for name, axis in machine.axes.items()}
+
+
+def with_envelope(**keys):
+    resolved = dict(GANTRY.resolved)
+    x = resolved["axes"]["x"] | {"experiments": keys}
+    return load_resolved(resolved | {"axes": resolved["axes"] | {"x": x}}, "enveloped")
+
+
+@pytest.mark.parametrize("machine", [GANTRY, load("small_stage")])
+def test_every_candidate_keeps_the_limits_and_ends_where_it_starts(machine):
+    reaches = reaches_of(machine)
+    limits = {name: axis.limits.for_motion() for name, axis in machine.axes.items()}
+    for axis in machine.axes:
+        every = [probe(reaches), *candidates(axis, reaches)]
+        assert len(every) > 20
+        for candidate in every:
+            for moved in candidate.strokes:
+                keys = candidate.program(moved, reaches[moved])
+                program = Moves.model_validate({**keys, "name": "tried"})
+                assert check_program(program, limits) == []
+                path = program.trajectories()[moved]
+                assert path.end_m == pytest.approx(path.start_m, abs=1e-9)
+
+
+def test_candidates_are_short_and_their_axes_begin_and_end_together():
+    reaches = reaches_of(GANTRY)
+    for candidate in candidates("x", reaches):
+        paths = candidate.trajectories(reaches)
+        assert set(paths) == {"x", "y"}
+        assert len({round(path.duration_s, 9) for path in paths.values()}) == 1
+        assert 0.0 < paths["x"].duration_s - 2 * SETTLED_S <= LONGEST_S
+
+
+def test_a_declared_envelope_narrows_the_reach_and_none_widens_it():
+    axis = with_envelope(travel_m=[0.1, 0.2], max_velocity_share=0.2).axes["x"]
+    reach = reach_in_envelope(GANTRY, axis)
+    assert (reach.low, reach.high) == (0.1, 0.2)
+    assert reach.speed == pytest.approx(0.2 * axis.limits.max_velocity_m_s)
+    assert reach.acceleration <= reach_of(GANTRY, axis).acceleration
+    everything = with_envelope(travel_m=list(axis.limits.travel_m), max_velocity_share=1.0)
+    wide = reach_in_envelope(GANTRY, everything.axes["x"])
+    whole = reach_of(GANTRY, GANTRY.axes["x"])
+    assert wide == dataclasses.replace(whole, acceleration=wide.acceleration)
+    assert wide.acceleration <= whole.acceleration
