@@ -30,6 +30,7 @@ GROUPS = (
     "compare",
     "close_loop",
     "tune",
+    "learn",
     "response",
     "latency",
 )
