@@ -33,6 +33,8 @@ class Motion:
     """Of that way."""
     program: str | None = None
     """None: a move."""
+    notes: tuple[str, ...] = ()
+    """Why what an axis learned for it is not used, a sentence each."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,8 @@ def estop() -> Conversation[tuple[str, ...]]:
 
 def _motion(answer: dict[str, Any]) -> Motion:
     axes, name = tuple(answer["axes"]), answer["program"]
-    return Motion(axes, answer["duration_s"], answer["approach_s"], name)
+    notes = tuple(answer.get("notes", ()))
+    return Motion(axes, answer["duration_s"], answer["approach_s"], name, notes)
 
 
 def _in(states: Collection[str]) -> Callable[[dict[str, Any]], bool]:

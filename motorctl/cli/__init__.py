@@ -31,6 +31,7 @@ GROUPS = (
     "close_loop",
     "experiment",
     "tune",
+    "learn",
     "response",
     "latency",
 )

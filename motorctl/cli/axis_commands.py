@@ -187,6 +187,8 @@ def _tell_program(axis: str, motion: Motion) -> None:
     axes = ", ".join(motion.axes)
     approach = f", {motion.approach_s:.2f} s of approach" if motion.approach_s > 0 else ""
     _say(axis, f"program {motion.program} on {axes}: {motion.duration_s:.2f} s{approach}")
+    for note in motion.notes:
+        say(note, err=True)
 
 
 def _say(axis: str, text: str) -> None:

@@ -53,6 +53,8 @@ def _simulate(
         measured = compare(recorded).runs[0].axes
     took = recorded.metadata["virtual_time"]
     times_real_time = recorded.duration_s / took["wall_s"]
+    for note in recorded.metadata.get("notes", ()):
+        say(note, err=True)
     if as_json:
         document = {
             "log": str(log),

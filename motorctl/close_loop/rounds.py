@@ -18,6 +18,7 @@ from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
 from motorctl.close_loop.telling import Telling, record_telling
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
+from motorctl.config.learned_file import require_nothing_learned
 from motorctl.errors import UsageError
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
@@ -129,6 +130,7 @@ def close_loop(
     machine = load(config)
     rig = rig or SimulatedRig()
     _require_rig(rig, machine, config)
+    require_nothing_learned(machine)
     rig = ResumedRig(rig, reuse=resume)
     own = bool(machine.followed_programs)
     chosen: Motion = motion or "rich"

@@ -185,6 +185,19 @@ class Experiments(Keys):
     )
 
 
+class Learning(Keys):
+    """What is learned for programs that repeat."""
+
+    file: Annotated[str, Field(min_length=1)] = Field(
+        description="JSON file of what `motorctl learn` has learned, seen from the folder of the "
+        "configuration; it need not be there yet"
+    )
+    max_share: Annotated[float, Field(gt=0, le=0.3)] = Field(
+        default=0.1,
+        description="most that it may add to the command, as a share of limits.max_voltage_v",
+    )
+
+
 class AxisSettings(Keys):
     """Everything that an axis' keys say but its list of effects."""
 
@@ -213,6 +226,14 @@ class AxisSettings(Keys):
         default=None,
         description="what experiments may do where nobody is asked (--yes); null: nothing",
     )
+    learning: Learning | None = Field(
+        default=None, description="a feedforward learned by repeating the program; null: none"
+    )
+
+    @property
+    def max_learned_v(self) -> float:
+        """Most that what was learned may add to the command [V]; 0 where nothing may."""
+        return 0.0 if self.learning is None else self.learning.max_share * self.limits.max_voltage_v
 
 
 class AxisKeys(AxisSettings):

@@ -149,7 +149,7 @@ def _build(
     problems += check_claims(document)
     problems += check_groups(document)
     problems += check_machine_guards(document, rate_hz, divisors)
-    problems += check_recording(document, _recording_rate(parts, rate_hz))
+    problems += check_recording(document, _recording_rate(document, parts, rate_hz))
     drivers: dict[str, DriverSetup] = {}
     if hardware:
         drivers, refused = build_drivers(document, directory)
@@ -211,8 +211,18 @@ def _check_waiting(document: Document, drivers: Mapping[str, DriverSetup]) -> li
     return [document.problem(("loop", "without_realtime"), message)]
 
 
-def _recording_rate(parts: Mapping[str, AxisParts], rate_hz: float | None) -> RecordingRate | None:
-    axes = [(len(part.model), part.dual is not None) for part in parts.values() if part.model]
+def _recording_rate(
+    document: Document, parts: Mapping[str, AxisParts], rate_hz: float | None
+) -> RecordingRate | None:
+    axes = [
+        (
+            len(part.model),
+            part.dual is not None,
+            document.at(("axes", name, "learning")) is not None,
+        )
+        for name, part in parts.items()
+        if part.model
+    ]
     if rate_hz is None or len(axes) < len(parts):
         return None
     return recording_rate(axes, rate_hz)

@@ -14,7 +14,12 @@ from motorctl.version import VERSION
 def log_axes(machine: Machine) -> list[LogAxis]:
     """Return what the columns of a log of this machine are made of."""
     return [
-        LogAxis(a.name, a.model.parameter_names, dual_drive=a.dual_drive is not None)
+        LogAxis(
+            a.name,
+            a.model.parameter_names,
+            dual_drive=a.dual_drive is not None,
+            learning=a.learning is not None,
+        )
         for a in machine.axes.values()
     ]
 

@@ -45,13 +45,14 @@ class RecordingRate:
         return self.recorded_mb_h * CLOSED_SHARE
 
 
-def recording_rate(axes: Iterable[tuple[int, bool]], rate_hz: float) -> RecordingRate:
+def recording_rate(axes: Iterable[tuple[int, bool, bool]], rate_hz: float) -> RecordingRate:
     """Return how much is recorded.
 
     Parameters
     ----------
     axes
-        Of each axis, how many parameters its model has, and whether two motors drive it.
+        Of each axis, how many parameters its model has, whether two motors drive it, and whether it
+        learns for programs that repeat.
     rate_hz
         Rows a second.
     """

@@ -21,7 +21,10 @@ DAYS_A_YEAR = 365.0
 
 def recording_rate_of(machine: Machine) -> RecordingRate:
     """Return how much a machine records."""
-    axes = ((len(axis.model), axis.dual_drive is not None) for axis in machine.axes.values())
+    axes = (
+        (len(axis.model), axis.dual_drive is not None, axis.learning is not None)
+        for axis in machine.axes.values()
+    )
     return recording_rate(axes, machine.rate_hz)
 
 

@@ -25,6 +25,7 @@ from motorctl.config.groups import notes_on_groups
 from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.keys import LoopSettings
+from motorctl.config.learned_file import notes_on_learning
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.motion_notes import notes_on_motion
@@ -90,6 +91,7 @@ def summarise(machine: Machine) -> dict[str, Any]:
             *notes_on_groups(machine),
             *notes_on_guards(machine, {n: driver["watchdog_s"] for n, driver in drivers.items()}),
             *notes_on_motion(machine),
+            *notes_on_learning(machine),
             *notes_on_recording(machine.recording, recording_rate_of(machine)),
             *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
             *(

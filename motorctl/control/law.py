@@ -206,7 +206,8 @@ def law_step(
     """Return the command u [V] for this tick and learn from the last ones.
 
     eqs 9-19: v = va1 + va2 + vs with va1 the model at the desired motion, va2 = -d0_hat the fast
-    adaptation and vs = -ks p, p = de/dt + k1 e; then u = the root of v(u) = v.
+    adaptation and vs = -ks p, p = de/dt + k1 e; then u = the root of v(u) = v. `state.learned_v`,
+    which is no part of the law, is added to that.
 
     `state.others` is filled before; where the list declares a lag or a delay, so are
     `state.near` and `state.far`, the desired motion while the command acts. Then va1 is the mean of
@@ -250,6 +251,8 @@ def law_step(
     u = invert(
         input_map, input_slope, v, map_x, map_v, map_t, context, theta, settings.max_voltage_v
     )
+    if state.learned_v != 0.0:  # before the law remembers its command: the estimate sees it whole
+        u = min(max(u + state.learned_v, -settings.max_voltage_v), settings.max_voltage_v)
     advance_inputs(u, ts, context)
     flags = SATURATED if abs(u) >= settings.max_voltage_v else 0
 

@@ -102,6 +102,7 @@ def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np
             ("U", "f8", (p, p)),  # Gamma = U diag(D) U^T, U unit upper triangular
             ("D", "f8", (p,)),
             ("d0", "f8"),
+            ("learned_v", "f8"),  # that its owner adds to the command in this step
             ("u", "f8"),  # the command of the last step
             ("v", "f8"),  # its virtual command
             ("flags", "i8"),

@@ -6,15 +6,17 @@ The loop decides what its state allows; what is checked here first only makes fo
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from motorctl.config.learned_file import learned_paths
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.metadata import log_axes
 from motorctl.daemon.model_changes import ModelChanges
@@ -43,9 +45,9 @@ from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop import Excitation, LoopMemory, Phase, Reply, Verb
 from motorctl.loop.layout import signature
-from motorctl.loop.plan import plan_move, plan_program
+from motorctl.loop.plan import ProgramPlan, load_plan, plan_move, plan_program
 from motorctl.loop.states import State
-from motorctl.motion import Program, Trajectory
+from motorctl.motion import Program
 
 REPLY_TIMEOUT_S = 1.0
 POWER_TIMEOUT_S = 20.0
@@ -90,6 +92,7 @@ class Commander:
         self._memory = memory
         self._report = report
         self._names = list(machine.axes)
+        self._learned_files = learned_paths(machine)  # later models may come from anywhere
         self._motions: dict[str, _Motion] = {}
         self._history: deque[dict[str, Any]] = deque(maxlen=MOST_MOTIONS)
         self._waiting: dict[str, Program] = {}
@@ -294,7 +297,7 @@ class Commander:
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {error}") from error
         motion = _Motion("move", 0, 0.0, trajectory.duration_s, None, 1)
-        await self._follow(motion, {name: trajectory}, begun)
+        await self._follow(motion, ProgramPlan({name: trajectory}, 0.0, None), begun)
         return {
             "axis": name,
             "state": "running",
@@ -344,16 +347,20 @@ class Commander:
         return {"axis": name, "duration_s": excitation.total_ticks * period_s}
 
     async def _follow_program(self, axis: str, program: Program, begun: Begun) -> dict[str, Any]:
-        standing = {name: self._reference(name) for name in program.axes}
+        row, standing = self.models_row, {name: self._reference(name) for name in program.axes}
         try:
             # Nothing of the program's motion is asked for here: its signs of life would wait.
-            plan = await asyncio.to_thread(plan_program, self.machine, program, standing)
+            plan = await asyncio.to_thread(
+                plan_program, self.machine, program, standing, self._learned_files, row
+            )
         except MotorctlError as error:
             raise RefusedError(Code.OUT_OF_LIMITS, str(error)) from error
         motion = _Motion(
             program.name, 0, plan.approach_s, plan.duration_s, plan.period_s, program.cycles
         )
-        await self._follow(motion, plan.trajectories, begun)
+        for note in plan.notes:
+            logging.getLogger("motorctl").warning(note)
+        await self._follow(motion, plan, begun)
         return {
             "axis": axis,
             "state": "running",
@@ -361,15 +368,13 @@ class Commander:
             "axes": list(program.axes),
             "approach_s": plan.approach_s,
             "duration_s": plan.duration_s,
+            **{k: list(v) for k in ("learned", "notes") if (v := getattr(plan, k))},
         }
 
-    async def _follow(self, motion: _Motion, plans: Mapping[str, Trajectory], begun: Begun) -> None:
+    async def _follow(self, motion: _Motion, plan: ProgramPlan, begun: Begun) -> None:
         """Let the axes follow their plans from one and the same tick on, or none of them."""
-        begun.insist(*plans)
-        slots = {
-            name: self._memory.load_program(self._names.index(name), plan.segments)
-            for name, plan in plans.items()
-        }
+        begun.insist(*plan.trajectories)
+        slots = load_plan(self._memory, self._names, plan)
         margin = max(round(START_MARGIN_S * self.machine.rate_hz), 2)
         tick = int(self._memory.status["tick"][0]) + margin
         # What else moves at that time is another program, and not stopped for this one.
@@ -390,10 +395,10 @@ class Commander:
             name, reply = next(iter(refused.items()))
             raise self._refusals.of(Verb.FOLLOW, name, reply)
         started = _Motion(**{**vars(motion), "start_tick": tick})
-        self._motions.update(dict.fromkeys(plans, started))
-        for name in plans:
+        self._motions.update(dict.fromkeys(plan.trajectories, started))
+        for name in plan.trajectories:
             self._waiting.pop(name, None)
-        self._history.append({"axes": list(plans), **vars(started)})
+        self._history.append({"axes": list(plan.trajectories), **vars(started)})
 
     async def _take_back(self, names: Iterable[str]) -> None:
         """Stop axes that were ordered to follow a program, or may have been.

@@ -24,6 +24,8 @@ class LogAxis:
     theta_names: tuple[str, ...]
     dual_drive: bool = False
     """Two motors and encoders drive it: it has columns of its skew."""
+    learning: bool = False
+    """It may get a learned feedforward, and has a column of it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
     columns = [Column(field.name, field) for field in TICK_FIELDS]
     for j, axis in enumerate(axes):
         for field in AXIS_FIELDS:
-            if field.of_dual_drive and not axis.dual_drive:
+            if not field.is_recorded(dual_drive=axis.dual_drive, learning=axis.learning):
                 continue
             name = f"{axis.name}.{field.name}"
             if field.per_parameter:

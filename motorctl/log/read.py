@@ -46,6 +46,7 @@ _FLOATS = {
     "velocity": "velocity_m_s",
     "virtual_command": "virtual_command_v",
     "excitation": "excitation_v",
+    "learned": "learned_v",
     "d0_hat": "d0_hat_v",
 }
 _CODES = ("state", "fault", "flags")
@@ -125,7 +126,7 @@ def _read_columns(table: Table, gaps: Gaps, signals: Collection[str] | None) -> 
     wild: list[str] = []
     if not table.metadata:  # what a log of ours holds was seen by the guards
         columns, wild = _without_wild(table, columns, [axis + _POSITION for axis in axes])
-    notes = (*table.notes, *grid.notes, *wild, *blank)
+    notes = (*table.notes, *grid.notes, *wild, *blank, *_learned_notes(columns))
     return Recording(
         source=str(table.path),
         sample_rate_hz=grid.sample_rate_hz,
@@ -318,6 +319,20 @@ def _blank_notes(columns: Mapping[str, Array], names: Iterable[str]) -> Iterator
             yield (
                 f"{count} of {len(columns[name])} values of column '{name}' are blank: left out of "
                 "every judgement"
+            )
+
+
+def _learned_notes(columns: Mapping[str, Array]) -> Iterator[str]:
+    """Say which commands have in them what was learned for a program."""
+    ending = f".{_FLOATS['learned']}"
+    for name in columns:
+        if not name.endswith(ending):
+            continue
+        largest_v = float(np.nanmax(np.abs(columns[name]), initial=0.0))
+        if largest_v > 0.0:
+            yield (
+                f"axis {name.removesuffix(ending)}: up to {largest_v:.3g} V of its command was "
+                "learned for a program that repeats; that explains nothing, and is in the command"
             )
 
 

@@ -48,6 +48,8 @@ class AxisRecording:
     virtual_command: Array | None = None
     excitation: Array | None = None
     """What was injected beside the law's command, for a frequency response."""
+    learned: Array | None = None
+    """What was learned for a program that repeats; it is in `command`, and explains nothing."""
     d0_hat: Array | None = None
     theta_hat: Mapping[str, Array] = field(default_factory=dict)
     """Estimates by the full names of their parameters."""

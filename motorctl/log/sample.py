@@ -117,6 +117,12 @@ class Signal:
     """One value for each parameter of theta."""
     of_dual_drive: bool = False
     """Only axes with two motors have it; zero in the records of others."""
+    of_learning: bool = False
+    """Only axes that learn for programs that repeat have it; zero in the records of others."""
+
+    def is_recorded(self, *, dual_drive: bool, learning: bool) -> bool:
+        """Return whether an axis has it in its log."""
+        return (dual_drive or not self.of_dual_drive) and (learning or not self.of_learning)
 
 
 TICK_FIELDS = (
@@ -140,6 +146,13 @@ AXIS_FIELDS = (
     Signal("command_v", "f8", "V", "as written to the driver, after every limit"),
     Signal("virtual_command_v", "f8", "V", "v, before the inverse of the input map"),
     Signal("excitation_v", "f8", "V", "injected beside the law's command; command_v has it in it"),
+    Signal(
+        "learned_v",
+        "f8",
+        "V",
+        "learned for this program, beside the law's command; command_v has it in it",
+        of_learning=True,
+    ),
     Signal("d0_hat_v", "f8", "V", "fast estimate of the lumped disturbance"),
     Signal("theta_hat", "f8", "", "estimate of a parameter, in its own unit", per_parameter=True),
     Signal("state", "i4", "", "AxisState"),
@@ -167,18 +180,19 @@ AXIS_FIELDS = (
 `loop.axis.axis_step`; the ring, the log's columns and its metadata follow."""
 
 
-def row_bytes(axes: Iterable[tuple[int, bool]]) -> int:
+def row_bytes(axes: Iterable[tuple[int, bool, bool]]) -> int:
     """Return what a row takes while it is recorded, without the little that each batch adds.
 
     Parameters
     ----------
     axes
-        Of each axis, how many entries its theta has, and whether two motors drive it.
+        Of each axis, how many entries its theta has, whether two motors drive it, and whether it
+        learns for programs that repeat.
     """
     size = sum(np.dtype(field.dtype).itemsize for field in TICK_FIELDS)
-    for count, two_motors in axes:
+    for count, two_motors, learning in axes:
         for field in AXIS_FIELDS:
-            if field.of_dual_drive and not two_motors:
+            if not field.is_recorded(dual_drive=two_motors, learning=learning):
                 continue
             size += np.dtype(field.dtype).itemsize * (count if field.per_parameter else 1)
     return size

@@ -49,6 +49,7 @@ AXIS_SETTINGS = np.dtype(
         ("tick_s", "f8"),  # the loop's period; period_s is the axis' own
         ("asked", "i8"),  # a sample is taken when the loop asks, not by the device's clock
         ("max_excitation_v", "f8"),  # that an excitation may add to the command
+        ("max_learned_v", "f8"),  # that what was learned may add; 0: the axis does not learn
         ("possible_acceleration_m_s2", "f8"),  # of the full voltage, or the limit if that is more
         ("exchange", "i8"),  # what a tick reads was sampled in the axis' tick before
         ("quick_stops", "i8"),  # causes for which the axis is ramped down: a bit each
@@ -121,6 +122,9 @@ AXIS_STATE = np.dtype(
         ("excitation_fade", "i8"),  # in which it comes, and goes
         ("excitation_total", "i8"),  # that it lasts
         ("excitation_passed", "i8"),  # since it began
+        ("learned_on", "i8"),  # it is in cycles for which something was learned
+        ("learned_rest_v", "f8"),  # what of its begin or end still fades
+        ("learned_v", "f8"),  # that was added of what was learned, and of that rest
         ("heat_v2", "f8"),  # mean square of the command over the motor's time constant
         ("slot", "i8"),  # program slot followed, or -1
         ("program", "i8"),  # a number that the axes of one running program share; 0: none
@@ -232,6 +236,7 @@ def fill_axis_settings(
     record["exchange"] = is_one_exchange(exchange_delay)
     record["asked"] = not has_own_clock(exchange_delay)
     record["max_excitation_v"] = limits.max_excitation_v
+    record["max_learned_v"] = axis.max_learned_v
     mass = axis.model.index_of("acceleration")
     assert mass is not None  # no configuration is valid without
     fullest_m_s2 = limits.max_voltage_v / axis.estimates[mass].initial

@@ -44,6 +44,9 @@ DUAL_IMPORTS = """from motorctl.loop.dual_drive import drive_ends, join_ends, re
 from motorctl.loop.skew import guide_skew, hold_skew
 """
 DUAL_ARGUMENTS = " dual_settings, duals,"
+LEARNING_IMPORTS = """from motorctl.loop.learned_feedforward import lead_by_learned
+"""
+LEARNING_ARGUMENTS = " learned,"
 
 PASSED = """    {passed} = number // {divisor} - (number - elapsed) // {divisor}
 """
@@ -92,11 +95,20 @@ HOLD = """    hold_skew(
     )
 """
 
+LEAD = """    lead_by_learned(
+        settings[{i}], axes[{i}], law_settings[{i}], laws[{i}], learned[{i}],
+        status[0].models_row, {passed}, number,
+    )
+"""
+
 STEP = """    {volts} = axis_step(
         {m}.state_columns, {m}.input_columns, {m}.feedforward, {m}.input_map, {m}.input_slope,
         {m}.advance_context, {m}.advance_inputs, settings[{i}], axes[{i}], law_settings[{i}],
         laws[{i}], excitations[{i}], {passed}, t, samples[row, {i}],
     )
+"""
+
+TELL_LEARNED = """    samples[row, {i}].learned_v = axes[{i}].learned_v
 """
 
 DRIVE = """    drive_ends(
@@ -127,6 +139,7 @@ def compose_tick(
     channels: Sequence[int],
     divisors: Sequence[int],
     second_channels: Sequence[int | None] | None = None,
+    learning: Sequence[bool] | None = None,
 ) -> ModuleType:
     """Return the generated module whose `tick` serves these axes.
 
@@ -145,6 +158,8 @@ def compose_tick(
     second_channels
         The place of the second end of each axis; None for an axis with one motor. The dual drives
         are numbered in this order; without any the tick takes no records of them.
+    learning
+        Which axes may get a learned feedforward; without any the tick takes no records of it.
     """
     lists = dict.fromkeys(model.kernels.__name__ for model in models)
     imports = "".join(f"import {name}\n" for name in lists)
@@ -167,6 +182,7 @@ def compose_tick(
         places[i] |= {"d": d, "c2": (second_channels or ())[i], "volts": f"u{i}"}
         places[i] |= {"count": f"duals[{d}].raw_counts", "word": f"duals[{d}].status"}
         places[i]["index"] = f"duals[{d}].raw_index_counts"
+    learners = [i for i, learns in enumerate(learning or ()) if learns]
     begun = [PASSED.format(**place) for place in places if place["divisor"] != 1]
     parts = list(begun)
     for place in places:
@@ -180,16 +196,19 @@ def compose_tick(
     parts.append(COUNT.format(rows=STATUS_ROWS))
     steps = []
     for place in places:
-        step = HOLD + STEP + DRIVE if "d" in place else STEP
+        step = LEAD + STEP + TELL_LEARNED if place["i"] in learners else STEP
+        if "d" in place:
+            step = HOLD + step + DRIVE
         steps.append(_when_due(place, step, BETWEEN))
         parts += [steps[-1], REPORT.format(**place)]
         if "d" in place:
             parts.append(REPORT_SKEW.format(**place))
     parts.append(TAIL)
-    more = DUAL_ARGUMENTS if dual else ""
+    more = DUAL_ARGUMENTS * bool(dual) + LEARNING_ARGUMENTS * bool(learners)
+    imports += DUAL_IMPORTS * bool(dual) + LEARNING_IMPORTS * bool(learners)
     source = "".join(
         [
-            HEAD.format(axes=len(models), imports=imports + DUAL_IMPORTS * bool(dual)),
+            HEAD.format(axes=len(models), imports=imports),
             DEFINED.format(
                 decorator="@njit(cache=True, error_model='numpy')", name="tick", more=more
             ),

@@ -9,6 +9,7 @@ import numpy as np
 
 from motorctl.log.sample import TICK_SAMPLE, axis_sample
 from motorctl.loop.excitation import EXCITATION
+from motorctl.loop.learned_feedforward import LEARNED
 from motorctl.loop.vocabulary import STATUS_ROWS
 from motorctl.motion import SEGMENT
 
@@ -121,6 +122,7 @@ def places(layout: Mapping[str, int]) -> tuple[dict[str, Place], int]:
         ("segments", SEGMENT, (axes, 2, layout["segments"])),
         ("segment_counts", "i8", (axes, 2)),
         ("excitations", EXCITATION, (axes,)),
+        ("learned", LEARNED, (axes, 2)),
         ("ticks", TICK_SAMPLE, (rows,)),
         ("samples", axis_sample(parameters), (rows, axes)),
     ]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from motorctl.config.analysis import required_command
+from motorctl.config.learned_file import look_up
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
 from motorctl.loop.layout import PROGRAM_SEGMENTS
+from motorctl.loop.learned_feedforward import LearnedFeedforward
+from motorctl.loop.shared import LoopMemory
 from motorctl.motion import (
     PointToPoint,
     Program,
@@ -81,6 +85,10 @@ class ProgramPlan:
     """When the program itself begins."""
     period_s: float | None
     """Duration of one cycle where the program is periodic."""
+    learned: dict[str, LearnedFeedforward] = field(default_factory=dict)
+    """By axis: what is added meanwhile."""
+    notes: tuple[str, ...] = ()
+    """Why what was learned is not used, a sentence each."""
 
     @property
     def duration_s(self) -> float:
@@ -89,7 +97,11 @@ class ProgramPlan:
 
 
 def plan_program(
-    machine: Machine, program: Program, references_m: Mapping[str, float]
+    machine: Machine,
+    program: Program,
+    references_m: Mapping[str, float],
+    learned_files: Mapping[str, Path] | None = None,
+    models_row: int | None = None,
 ) -> ProgramPlan:
     """Plan the approach from where the axes stand, then the program with all its cycles.
 
@@ -105,6 +117,10 @@ def plan_program(
         What to follow.
     references_m
         Where each of the program's axes stands [m].
+    learned_files
+        Where axes that learn have what they learned; else as the configuration says.
+    models_row
+        The loop's, of the machine's models; None: those that run.
 
     Returns
     -------
@@ -135,7 +151,38 @@ def plan_program(
             )
     for name, approach in approaches.items():
         _check(machine, _Approach(program.name, name, approach), references_m[name])
-    return ProgramPlan(plans, longest, program.period_s)
+    learned, notes = _learned(machine, program, longest, learned_files or {}, models_row)
+    return ProgramPlan(plans, longest, program.period_s, learned, notes)
+
+
+def _learned(
+    machine: Machine,
+    program: Program,
+    lead_s: float,
+    files: Mapping[str, Path],
+    models_row: int | None,
+) -> tuple[dict[str, LearnedFeedforward], tuple[str, ...]]:
+    """Return what axes of a program have learned for it, and why what is there is not used."""
+    learned, notes = {}, []
+    for name in program.axes:
+        looked = look_up(machine, name, program, files.get(name))
+        if looked.why_not:
+            notes.append(looked.why_not)
+        if (entry := looked.entry) is not None:
+            cycle = entry.values, lead_s, entry.period_s, program.cycles
+            learned[name] = LearnedFeedforward(*cycle, models_row)
+    return learned, tuple(notes)
+
+
+def load_plan(memory: LoopMemory, axes: Sequence[str], plan: ProgramPlan) -> dict[str, int]:
+    """Write a plan into the loop's program slots; return which slot each axis has.
+
+    axes are all of the machine's, in their order.
+    """
+    return {
+        name: memory.load_program(axes.index(name), path.segments, plan.learned.get(name))
+        for name, path in plan.trajectories.items()
+    }
 
 
 @dataclass(frozen=True)

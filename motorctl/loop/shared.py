@@ -25,6 +25,7 @@ from motorctl.loop.layout import (
     RING_SECONDS,
     places,
 )
+from motorctl.loop.learned_feedforward import LearnedFeedforward, write_slot
 from motorctl.loop.sample_ring import SampleRing
 from motorctl.loop.vocabulary import STATUS_ROWS, Phase, Reply, Verb, Word
 
@@ -49,6 +50,7 @@ class LoopMemory(SampleRing):
         self.segments: NDArray[np.void] = self._view("segments")
         self.segment_counts: NDArray[np.int64] = self._view("segment_counts")
         self.excitations: NDArray[np.void] = self._view("excitations")
+        self.learned: NDArray[np.void] = self._view("learned")
         self._programs = itertools.count(1)
         with kernels_cached():
             self._announce = specialise(announce, self.status, 0, 0)
@@ -170,7 +172,12 @@ class LoopMemory(SampleRing):
             return None
         return Reply(int(self.replies[number % MAILBOX_SIZE]))
 
-    def load_program(self, axis: int, segments: NDArray[np.void]) -> int:
+    def load_program(
+        self,
+        axis: int,
+        segments: NDArray[np.void],
+        learned: LearnedFeedforward | None = None,
+    ) -> int:
         """Write a trajectory into the program slot that the axis does not follow.
 
         Parameters
@@ -179,6 +186,8 @@ class LoopMemory(SampleRing):
             Index of the axis.
         segments
             Of SEGMENT, shape (N,).
+        learned
+            What an axis that learns adds meanwhile to its command; None: nothing.
 
         Returns
         -------
@@ -198,6 +207,7 @@ class LoopMemory(SampleRing):
         slot = 1 if int(self.axis_status["slot"][axis]) == 0 else 0
         self.segments[axis, slot, : len(segments)] = segments
         self.segment_counts[axis, slot] = len(segments)
+        write_slot(self.learned[axis, slot], learned, self.models_row)
         return slot
 
     def load_excitation(self, axis: int, excitation: Excitation) -> None:

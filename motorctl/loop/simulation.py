@@ -37,6 +37,8 @@ class Simulation:
     wall_s: float
     turnaround_s: NDArray[np.float64]
     """Wall-clock turnaround of every tick, shape (ticks,): computing takes time here too."""
+    notes: tuple[str, ...] = ()
+    """Why what was learned for a program was not used, a sentence each."""
 
     @property
     def times_real_time(self) -> float:
@@ -128,9 +130,15 @@ def simulate(
                     progress(virtual.ticks / total)
             wall_s = time.monotonic() - began
             result = Simulation(
-                log, virtual.ticks * machine.period_s, wall_s, virtual.turnaround_s[:, 0]
+                log,
+                virtual.ticks * machine.period_s,
+                wall_s,
+                virtual.turnaround_s[:, 0],
+                tuple(virtual.notes),
             )
             extra = {"virtual_time": {"wall_s": wall_s, "turnaround": result.turnaround}}
+            if result.notes:
+                extra["notes"] = list(result.notes)
     finally:
         writer.close(extra)
     return result

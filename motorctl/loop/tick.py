@@ -154,8 +154,10 @@ class Tick:
         """Wall-clock turnaround, read, compute and write of each ring row, in virtual time too."""
         self._channels, self._arrays = self._make_arrays()
         self._in_place = [self._reads_and_writes()]
-        # A machine without dual drives has a tick that knows nothing of them.
-        self._two_ended = (self.dual_settings, self.duals) if dual else ()
+        # A machine without dual drives has a tick that knows nothing of them, and so with learning.
+        self._more: tuple[Any, ...] = (self.dual_settings, self.duals) if dual else ()
+        if any(axis.learning for axis in axes):
+            self._more += (memory.learned,)
         self._finish = self._make_finish()
         self.go_on: Callable[[], None]
         """Count rows from here on; called between two ticks of which this one's is the second."""
@@ -191,6 +193,7 @@ class Tick:
             [place[name] for name in self.machine.axes],
             [axis.divisor for axis in axes],
             [place.get(name + SECOND_END) for name in self.machine.axes],
+            [axis.learning is not None for axis in axes],
         )
 
     def _all_arguments(self) -> tuple[Any, ...]:
@@ -207,7 +210,7 @@ class Tick:
             *records,
             *programs,
             *samples,
-            *self._two_ended,
+            *self._more,
         )
 
     def _compiled(self) -> Callable[..., Any]:
@@ -260,7 +263,7 @@ class Tick:
         in_place = self._in_place
         memory = self.memory
         # Ordinary machines call it straight, without an argument or a step more.
-        compute = partial(_with_more, kernel, self._two_ended) if self._two_ended else kernel
+        compute = partial(_with_more, kernel, self._more) if self._more else kernel
         virtual, finish = self.virtual, self._finish
         counts, index_counts, words, volts, enable = self._channels
         watch, status, mailbox, replies = self.watch, memory.status, memory.mailbox, memory.replies

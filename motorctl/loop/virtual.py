@@ -13,6 +13,7 @@ from motorctl.errors import RunError, UsageError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.excitation import Excitation
 from motorctl.loop.faults import fault_message
+from motorctl.loop.learned_feedforward import LearnedFeedforward
 from motorctl.loop.other_models import other_models
 from motorctl.loop.plan import plan_program
 from motorctl.loop.runner import VirtualRun
@@ -61,6 +62,8 @@ class VirtualMachine:
         self._run = VirtualRun(self.tick)
         self._on_rows = on_rows
         self._turnarounds: list[NDArray[np.float64]] = []
+        self.notes: list[str] = []
+        """Why what was learned for programs is not used, a sentence each."""
 
     def __enter__(self) -> VirtualMachine:
         self.tick.open(virtual=True)
@@ -155,15 +158,20 @@ class VirtualMachine:
                 self._wait_for(name, AxisState.HOMING, timeout)
 
     def follow(
-        self, trajectories: Mapping[str, Trajectory], programs: Mapping[str, int] | None = None
+        self,
+        trajectories: Mapping[str, Trajectory],
+        programs: Mapping[str, int] | None = None,
+        learned: Mapping[str, LearnedFeedforward] | None = None,
     ) -> None:
         """Let axes follow trajectories from where they stand, all from the same tick on.
 
-        programs has a number for each axis that the axes of one program share.
+        programs has a number for each axis that the axes of one program share, learned what axes
+        add meanwhile to their commands.
         """
         tick = int(self.memory.status["tick"][0]) + len(trajectories) + 1
         for name, trajectory in trajectories.items():
-            slot = self.memory.load_program(self.names.index(name), trajectory.segments)
+            added = (learned or {}).get(name)
+            slot = self.memory.load_program(self.names.index(name), trajectory.segments, added)
             program = (programs or {}).get(name, 0)
             self.order(Verb.FOLLOW, name, slot=slot, tick=tick, program=program)
 
@@ -183,12 +191,16 @@ class VirtualMachine:
         """Start the named programs and return how long the longest takes with its approach [s]."""
         trajectories: dict[str, Trajectory] = {}
         numbers: dict[str, int] = {}
+        learned: dict[str, LearnedFeedforward] = {}
         for name in programs:
             program = self.machine.programs[name]
             standing = {axis: self.state(axis)["reference_m"] for axis in program.axes}
-            trajectories |= plan_program(self.machine, program, standing).trajectories
+            plan = plan_program(self.machine, program, standing)
+            trajectories |= plan.trajectories
+            learned |= plan.learned
+            self.notes += plan.notes
             numbers |= dict.fromkeys(program.axes, self.memory.program_number())
-        self.follow(trajectories, numbers)
+        self.follow(trajectories, numbers, learned)
         return max((t.duration_s for t in trajectories.values()), default=0.0)
 
     def state(self, axis: str) -> np.void:

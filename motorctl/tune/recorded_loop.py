@@ -53,10 +53,15 @@ class PlantEstimate:
     """Of the command, beyond the hold, with what its standard error leaves open [s]."""
     lag_s: float
     """Of the amplifier, as the model declares it [s]."""
+    delay_open_s: float = 0.0
+    """What of `delay_s` its standard error leaves open [s]."""
 
-    def at(self, theta1: float, theta2: float, period_s: float) -> DelayedPlant:
-        """Return the sampled plant with these parameters."""
-        return DelayedPlant((theta1, theta2, 0.0), period_s, self.delay_s, self.lag_s)
+    def at(
+        self, theta1: float, theta2: float, period_s: float, delay_s: float | None = None
+    ) -> DelayedPlant:
+        """Return the sampled plant with these parameters; None: with `delay_s`."""
+        delay_s = self.delay_s if delay_s is None else delay_s
+        return DelayedPlant((theta1, theta2, 0.0), period_s, delay_s, self.lag_s)
 
     def nominal(self, period_s: float) -> DelayedPlant:
         """Return the sampled plant as it was identified."""
@@ -107,7 +112,9 @@ class RecordedLoop:
         return float(np.abs(self.error[-self.counted :]).max())
 
 
-def recorded_loop(recording: Recording, machine: Machine, name: str) -> RecordedLoop:
+def recorded_loop(
+    recording: Recording, machine: Machine, name: str, *, most_missing: int = 0
+) -> RecordedLoop:
     """Return what a log tells of the loop of an axis.
 
     Inertia, friction and delay are fitted to the log. A lag that the model declares is taken out of
@@ -122,6 +129,8 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
         log's: the recorded error is what that loop leaves.
     name
         The axis.
+    most_missing
+        Rows that may be missing between two.
 
     Returns
     -------
@@ -149,7 +158,7 @@ def recorded_loop(recording: Recording, machine: Machine, name: str) -> Recorded
     before, axis, data = logged.axes[name], machine.axes[name], recording.axes[name]
     run = measure_axis(recording, name)
     rows, goes_round = _rows(run, recording.sample_rate_hz)
-    require_sound_rows(recording, name, rows)
+    require_sound_rows(recording, name, rows, most_missing)
     error, d0_hat, ahead = _columns(recording, data, before, logged.period_of(name), rows)
     counted = len(range(*run.last_rows.indices(len(data.position))))
     used = with_others(recording, name)
@@ -221,7 +230,8 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
         )
     # The fitted delay is all by which the command is late, a declared lag and delay included.
-    fitted_s = fit.delay_s + DELAY_ERRORS * fit.estimate.delay_std_error_s - model.lag_s
+    open_s = DELAY_ERRORS * fit.estimate.delay_std_error_s
+    fitted_s = fit.delay_s + open_s - model.lag_s
     plant = PlantEstimate(
         theta1=theta1,
         theta2=0.0 if viscous is None else max(float(fit.theta[viscous]), 0.0),
@@ -229,6 +239,7 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
         theta2_bounds=parameter_range(axis.model, axis.estimates, "velocity")[1:],
         delay_s=max(fitted_s, model.delay_s, axis.adaptation.input_delay_s),
         lag_s=model.lag_s,
+        delay_open_s=open_s,
     )
     told = (model.parameter_names[place], "delay")
     notes = [note for note in fit.notes if any(name in note for name in told)]

@@ -47,10 +47,11 @@ def require_same_loop(recording: Recording, logged: Machine, machine: Machine, n
         )
 
 
-def require_sound_rows(recording: Recording, name: str, rows: slice) -> None:
+def require_sound_rows(recording: Recording, name: str, rows: slice, most_missing: int = 0) -> None:
     """Insist that the axis followed its program in all of these rows, and that none is missing.
 
-    Raises DataError with the time at which it did not.
+    most_missing is how many may be, between two. Raises DataError with the time at which it is not
+    so.
     """
     axis = recording.axes[name]
     time_s = recording.time_s[rows]
@@ -66,13 +67,26 @@ def require_sound_rows(recording: Recording, name: str, rows: slice) -> None:
             "that count: its error is not that of its program"
         )
     steps = np.diff(time_s) * recording.sample_rate_hz
-    lost = _first(steps > UNEVEN)
+    lost = _first(steps > UNEVEN + most_missing)
     if lost is None and axis.recorded is not None:
         lost = _first(~axis.recorded[rows])
     if lost is not None:
         raise DataError(
             f"{recording.source}: axis {name}: rows are missing at {time_s[lost]:.3f} s: give a "
             "log whose last periods are whole"
+        )
+
+
+def require_nothing_learned(recording: Recording, name: str) -> None:
+    """Insist that no learned voltage lowered the axis' error: other gains would drop it.
+
+    Raises DataError where one did.
+    """
+    learned = recording.axes[name].learned
+    if learned is not None and np.any(learned):
+        raise DataError(
+            f"{recording.source}: axis {name}: what it had learned for its program was in the "
+            f"command: record it with `axes.{name}.learning: null`, tune, then learn anew"
         )
 
 

@@ -20,6 +20,7 @@ from motorctl.tune.candidates import MarginsWanted
 from motorctl.tune.choice import Candidate, choose_gains, margins_of
 from motorctl.tune.predicted import Prediction, Predictor
 from motorctl.tune.recorded_loop import RecordedLoop, recorded_loop
+from motorctl.tune.same_loop import require_nothing_learned
 from motorctl.tune.trade_off import TradeOff, trade_off
 
 Progress = Callable[[str, float], None]
@@ -71,7 +72,8 @@ def require_tunable(machine: Machine, axis: str, out: Path, *, hardware: bool = 
         known = ", ".join(machine.axes)
         raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {known}")
     gains = machine.axes[axis].gains
-    other = LoopGains(*(SLIGHTLY * getattr(gains, key) for key in GAIN_KEYS))
+    # As they would be written: digits that the text has no room for would be another value.
+    other = LoopGains(*(float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS))
     write_beside(machine, axis, other, out, hardware=hardware).unlink()
 
 
@@ -112,6 +114,8 @@ def tune(
         No gains keep what is wanted.
     """
     progress("reading the loop from the log", 0.0)
+    if axis in recording.axes:
+        require_nothing_learned(recording, axis)
     loop = recorded_loop(recording, machine, axis)
     if wanted.command_noise_v is None:
         wanted = replace(wanted, command_noise_v=NOISE_PER_LIMIT * loop.max_voltage_v)

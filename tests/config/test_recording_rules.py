@@ -92,7 +92,7 @@ def test_the_bytes_of_a_row_are_those_that_reach_the_disk(tmp_path):
     head = writer.size_bytes
     writer.append(*make_rows(8192))
     writer.flush()
-    reckoned = row_bytes((len(axis.theta_names), axis.dual_drive) for axis in AXES)
+    reckoned = row_bytes((len(a.theta_names), a.dual_drive, a.learning) for a in AXES)
     assert (writer.size_bytes - head) / 8192 == pytest.approx(reckoned, rel=0.01)
     writer.close()
 

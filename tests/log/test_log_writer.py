@@ -27,12 +27,14 @@ def column(path, name):
 def test_every_signal_reaches_its_column_bit_for_bit(tmp_path):
     ticks, samples = make_rows(300)
     samples["skew_m"] = np.linspace(-1e-3, 1e-3, 300)[:, None]
-    beam, plain = dataclasses.replace(AXES[0], dual_drive=True), AXES[1]
+    samples["learned_v"] = np.linspace(-0.1, 0.1, 300)[:, None]
+    beam, plain = dataclasses.replace(AXES[0], dual_drive=True, learning=True), AXES[1]
     path = write_log(tmp_path / "run.parquet", (ticks, samples), axes=(beam, plain))
     for name in ticks.dtype.names:
         np.testing.assert_array_equal(column(path, name), ticks[name])
     for j, axis in enumerate((beam, plain)):
-        others = {field.name for field in AXIS_FIELDS if field.of_dual_drive and axis is plain}
+        asked = {"dual_drive": axis is beam, "learning": axis is beam}
+        others = {field.name for field in AXIS_FIELDS if not field.is_recorded(**asked)}
         for name in set(samples.dtype.names) - {"theta_hat"} - others:
             np.testing.assert_array_equal(column(path, f"{axis.name}.{name}"), samples[name][:, j])
         for k, theta in enumerate(axis.theta_names):

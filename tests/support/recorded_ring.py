@@ -21,7 +21,7 @@ from motorctl.loop import LoopMemory
 
 MACHINE = "bench"
 AXES = (LogAxis("x", ("inertia", "offset")), LogAxis("y", ("inertia",)))
-ROW_BYTES = row_bytes([(2, False), (1, False)])
+ROW_BYTES = row_bytes([(2, False, False), (1, False, False)])
 MUCH = 1e15
 """Free bytes of a disk that is never full."""
 

@@ -52,6 +52,14 @@ def tuned(config, log):
     return json.loads(told), out
 
 
+def test_gains_that_were_tuned_before_can_be_tuned_again(tmp_path):
+    path = tmp_path / "tuned.yaml"
+    gains = "gains: {k1_1_s: 366.9, ks_v_s_m: 230.3, gamma_d: 315.1,"
+    assert "gains: {k1_1_s: 250, ks_v_s_m: 95, gamma_d: 500," in TEXT
+    path.write_text(TEXT.replace("gains: {k1_1_s: 250, ks_v_s_m: 95, gamma_d: 500,", gains))
+    tuning.require_tunable(load(path), "x", tmp_path / "out.yaml")
+
+
 def test_the_tuned_configuration_is_the_old_one_but_for_three_gains(config, tuned):
     _, out = tuned
     before, after = (yaml.safe_load(p.read_text(encoding="utf-8")) for p in (config, out))

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 SIGNALS = (
     "position_m", "command_v", "reference_m", "reference_velocity_m_s", "state", "flags",
+    "learned_v",
 )  # fmt: skip
 """What of a log is looked at."""
 IN_FORCE = (AxisState.IDLE, AxisState.RUNNING, AxisState.STOPPING)

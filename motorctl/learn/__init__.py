@@ -1,0 +1,1 @@
+"""A feedforward that an axis learns by repeating its program: what no effect explains, by place."""
