@@ -237,12 +237,17 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
         theta2=0.0 if viscous is None else max(float(fit.theta[viscous]), 0.0),
         theta1_bounds=parameter_range(axis.model, axis.estimates, "acceleration")[1:],
         theta2_bounds=parameter_range(axis.model, axis.estimates, "velocity")[1:],
-        delay_s=max(fitted_s, model.delay_s, axis.adaptation.input_delay_s),
+        delay_s=max(fitted_s, model.delay_s + axis.adaptation.input_delay_s),
         lag_s=model.lag_s,
         delay_open_s=open_s,
     )
     told = (model.parameter_names[place], "delay")
     notes = [note for note in fit.notes if any(name in note for name in told)]
+    for ringing in (e.name for e in axis.model.effects if "resonance" in e.groups):
+        notes.append(
+            f"{ringing} is not in the plant around which margins and stability are reckoned: look "
+            f"at `motorctl response {axis.name}` with these gains before they are relied upon"
+        )
     low, high = plant.theta1_bounds
     if not low <= theta1 <= high:
         notes.append(

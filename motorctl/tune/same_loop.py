@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -103,10 +103,30 @@ def _differences(logged: Machine, machine: Machine, name: str) -> Iterator[tuple
         "limits.max_voltage_v": (before.limits.max_voltage_v, now.limits.max_voltage_v),
         "gains.velocity": (before.gains.velocity, now.gains.velocity),
         "model": (_effects(before), _effects(now)),
+        "program": (_motion(logged, before), _motion(machine, now)),
     }
+    if not now.adaptation.enabled:  # else what was learned counts, not where it began
+        pairs["start values"] = (_start(before), _start(now))
+    if not (before.program and now.program):
+        del pairs["program"]
     for key, (was, is_) in pairs.items():
         if was != is_:
             yield key, str(was), str(is_)
+
+
+def _motion(machine: Machine, axis: Axis) -> str:
+    """Return an axis' program in words, but for how often it is repeated."""
+    programs = machine.resolved["programs"]
+    assert isinstance(programs, Mapping)
+    program = programs.get(axis.program, {})
+    return ", ".join(f"{key}: {value}" for key, value in program.items() if key != "cycles")
+
+
+def _start(axis: Axis) -> str:
+    names = axis.model.parameter_names
+    return ", ".join(
+        f"{n}: {value:.6g}" for n, value in zip(names, axis.theta_initial, strict=True)
+    )
 
 
 def _effects(axis: Axis) -> str:

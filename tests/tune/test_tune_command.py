@@ -148,6 +148,16 @@ def test_a_log_of_another_model_is_refused(config, log, tmp_path):
         run("y", "--config", other, "--recording", log, "--out", tmp_path / "t.yaml")
 
 
+def test_a_log_of_another_motion_is_refused_and_of_more_repetitions_is_not(config, log, tmp_path):
+    slower = tmp_path / "slower.yaml"
+    slower.write_text(SHORT.replace("max_velocity_m_s: 0.95", "max_velocity_m_s: 0.9"))
+    with pytest.raises(UsageError, match=r"program: .*max_velocity_m_s: 0\.95.*: 0\.9"):
+        run("y", "--config", slower, "--recording", log, "--out", tmp_path / "t.yaml")
+    longer = tmp_path / "longer.yaml"
+    longer.write_text(TEXT)
+    assert recorded_loop(read_recording(log), load(longer), "y").counted
+
+
 def test_a_foreign_recording_is_refused_for_it_does_not_tell_the_gains(config, log, tmp_path):
     table = pq.read_table(log)
     foreign = tmp_path / "foreign.parquet"
