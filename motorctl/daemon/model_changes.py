@@ -99,6 +99,8 @@ class ModelChanges:
         self._one = asyncio.Lock()
         self._before: Machine | None = None
         """What ran before the last change; None: nothing else did."""
+        self._trials_before = ModelTrials(self._names)
+        """And what of that was on trial."""
         self._sources = dict.fromkeys(self._names, str(machine.source))
         """By axis: the configuration that its model came with."""
         self._trials = ModelTrials(self._names)
@@ -159,8 +161,10 @@ class ModelChanges:
             if not changed:
                 return {"axes": [], "log": None, "trial": None}
             self._must_stand("apply", changed, STANDING)
-            log = await self._change(machine, changed, "apply", STANDING, insist)
-            self._before = before
+            earlier = self._trials
+            trials = earlier.changed(before, machine, changed)
+            log = await self._change(machine, changed, "apply", STANDING, trials, insist)
+            self._before, self._trials_before = before, earlier
             self._sources |= dict.fromkeys(changed, request.source)
             await self._note(before, machine, changed, "applied", request.story, log)
             return self._answer(changed, log)
@@ -174,7 +178,7 @@ class ModelChanges:
                     "start those of its own file run"
                 )
                 raise RefusedError(Code.WRONG_STATE, message)
-            return await self._go_back(self._before, "reverted", None, insist)
+            return await self._go_back(self._before, "reverted", None, self._trials_before, insist)
 
     def watch(self) -> None:
         """Look whether a model on trial has proved itself, or tripped; takes no time."""
@@ -242,16 +246,17 @@ class ModelChanges:
         _log.warning("%s with a model on trial: what ran before takes over again", why)
         source = next(str(machine.source) for machine in proven.values() if machine)
         machine = await self._loaded(with_models_of(self._machine, {"axes": own}), source)
-        await self._go_back(machine, "fell_back", why, lambda: None)
+        await self._go_back(machine, "fell_back", why, ModelTrials(self._names), lambda: None)
         return True
 
     async def _go_back(
-        self, machine: Machine, what: What, why: str | None, insist: Insist
+        self, machine: Machine, what: What, why: str | None, earlier: ModelTrials, insist: Insist
     ) -> dict[str, Any]:
         before = self._machine
         changed = axes_with_other_models(before, machine)
         self._must_stand("revert", changed, STANDING_AS_IT_TRIPPED)
-        log = await self._change(machine, changed, "revert", STANDING_AS_IT_TRIPPED, insist)
+        trials = self._trials.taken_back(earlier, changed)
+        log = await self._change(machine, changed, "revert", STANDING_AS_IT_TRIPPED, trials, insist)
         self._before = None
         self._sources |= dict.fromkeys(changed, str(machine.source))
         await self._note(before, machine, changed, what, [], log, why)
@@ -290,6 +295,7 @@ class ModelChanges:
         changed: list[str],
         do: str,
         standing: Collection[AxisState],
+        trials: ModelTrials,
         insist: Insist,
     ) -> str | None:
         """Have the loop change models; return the first log of the new ones."""
@@ -303,7 +309,6 @@ class ModelChanges:
         insist()  # others may have stopped or moved them while it was compiled
         self._must_stand(do, changed, standing)
         self._announce(machine)
-        trials = self._trials.changed(self._machine, machine, changed)
         refused = await self._order(models, trials)
         if refused is not None:
             raise RefusedError(Code.WRONG_STATE, f"{do}: {refused}")

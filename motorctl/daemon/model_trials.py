@@ -72,9 +72,21 @@ class ModelTrials:
 
     def ended(self, axes: Iterable[str]) -> ModelTrials:
         """Return the trials without those of some axes."""
-        trials = ModelTrials(self._names)
-        left_out = set(axes)
-        trials._axes = {name: on for name, on in self._axes.items() if name not in left_out}
+        return self.taken_back(ModelTrials(self._names), axes)
+
+    def taken_back(self, earlier: ModelTrials, axes: Iterable[str]) -> ModelTrials:
+        """Return the trials with those of some axes as they were earlier: what ran then runs again.
+
+        Parameters
+        ----------
+        earlier
+            Of what ran before.
+        axes
+            That run it again.
+        """
+        trials, back = ModelTrials(self._names), set(axes)
+        trials._axes = {name: on for name, on in self._axes.items() if name not in back}
+        trials._axes |= {n: _OnTrial(on.proven) for n, on in earlier._axes.items() if n in back}
         return trials
 
     def look(self, states: Mapping[str, AxisState], faults: Mapping[str, FaultCause]) -> list[str]:

@@ -116,3 +116,18 @@ def test_a_change_of_one_axis_leaves_another_on_trial(gantry: Machine, trials: M
     assert both.motions_left("x") == TRIAL_MOTIONS - 1
     assert both.windows == (TRIAL_WINDOW, TRIAL_WINDOW)
     assert look(both, FaultCause.OVERSPEED, x=AxisState.FAULT) == ["x"]
+
+
+def test_what_is_taken_back_is_on_trial_where_it_was_before(
+    gantry: Machine, trials: ModelTrials
+) -> None:
+    # from one that proved itself back to one that did: nothing is on trial
+    none = ModelTrials(AXES)
+    assert none.taken_back(none, ["x"]).windows == (1.0, 1.0)
+    # from one that proved itself back to one that had not
+    back = none.taken_back(trials, ["x"])
+    assert back.proven("x") is gantry
+    assert back.motions_left("x") == TRIAL_MOTIONS
+    # and from one on trial back to one that had proved itself; others go on as they are
+    both = trials.changed(with_ks(gantry, x=40.0), with_ks(gantry, x=40.0, y=40.0), ["y"])
+    assert both.taken_back(none, ["x"]).windows == (1.0, TRIAL_WINDOW)

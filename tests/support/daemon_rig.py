@@ -168,7 +168,7 @@ class Daemon:
             try:
                 answers.append(self.ask(do, axis=axis, **arguments))
             except DaemonRefusedError as no:
-                if no.code != "still_moving":
+                if no.code not in ("still_moving", "not_ready"):
                     raise
             return bool(answers)
 
