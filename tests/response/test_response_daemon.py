@@ -89,7 +89,8 @@ def test_ctrl_c_stops_the_axis_and_takes_the_excitation_with_it(
 @pytest.mark.slow
 def test_a_running_axis_is_measured_and_holds_again(daemon: Daemon, tmp_path: Path) -> None:
     daemon.ask_when_it_stands("start", "x")
-    told = json.loads(respond(daemon, "x", "--periods", "12", "--out", tmp_path, "--json").stdout)
+    # More than are needed: a computer that skips a tick spoils the whole period.
+    told = json.loads(respond(daemon, "x", "--periods", "24", "--out", tmp_path, "--json").stdout)
     assert daemon.state("x") == "idle"
     assert daemon.ask("status")["axes"]["x"]["excitation"] is None
     coherent = [f for f, c in zip(told["frequency_hz"], told["coherent"], strict=True) if c]
