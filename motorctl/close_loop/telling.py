@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from motorctl.close_loop.motion import Motions, with_programs
 from motorctl.close_loop.rigs import Rig
-from motorctl.close_loop.trial import GENTLER, MOST_TRIES, Progress
+from motorctl.close_loop.trial import Progress, gentler_until_followed
 from motorctl.config import Machine, load
-from motorctl.errors import DataError, RunError
+from motorctl.errors import DataError
 from motorctl.experiment.candidates import BEGINS, ROAMING, Candidate, probe
 from motorctl.experiment.reach import reach_in_envelope
 from motorctl.experiment.session import Experiment, Standing, next_experiment, standing
@@ -119,9 +119,7 @@ def record_telling(
     used_s, number = 0.0, 0
     chosen: Experiment | None = None
     while True:
-        reaches = {
-            n: reach_in_envelope(machine, a, motions.effort) for n, a in machine.axes.items()
-        }
+        reaches = _reaches(machine, motions)
         if chosen is None:
             first = probe(reaches)
             chosen = Experiment(first, first.lasts_s(reaches), ("what is there at all",))
@@ -159,26 +157,26 @@ def _run(
     progress: Progress,
 ) -> tuple[Recording, Motions]:
     """Run a motion, more gently where the machine cannot follow; `pieces` then has it."""
-    for left in reversed(range(MOST_TRIES)):
-        reaches = {
-            n: reach_in_envelope(machine, a, motions.effort) for n, a in machine.axes.items()
-        }
+
+    def run(gentler: Motions) -> None:
         tried = _Pieces(machine, {}, dict(pieces.start))
         if not rig.goes_on:
             tried.moves = {axis: list(moves) for axis, moves in pieces.moves.items()}
-        tried.add(chosen.candidate, reaches)
-        try:
-            rig.run(
-                tried.on(), log, None, lambda share: progress(f"{rig.verb} a telling motion", share)
-            )
-        except RunError:
-            if not left:
-                raise
-            motions = replace(motions, effort=GENTLER * motions.effort)
-        else:
-            pieces.moves, pieces.start = tried.moves, tried.start
-            break
+        tried.add(chosen.candidate, _reaches(machine, gentler))
+        rig.run(
+            tried.on(), log, None, lambda share: progress(f"{rig.verb} a telling motion", share)
+        )
+        pieces.moves, pieces.start = tried.moves, tried.start
+
+    motions = gentler_until_followed(motions, run)
     return read_recording(log, gaps="keep"), motions
+
+
+def _reaches(machine: Machine, motions: Motions) -> dict[str, Reach]:
+    return {
+        name: reach_in_envelope(machine, axis, motions.effort)
+        for name, axis in machine.axes.items()
+    }
 
 
 def _diagnosed(

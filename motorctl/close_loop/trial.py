@@ -102,21 +102,34 @@ def record_rich(
 ) -> tuple[Recording, Motions]:
     """Run the motion that shows most; more gently where the machine cannot follow."""
     machine = load(config)
+
+    def run(tried: Motions) -> None:
+        rig.run(
+            machine_on(machine, "rich", tried),
+            log,
+            None,
+            lambda share: progress(f"{rig.verb} rich motion", share),
+        )
+
+    motions = gentler_until_followed(motions, run)
+    return read_recording(log, gaps="keep"), motions
+
+
+def gentler_until_followed(motions: Motions, run: Callable[[Motions], None]) -> Motions:
+    """Run motions, more gently where the machine cannot follow; return those that it could.
+
+    Raises RunError where it cannot follow the gentlest.
+    """
     for left in reversed(range(MOST_TRIES)):
         try:
-            rig.run(
-                machine_on(machine, "rich", motions),
-                log,
-                None,
-                lambda share: progress(f"{rig.verb} rich motion", share),
-            )
+            run(motions)
         except RunError:
             if not left:
                 raise
             motions = replace(motions, effort=GENTLER * motions.effort)
         else:
             break
-    return read_recording(log, gaps="keep"), motions
+    return motions
 
 
 def model_error_v(
