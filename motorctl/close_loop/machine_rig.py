@@ -146,8 +146,7 @@ class MachineRig:
         """
         if not self.begun:
             return ()
-        names = list(axes_with_other_models(self._running, self._kept)) or sorted(self._led)
-        for name in names:
+        for name in sorted(self._led):
             self._client.wait_for(name, _stands, STAND_S)
         answer = self._client.ask("apply", **self._order_of(self._kept))
         return tuple(answer["axes"])

@@ -127,7 +127,7 @@ def test_motions_that_are_chosen_one_by_one_are_run_apart_and_read_as_one_record
         lambda _now, reaches, *_: Experiment(to_and_fro, to_and_fro.lasts_s(reaches), ()),
     )
     out = daemon.config.parent / "telling"
-    out.mkdir()
+    out.mkdir(exist_ok=True)  # it may begin anew, after a pause of the computer
     with Client(daemon.socket) as client:
         rig = machine_rig.MachineRig(client, machine_of_daemon(client), lambda *_: None)
         told = telling.record_telling(daemon.config, out, Motions(), rig, lambda *_: None)
