@@ -1,0 +1,1 @@
+"""The scope: logs in a browser, from the whole recording down to single rows."""
