@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.signal import welch
 
 from motorctl.errors import UsageError
 from motorctl.scope.opened_log import GAP_PERIODS, OpenedLog
@@ -40,6 +39,8 @@ def spectrum(opened: OpenedLog, name: str, begin_s: float, end_s: float) -> Answ
         `frequency_hz` and `amplitude`: of a sine at this frequency, its rms value. What is told has
         `note` where not all of the stretch was taken, or where it is too short.
     """
+    from scipy.signal import welch  # half a second, which opening a log need not wait for
+
     if name not in opened.log:
         raise UsageError(f"no column '{name}' in {opened.path.name}")
     first, last = opened.rows_between(begin_s, end_s)

@@ -10,7 +10,7 @@ export const TIME_PANELS = {
     title: "position", quantity: "position",
     series: [["reference_m", "reference", true], ["position_m", "position", false]],
   },
-  error: { title: "tracking error", quantity: "error", series: [["following_error_m", "error", false]] },
+  error: { title: "error", quantity: "error", series: [["following_error_m", "error", false]] },
   command: { title: "command", quantity: "command", series: [["command_v", "command", false]] },
   velocity: {
     title: "velocity", quantity: "velocity",
@@ -27,8 +27,8 @@ export const PLANE_PANELS = {
   error_position: { title: "error over position", x: ["position_m", "position"], y: ["following_error_m", "error"] },
   phase: { title: "phase plane", x: ["position_m", "position"], y: ["velocity_m_s", "velocity"] },
   path: { title: "path", path: true },
-  error_spectrum: { title: "spectrum of the error", column: ["following_error_m", "error"] },
-  command_spectrum: { title: "spectrum of the command", column: ["command_v", "command"] },
+  error_spectrum: { title: "error spectrum", column: ["following_error_m", "error"] },
+  command_spectrum: { title: "command spectrum", column: ["command_v", "command"] },
 };
 
 export const PANELS = { ...TIME_PANELS, ...PLANE_PANELS };

@@ -29,7 +29,7 @@ function setView(from, to) {
   const [low, high] = whole();
   const least = LEAST_ROWS / Math.max(...logs.map((log) => log.rate_hz));
   if (to - from < least) [from, to] = [(from + to - least) / 2, (from + to + least) / 2];
-  if (to - from >= high - low) [from, to] = [null, null];
+  if (to - from >= (high - low) * (1 - 1e-9)) [from, to] = [null, null];
   else if (from < low) [from, to] = [low, low + (to - from)];
   else if (to > high) [from, to] = [high - (to - from), high];
   layout = { ...layout, from, to };
