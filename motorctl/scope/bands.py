@@ -10,20 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.scope.opened_log import OpenedLog
 from motorctl.scope.pyramid import PATIENCE_S
+from motorctl.scope.shown import Shown
 
 MOST_STRETCHES = 400
 """Of an axis' band; more are joined to stretches of changing states. Nobody sees more at once."""
+MOST_PIXELS = 2000
+"""Row groups narrower than such a part of the view are not read: nobody sees what is in them."""
 CHANGING = "changing"
 
 
-def bands(opened: OpenedLog, begin_s: float, end_s: float) -> dict[str, Any]:
+def bands(shown: Shown, begin_s: float, end_s: float) -> dict[str, Any]:
     """Return the states of each axis over a stretch of time, for JSON.
 
     Parameters
     ----------
-    opened
+    shown
         The log.
     begin_s, end_s
         From when to when [s] by the log's own clock.
@@ -34,41 +36,57 @@ def bands(opened: OpenedLog, begin_s: float, end_s: float) -> dict[str, Any]:
         `axes`: of each axis that tells its state a list of stretches with `from_s`, `to_s`,
         `state` and, where it is in fault, `fault`; `coarse`: whether to ask again for more.
     """
-    first, last = opened.rows_between(begin_s, end_s)
+    first, last = shown.rows_between(begin_s, end_s)
     told: dict[str, Any] = {"axes": {}, "coarse": False}
     enough = time.monotonic() + PATIENCE_S
-    for axis in opened.log.axes:
-        if f"{axis}.state" not in opened.log or last <= first:
+    for axis in shown.log.axes:
+        if f"{axis}.state" not in shown.log.columns or last <= first:
             continue
-        rows, codes, coarse = _changes(opened, axis, first, last, enough)
+        rows, codes, coarse = _changes(shown, axis, first, last, enough)
         told["coarse"] |= coarse
-        told["axes"][axis] = _stretches(opened, rows, codes, last)
+        told["axes"][axis] = _stretches(shown, rows, codes, last)
     return told
 
 
 def _changes(
-    opened: OpenedLog, axis: str, first: int, last: int, enough: float
+    shown: Shown, axis: str, first: int, last: int, enough: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], bool]:
-    """Return the rows at which state or cause change, with both as one code; -1: not read yet."""
-    pyramid = opened.pyramid
+    """Return the rows at which state or cause change, with both as one code; -1: several.
+
+    And whether some row groups were not read yet.
+    """
+    pyramid = shown.pyramid
     names = [f"{axis}.state", f"{axis}.fault"]
-    names = [name for name in names if name in opened.log]
+    names = [name for name in names if name in shown.log.columns]
+    known = [pyramid.extremes(name) for name in names]
     rows, codes, coarse = [], [], False
     for k in pyramid.pieces(first, last):
-        known = [pyramid.extremes(name) for name in names]
-        begin = max(int(pyramid.begins[k]), first)
-        end = min(pyramid.end(k), last)
-        if all(found.low[k] == found.high[k] for found in known):
-            found_rows, found_codes = [begin], [_code(*(int(f.low[k]) for f in known))]
-        elif time.monotonic() > enough and all(np.isfinite(found.low[k]) for found in known):
-            found_rows, found_codes, coarse = [begin], [-1], True
-        else:
-            code = _code(*(pyramid.rows(name, begin, end).astype(int) for name in names))
+        begin, end = int(pyramid.begins[k]), pyramid.end(k)
+        told = all(np.isfinite(found.low[k]) for found in known)
+        if told and all(found.low[k] == found.high[k] for found in known):
+            rows.append(begin)
+            codes.append(_code(*(int(found.low[k]) for found in known)))
+            continue
+        within_a_pixel = end - begin < (last - first) / MOST_PIXELS
+        unread = (axis, k) not in shown.changes
+        if told and unread and (within_a_pixel or time.monotonic() > enough):
+            coarse |= not within_a_pixel
+            rows.append(begin)
+            tripped = known[0].high[k] == AxisState.FAULT
+            codes.append(_code(*(int(found.high[k]) for found in known)) if tripped else -1)
+            continue
+        if unread:
+            code = _code(*(pyramid.piece(name, k).astype(np.int64) for name in names))
             at = np.flatnonzero(np.diff(code, prepend=-2))
-            found_rows, found_codes = list(begin + at), list(code[at])
-        rows += found_rows
-        codes += found_codes
+            shown.changes[axis, k] = begin + at, code[at]
+        found_rows, found_codes = shown.changes[axis, k]
+        rows += found_rows.tolist()
+        codes += found_codes.tolist()
     all_rows, all_codes = np.array(rows, np.int64), np.array(codes, np.int64)
+    current = max(int(np.searchsorted(all_rows, first, side="right")) - 1, 0)
+    end = int(np.searchsorted(all_rows, last))
+    all_rows, all_codes = all_rows[current:end], all_codes[current:end]
+    all_rows[0] = max(all_rows[0], first)
     new = np.flatnonzero(np.diff(all_codes, prepend=-2))
     return all_rows[new], all_codes[new], coarse
 
@@ -78,22 +96,24 @@ def _code(state: Any, fault: Any = 0) -> Any:
 
 
 def _stretches(
-    opened: OpenedLog, rows: NDArray[np.int64], codes: NDArray[np.int64], last: int
+    shown: Shown, rows: NDArray[np.int64], codes: NDArray[np.int64], last: int
 ) -> list[dict[str, Any]]:
     ends = [*rows[1:].tolist(), last - 1]
-    states = _words(opened.log.metadata.get("states"), AxisState)
-    faults = _words(opened.log.metadata.get("faults"), FaultCause)
+    states = _words(shown.log.metadata.get("states"), AxisState)
+    faults = _words(shown.log.metadata.get("faults"), FaultCause)
     joined = -(-len(rows) // MOST_STRETCHES)
     told = []
     for k in range(0, len(rows), joined):
-        state, fault = divmod(int(codes[k]), 256)
-        several = joined > 1 or codes[k] < 0
+        together = codes[k : k + joined]
+        trips = together[together >= AxisState.FAULT * 256]
+        code = int(trips[0] if len(trips) else together[0] if len(together) == 1 else -1)
+        state, fault = divmod(code, 256)
         stretch = {
-            "from_s": opened.time_of(int(rows[k])),
-            "to_s": opened.time_of(int(ends[min(k + joined, len(rows)) - 1])),
-            "state": CHANGING if several else states.get(state, f"state {state}"),
+            "from_s": shown.time_of(int(rows[k])),
+            "to_s": shown.time_of(int(ends[min(k + joined, len(rows)) - 1])),
+            "state": CHANGING if code < 0 else states.get(state, f"state {state}"),
         }
-        if not several and state == AxisState.FAULT:
+        if state == AxisState.FAULT:
             stretch["fault"] = faults.get(fault, f"cause {fault}")
         told.append(stretch)
     return told

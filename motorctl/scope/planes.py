@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import UsageError
-from motorctl.scope.opened_log import OpenedLog
+from motorctl.scope.shown import Shown
 from motorctl.scope.wire import Answer
 
 Array = NDArray[np.float64]
@@ -23,12 +23,12 @@ LEAST_SPEED = 1e-4
 """Of the reference [unit/s], below which a path has no direction, and so no error across it."""
 
 
-def plane(opened: OpenedLog, x: str, y: str, begin_s: float, end_s: float) -> Answer:
+def plane(shown: Shown, x: str, y: str, begin_s: float, end_s: float) -> Answer:
     """Return the points of one column against another over a stretch of time.
 
     Parameters
     ----------
-    opened
+    shown
         The log.
     x, y
         Its columns.
@@ -41,24 +41,24 @@ def plane(opened: OpenedLog, x: str, y: str, begin_s: float, end_s: float) -> An
         `x` and `y`; `line` where they are rows in their order, else each is a pixel that rows fall
         onto.
     """
-    first, last, told = _rows(opened, begin_s, end_s)
+    first, last, told = _rows(shown, begin_s, end_s)
     for name in (x, y):
-        _must_have(opened, name)
+        _must_have(shown, name)
     return _points(
-        opened.pyramid.rows(x, first, last).astype(float),
-        opened.pyramid.rows(y, first, last).astype(float),
+        shown.pyramid.rows(x, first, last).astype(float),
+        shown.pyramid.rows(y, first, last).astype(float),
         told,
     )
 
 
 def path(
-    opened: OpenedLog, x_axis: str, y_axis: str, begin_s: float, end_s: float, magnified: float
+    shown: Shown, x_axis: str, y_axis: str, begin_s: float, end_s: float, magnified: float
 ) -> Answer:
     """Return the path of two axes, with the error across it magnified.
 
     Parameters
     ----------
-    opened
+    shown
         The log.
     x_axis, y_axis
         Two axes.
@@ -75,13 +75,13 @@ def path(
     """
     if not 1 <= magnified <= 1e6:
         raise UsageError(f"magnified: {magnified:g}, which is not between 1 and 1e6")
-    first, last, told = _rows(opened, begin_s, end_s)
+    first, last, told = _rows(shown, begin_s, end_s)
     signals = ("reference_m", "reference_velocity_m_s", "following_error_m")
     columns = [f"{axis}.{signal}" for axis in (x_axis, y_axis) for signal in signals]
     for name in columns:
-        _must_have(opened, name)
+        _must_have(shown, name)
     rx, vx, ex, ry, vy, ey = (
-        opened.pyramid.rows(name, first, last).astype(float) for name in columns
+        shown.pyramid.rows(name, first, last).astype(float) for name in columns
     )
     across, normal_x, normal_y = error_across(vx, vy, ex, ey)
     if len(across):
@@ -121,18 +121,18 @@ def error_across(vx: Array, vy: Array, ex: Array, ey: Array) -> tuple[Array, Arr
     return ex * normal_x + ey * normal_y, normal_x, normal_y
 
 
-def _rows(opened: OpenedLog, begin_s: float, end_s: float) -> tuple[int, int, dict[str, Any]]:
-    first, last = opened.rows_between(begin_s, end_s)
+def _rows(shown: Shown, begin_s: float, end_s: float) -> tuple[int, int, dict[str, Any]]:
+    first, last = shown.rows_between(begin_s, end_s)
     if last - first <= MOST_ROWS:
         return first, last, {}
-    seconds = MOST_ROWS / opened.rate_hz()
+    seconds = MOST_ROWS / shown.rate_hz()
     note = f"the first {seconds:.4g} s of this view: zoom in for others"
     return first, first + MOST_ROWS, {"note": note}
 
 
-def _must_have(opened: OpenedLog, name: str) -> None:
-    if name not in opened.log:
-        raise UsageError(f"no column '{name}' in {opened.path.name}")
+def _must_have(shown: Shown, name: str) -> None:
+    if name not in shown.log.columns:
+        raise UsageError(f"no column '{name}' in {shown.name}")
 
 
 def _points(x: Array, y: Array, told: dict[str, Any]) -> Answer:

@@ -10,12 +10,12 @@ import time
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.api.log import Extremes, Log
+from motorctl.api.log import Extremes
 
 Array = NDArray[Any]
 BUCKET_ROWS = 256
@@ -41,10 +41,40 @@ class Envelope:
     """Whether something is told by row groups that were not read yet: ask again."""
 
 
+class Recorded(Protocol):
+    """What a picture is made of: a log, or what was heard of a machine."""
+
+    units: Mapping[str, str]
+    metadata: Mapping[str, Any]
+    notes: tuple[str, ...]
+
+    @property
+    def rows(self) -> int:
+        """N."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Rows a second."""
+
+    def part(self, name: str, first: int, last: int) -> Array:
+        """Return the rows from `first` to before `last` of a column."""
+
+    def extremes(self, name: str) -> Extremes:
+        """Return between what a column lies in each piece."""
+
+
 class Pyramid:
     """The overview of one log."""
 
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Recorded) -> None:
         self._log = log
         self._extremes: dict[str, Extremes] = {}
         self._buckets: dict[tuple[str, int], tuple[Array, Array]] = {}
@@ -75,10 +105,6 @@ class Pyramid:
             return self._held[key]
         values = self._log.part(name, int(self.begins[piece]), self.end(piece))
         self._held[key] = values
-        if key not in self._buckets:
-            starts = np.arange(0, len(values), BUCKET_ROWS)
-            low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
-            self._buckets[key] = low, high
         while len(self._held) > MOST_PIECES_HELD:
             self._held.popitem(last=False)
         return values
@@ -163,5 +189,8 @@ class Pyramid:
             if (name, piece) not in self._buckets:
                 if time.monotonic() > enough:
                     return False
-                self.piece(name, piece)
+                values = self.piece(name, piece)
+                starts = np.arange(0, len(values), BUCKET_ROWS)
+                low, high = np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+                self._buckets[name, piece] = low, high
         return True

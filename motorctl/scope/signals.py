@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import UsageError
-from motorctl.scope.opened_log import GAP_PERIODS, OpenedLog
+from motorctl.scope.shown import GAP_PERIODS, Shown
 from motorctl.scope.wire import Answer
 
 MOST_PIXELS = 8192
@@ -18,7 +18,7 @@ MOST_COLUMNS = 64
 
 
 def signals(
-    opened: OpenedLog, names: Sequence[str], begin_s: float, end_s: float, pixels: int
+    shown: Shown, names: Sequence[str], begin_s: float, end_s: float, pixels: int
 ) -> Answer:
     """Return columns over a stretch of time.
 
@@ -27,7 +27,7 @@ def signals(
 
     Parameters
     ----------
-    opened
+    shown
         The log.
     names
         Its columns; those that it does not have are left out.
@@ -45,12 +45,12 @@ def signals(
         raise UsageError(f"pixels: {pixels}, which is not between 1 and {MOST_PIXELS}")
     if len(names) > MOST_COLUMNS:
         raise UsageError(f"columns: {len(names)} at once, more than {MOST_COLUMNS}")
-    there = ["time_s", *(name for name in dict.fromkeys(names) if name in opened.log)]
-    first, last = opened.rows_between(begin_s, end_s)
+    there = ["time_s", *(name for name in dict.fromkeys(names) if name in shown.log.columns)]
+    first, last = shown.rows_between(begin_s, end_s)
     if last <= first:
         return Answer({"every_row": True, "coarse": False}, {name: np.empty(0) for name in there})
-    found = opened.pyramid.envelope(there, first, last, pixels)
-    period_s = 1.0 / opened.rate_hz()
+    found = shown.pyramid.envelope(there, first, last, pixels)
+    period_s = 1.0 / shown.rate_hz()
     begins, ends = found.low["time_s"], found.high["time_s"]
     gaps = np.flatnonzero(begins[1:] - ends[:-1] > GAP_PERIODS * period_s) + 1
     if found.every_row:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from motorctl.errors import UsageError
-from motorctl.scope.opened_log import GAP_PERIODS, OpenedLog
 from motorctl.scope.planes import MOST_ROWS
+from motorctl.scope.shown import GAP_PERIODS, Shown
 from motorctl.scope.wire import Answer
 
 LONGEST_SEGMENT = 1 << 15
@@ -20,12 +20,12 @@ AVERAGED = 4
 line of fewer frequencies. By hand."""
 
 
-def spectrum(opened: OpenedLog, name: str, begin_s: float, end_s: float) -> Answer:
+def spectrum(shown: Shown, name: str, begin_s: float, end_s: float) -> Answer:
     """Return the amplitude spectrum of a column by Welch's method, with Hann's window.
 
     Parameters
     ----------
-    opened
+    shown
         The log.
     name
         Its column.
@@ -41,16 +41,16 @@ def spectrum(opened: OpenedLog, name: str, begin_s: float, end_s: float) -> Answ
     """
     from scipy.signal import welch  # half a second, which opening a log need not wait for
 
-    if name not in opened.log:
-        raise UsageError(f"no column '{name}' in {opened.path.name}")
-    first, last = opened.rows_between(begin_s, end_s)
+    if name not in shown.log.columns:
+        raise UsageError(f"no column '{name}' in {shown.name}")
+    first, last = shown.rows_between(begin_s, end_s)
     notes = []
     if last - first > MOST_ROWS:
         last = first + MOST_ROWS
-        notes.append(f"the first {MOST_ROWS / opened.rate_hz():.4g} s of this view")
-    time_s = opened.pyramid.rows("time_s", first, last)
-    values = opened.pyramid.rows(name, first, last).astype(float)
-    broken = np.diff(time_s) * opened.rate_hz() > GAP_PERIODS
+        notes.append(f"the first {MOST_ROWS / shown.rate_hz():.4g} s of this view")
+    time_s = shown.pyramid.rows("time_s", first, last)
+    values = shown.pyramid.rows(name, first, last).astype(float)
+    broken = np.diff(time_s) * shown.rate_hz() > GAP_PERIODS
     holes = np.concatenate(([0], np.flatnonzero(broken | ~np.isfinite(values[1:])) + 1))
     ends = np.append(holes[1:], len(values))
     longest = int(np.argmax(ends - holes))
@@ -63,8 +63,8 @@ def spectrum(opened: OpenedLog, name: str, begin_s: float, end_s: float) -> Answ
         return Answer({"note": note}, {"frequency_hz": np.empty(0), "amplitude": np.empty(0)})
     segment = min(LONGEST_SEGMENT, max(LEAST_ROWS, len(values) // AVERAGED))
     frequency_hz, power = welch(
-        values, opened.rate_hz(), "hann", nperseg=segment, scaling="spectrum"
+        values, shown.rate_hz(), "hann", nperseg=segment, scaling="spectrum"
     )
     told: dict[str, Any] = {"note": "; ".join(notes)} if notes else {}
-    told["resolution_hz"] = opened.rate_hz() / segment
+    told["resolution_hz"] = shown.rate_hz() / segment
     return Answer(told, {"frequency_hz": frequency_hz, "amplitude": np.sqrt(power)})

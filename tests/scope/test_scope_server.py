@@ -305,3 +305,21 @@ def test_a_file_of_one_row_opens_and_an_empty_log_says_that_it_has_none(tmp_path
     assert (told["every_row"], len(found["time_s"])) == (True, 1)
     with pytest.raises(DataError, match="no row"):
         OpenedLog(tmp_path / "none.parquet")
+
+
+def test_a_fault_among_many_changes_is_still_told(tmp_path: Path) -> None:
+    ticks, samples = make_rows(20_000)
+    samples["state"][:, 0] = np.where(np.arange(20_000) // 10 % 2, AxisState.IDLE, AxisState.OFF)
+    samples["state"][12_345:12_350, 0] = AxisState.FAULT
+    samples["fault"][12_345:12_350, 0] = FaultCause.ESTOP
+    write_log(tmp_path / "run.parquet", (ticks, samples), {"rate_hz": 1000.0})
+    _, _, body = asked([tmp_path / "run.parquet"], ("/api/bands?log=0&begin_s=0&end_s=20", {}))
+    stretches = json.loads(body)["axes"]["x"]
+    assert len(stretches) <= 401
+    (fault,) = (stretch for stretch in stretches if stretch["state"] == "fault")
+    assert fault["fault"] == "estop"
+    assert fault["from_s"] <= 12.345 <= fault["to_s"]
+    _, _, body = asked([tmp_path / "run.parquet"], ("/api/bands?log=0&begin_s=12.3&end_s=12.4", {}))
+    words = [(s["state"], s["from_s"]) for s in json.loads(body)["axes"]["x"]]
+    assert ("fault", 12.345) in words
+    assert words[0] == ("off" if 12_299 // 10 % 2 == 0 else "idle", 12.299)
