@@ -1,1 +1,1 @@
-"""The scope: logs in a browser, from the whole recording down to single rows."""
+"""The scope: logs and running machines in a browser."""

@@ -13,6 +13,8 @@ from aiohttp.typedefs import Handler, Middleware
 
 COOKIE = "motorctl_scope"
 TOKEN_PARAMETER = "token"
+CHANGED = ("/api/trigger",)
+"""What is changed by a request, of the scope itself; a machine is by none."""
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -84,9 +86,12 @@ def guarded(access: Access) -> Middleware:
             response.set_cookie(COOKIE, access.token or "", httponly=True, samesite="Strict")
         elif refusal := access.refusal(request):
             response = web.Response(status=403, text=f"refused: {refusal}\n")
-        elif request.method not in ("GET", "HEAD"):
+        elif request.method not in ("GET", "HEAD") and request.path not in CHANGED:
             text = f"refused: {request.method}: the scope only shows\n"
             response = web.Response(status=405, text=text)
+        elif request.method == "POST" and "Origin" not in request.headers:
+            text = "refused: only the scope's own page changes anything\n"
+            response = web.Response(status=403, text=text)
         else:
             try:
                 response = await handler(request)

@@ -11,20 +11,24 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from aiohttp import web
+from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.scope.access import Access, guarded, needs_token, new_token
 from motorctl.scope.bands import bands
+from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog
 from motorctl.scope.planes import path, plane
+from motorctl.scope.shown import Shown
 from motorctl.scope.signals import signals
 from motorctl.scope.spectrum import spectrum
+from motorctl.scope.trigger import Trigger
 from motorctl.scope.wire import Answer
 from motorctl.version import VERSION
 
 T = TypeVar("T")
 MOST_ASKED_BYTES = 4096
-"""Of a request's body. The page sends none."""
+"""Of a request's body: a trigger has some hundred."""
 PAGE = files("motorctl.scope") / "page"
 KINDS = {
     ".html": "text/html",
@@ -38,14 +42,14 @@ KINDS = {
 class Logs:
     """The logs that a page shows, side by side in their order."""
 
-    opened: Sequence[OpenedLog]
+    opened: Sequence[Shown]
     refused: Mapping[str, str]
     """By path, why one could not be opened."""
 
     @classmethod
     def of(cls, paths: Sequence[Path]) -> Logs:
-        """Open as many as can be. Raises MotorctlError where none can."""
-        opened: list[OpenedLog] = []
+        """Open as many as can be. Raises UsageError where none can."""
+        opened: list[Shown] = []
         refused: dict[str, str] = {}
         for each in paths:
             try:
@@ -55,6 +59,11 @@ class Logs:
         if not opened:
             raise UsageError("no log could be opened:\n" + "\n".join(refused.values()))
         return cls(opened, refused)
+
+    @classmethod
+    def of_machine(cls, socket: Path | None, captures: Path) -> Logs:
+        """Listen to a running machine. Raises MotorctlError where no daemon answers."""
+        return cls([LiveMachine(socket, captures)], {})
 
     def told(self) -> dict[str, Any]:
         """Return what the page is told first, for JSON."""
@@ -113,8 +122,31 @@ class Questions:
         values = await self._asked(request, lambda o, a, b: o.values_at(at_s), stretch=False)
         return web.json_response(values)
 
+    async def live(self, request: web.Request) -> web.Response:
+        """Tell how far the machine's rows are, and what was captured."""
+        return web.json_response(await asyncio.to_thread(self._machine().state))
+
+    async def trigger(self, request: web.Request) -> web.Response:
+        """Arm a trigger, or disarm it where nothing is asked for."""
+        machine = self._machine()
+        told = await request.text()
+        try:
+            wanted = Trigger.model_validate_json(told) if told else None
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"])) or "trigger"
+            raise UsageError(f"{where}: {first['msg']}") from None
+        await asyncio.to_thread(machine.arm, wanted)
+        return web.json_response({"armed": wanted is not None})
+
+    def _machine(self) -> LiveMachine:
+        machine = self._logs.opened[0]
+        if not isinstance(machine, LiveMachine):
+            raise UsageError("no machine is shown, but logs")
+        return machine
+
     async def _arrays(
-        self, request: web.Request, ask: Callable[[OpenedLog, float, float], Answer]
+        self, request: web.Request, ask: Callable[[Shown, float, float], Answer]
     ) -> web.Response:
         body = (await self._asked(request, ask)).encoded()
         return web.Response(body=body, content_type="application/octet-stream")
@@ -122,7 +154,7 @@ class Questions:
     async def _asked(
         self,
         request: web.Request,
-        ask: Callable[[OpenedLog, float, float], T],
+        ask: Callable[[Shown, float, float], T],
         stretch: bool = True,
     ) -> T:
         index = _number(request, "log")
@@ -137,6 +169,8 @@ class Questions:
 
         def answer() -> T:
             with opened.lock:
+                if opened.live:
+                    opened.refresh()
                 return ask(opened, begin_s, end_s)
 
         return await asyncio.to_thread(answer)
@@ -155,7 +189,8 @@ def application(logs: Logs, access: Access) -> web.Application:
 
     app = web.Application(middlewares=[guarded(access), in_words], client_max_size=MOST_ASKED_BYTES)
     questions = Questions(logs)
-    for name in ("logs", "signals", "bands", "plane", "path", "spectrum", "values"):
+    app.router.add_post("/api/trigger", questions.trigger)
+    for name in ("live", "logs", "signals", "bands", "plane", "path", "spectrum", "values"):
         app.router.add_get(f"/api/{name}", getattr(questions, name))
     app.router.add_get("/{name:[a-zA-Z_/.]*}", _file)
     return app

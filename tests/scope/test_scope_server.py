@@ -222,6 +222,24 @@ def test_nothing_can_be_changed_or_sent(log: Path) -> None:
     assert (long[0], b"Got more than 8190 bytes" in long[2]) == (400, True)
 
 
+def test_only_the_own_page_sets_a_trigger_and_only_of_a_machine(log: Path) -> None:
+    own = {"method": "POST", "data": b'{"kind": "fault"}'}
+
+    async def run() -> tuple[int, str]:
+        async with TestClient(TestServer(application(Logs.of([log]), OWN))) as client:
+            origin = str(client.make_url("/")).rstrip("/")
+            answer = await client.post("/api/trigger", headers={"Origin": origin}, data=own["data"])
+            return answer.status, await answer.text()
+
+    without, foreign = asked(
+        [log],
+        ("/api/trigger", dict(own)),
+        ("/api/trigger", own | {"headers": {"Origin": "http://evil.example"}}),
+    )
+    assert (without[0], foreign[0]) == (403, 403)
+    assert asyncio.run(run()) == (400, "no machine is shown, but logs\n")
+
+
 def test_elsewhere_only_who_has_the_token_is_let_in(log: Path) -> None:
     access = Access("0.0.0.0", TOKEN)
     without, wrong, cookie, right = asked(

@@ -26,3 +26,9 @@ export async function askArrays(path, query, signal = undefined) {
   }
   return { ...told, arrays };
 }
+
+/** Ask for a change of the scope itself. */
+export async function send(path, body) {
+  const response = await fetch(`api/${path}`, { method: "POST", body });
+  if (!response.ok) throw new Refused((await response.text()).trim());
+}

@@ -18,7 +18,8 @@ export const PADDING = [6, RIGHT, 0, 0];
 export function tickWords(ticks) {
   const there = ticks.filter((tick) => tick !== null);
   const step = there.length > 1 ? there[1] - there[0] : 1;
-  const digits = Math.min(9, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+  let digits = 0;
+  while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-3 * step * 10 ** digits) digits += 1;
   return ticks.map((tick) => (tick === null ? "" : tick.toFixed(digits)));
 }
 

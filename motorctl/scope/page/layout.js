@@ -3,6 +3,7 @@
 import { PANELS, USUAL } from "./kinds.js";
 
 const MAGNIFIED = [1, 10, 100, 1000, 10000];
+const SPANS = [1, 5, 20, 60];
 
 /** Return the layout that an address tells, with what is usual in place of what it does not. */
 export function layoutOf(hash, usual) {
@@ -22,6 +23,7 @@ export function layoutOf(hash, usual) {
     align: ["program", "time"].includes(told.get("align")) ? told.get("align") : usual.align,
     from, to,
     a: number("a"), b: number("b"),
+    span: SPANS.includes(number("span")) ? number("span") : 5,
     magnified: MAGNIFIED.includes(magnified) ? magnified : 1000,
   };
 }

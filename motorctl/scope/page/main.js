@@ -4,6 +4,7 @@ import { askJson, Refused } from "./ask.js";
 import { showChoices } from "./choices.js";
 import { element } from "./frame.js";
 import { listen } from "./keyboard.js";
+import { Live } from "./live.js";
 import { hashOf, layoutOf } from "./layout.js";
 import { fillReadout } from "./readout.js";
 import { Sheet } from "./sheet.js";
@@ -12,7 +13,7 @@ const LEAST_ROWS = 4; // in view, zoomed in as far as it goes
 const WAIT_MS = 40; // after the last movement, until the server is asked
 const PLANES_WAIT_MS = 250;
 
-let logs, layout, sheet, pointer = null, asking = null, waiting = null, planesAsked = "", beforeClick = null;
+let logs, layout, sheet, pointer = null, asking = null, waiting = null, planesAsked = "", beforeClick = null, live = null;
 
 const offsets = () => logs.map((log) => (layout.align === "program" ? log.program_begins_s : 0));
 const whole = () => {
@@ -33,6 +34,7 @@ function setView(from, to) {
   else if (from < low) [from, to] = [low, low + (to - from)];
   else if (to > high) [from, to] = [high - (to - from), high];
   layout = { ...layout, from, to };
+  live?.follow(false);
   sheet.move(view());
   ask();
 }
@@ -103,12 +105,38 @@ function zoomAbout(time, factor) {
   setView(time - (time - from) * factor, time + (to - time) * factor);
 }
 
+/** What the live part of the page does with the rest of it. */
+const livePage = () => ({
+  log: logs[0],
+  say,
+  range: (begin, end) => { [logs[0].begin_s, logs[0].end_s] = [begin, end]; },
+  async show(from, to, planes) {
+    if (live?.following === false) return;
+    asking?.abort();
+    asking = new AbortController();
+    layout = { ...layout, from, to };
+    await sheet.fill([from, to], offsets(), asking.signal);
+    if (planes) await sheet.fillPlanes([from, to], offsets(), layout.magnified, asking.signal);
+    document.body.dataset.settled = "true";
+  },
+  hold(from, to, at) {
+    layout = { ...layout, from, to, a: at };
+    planesAsked = "";
+    sheet.move(view());
+    ask();
+  },
+  async anew() {
+    await refresh();
+    lay(layout);
+  },
+});
+
 function lay(next) {
   layout = next;
   showChoices(logs, layout, lay);
   sheet.lay(layout);
   planesAsked = "";
-  ask();
+  if (!live?.following) ask();
 }
 
 async function refresh() {
@@ -125,11 +153,13 @@ async function begin() {
   logs = told.logs;
   say(told.notes);
   document.title = `${logs.map((log) => log.name).join(", ")} – motorctl scope`;
+  document.getElementById("all").hidden = logs[0].live;
   document.getElementById("align-choice").hidden = logs.length < 2;
   const axes = [...new Set(logs.flatMap((log) => log.axes))];
   const usual = { axes, align: logs.length > 1 ? "program" : "time" };
   sheet = new Sheet(document.getElementById("sheet"), logs, hears);
   lay(layoutOf(location.hash, usual));
+  if (logs[0].live) live = new Live(livePage(), layout.span);
   document.getElementById("all").onclick = () => setView(...whole());
   const help = () => document.getElementById("keys").showModal();
   document.getElementById("help").onclick = help;
@@ -140,6 +170,7 @@ async function begin() {
     cursor: (name) => setCursor(name, pointer),
     noCursors: () => { layout = { ...layout, a: null, b: null }; ask(); },
     refresh,
+    follow: () => live?.follow(!live.following),
     help,
   });
   window.addEventListener("hashchange", () => lay(layoutOf(location.hash, usual)));

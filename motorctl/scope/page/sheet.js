@@ -120,7 +120,7 @@ export class Sheet {
 
 function logHead(log) {
   const told = [log.machine, ...Object.entries(log.controllers).map(([axis, c]) => `${axis} ${c}`)];
-  const size = `${log.rows} rows at ${log.rate_hz} Hz`;
+  const size = log.live ? `running now at ${log.rate_hz} Hz` : `${log.rows} rows at ${log.rate_hz} Hz`;
   const words = [...told.filter(Boolean), size, ...log.notes].join(" · ");
   return element("div", { class: "log-head" }, element("b", { text: `${log.name} ` }), element("span", { text: words }));
 }
