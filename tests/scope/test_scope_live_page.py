@@ -24,12 +24,12 @@ WAIT_S = 60.0
 
 
 @contextmanager
-def scope(socket: Path, captures: Path) -> Iterator[str]:
-    """Run the command beside a daemon, and return the page's address."""
-    words = ("scope", "--socket", str(socket), "--captures", str(captures))
+def scope(socket: Path, folder: Path) -> Iterator[str]:
+    """Run the command beside a daemon, in a folder, and return the page's address."""
+    words = ("scope", "--socket", str(socket))
     code = "from motorctl.cli import main; main()"
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True, cwd=folder
     )
     try:
         assert process.stdout is not None
@@ -48,12 +48,11 @@ def heard_s(page: Page) -> float:
 def test_it_follows_triggers_on_a_fault_and_survives_the_daemons_restart(
     tmp_path: Path, pictures: Path
 ) -> None:
-    captures = tmp_path / "captures"
     with browser() as chromium, Daemon(tmp_path, CONFIG) as daemon:
         with motorctl.connect(daemon.socket) as machine:
             machine.start("x")
-        with scope(daemon.socket, captures) as url:
-            page = Page(chromium, url, "panels=position,error,command")
+        with scope(daemon.socket, tmp_path) as url:
+            page = Page(chromium, url, "panels=position,error")
             sees_it_follow(page)
             page.page.click("[name=arm]")
             page.page.wait_for_selector("#trigger[data-armed=true]")
@@ -61,7 +60,7 @@ def test_it_follows_triggers_on_a_fault_and_survives_the_daemons_restart(
                 machine.estop()
             page.page.wait_for_selector("#captured span")
             page.settle()
-            sees_the_fault(page, captures)
+            sees_the_fault(page, tmp_path)
             page.page.screenshot(path=pictures / "scope_live.png")
             daemon.process.terminate()
             daemon.process.wait()
@@ -85,12 +84,12 @@ def sees_it_follow(page: Page) -> None:
     assert page.pixels("position", X)["count"] > 100
 
 
-def sees_the_fault(page: Page, captures: Path) -> None:
+def sees_the_fault(page: Page, folder: Path) -> None:
     """See the capture on the page, in the folder, and as a log."""
     assert "fault: estop" in page.page.locator(".track[data-axis=x]").inner_text()
     low, high = page.view()
-    (written,) = captures.glob("*.parquet")
-    assert str(written) in page.page.inner_text("#captured")
+    (written,) = (folder / "captures").glob("*.parquet")
+    assert str(written.relative_to(folder)) in page.page.inner_text("#captured")
     log: Any = motorctl.open_log(written)
     assert (log.time_s[0], log.time_s[-1]) == pytest.approx((low, high), abs=0.01)
     assert {fault.cause for fault in log.info().faults} == {"ESTOP"}

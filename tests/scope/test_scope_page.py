@@ -254,7 +254,7 @@ def test_a_person_looks_from_the_whole_log_to_the_spike_at_a_reversal(
     with served([tmp_path / "shuttle_C2.parquet"]) as url:
         page = open_page(url)
         page.page.screenshot(path=pictures / "scope_log.png")
-        layout = "panels=position,error,command,error_spectrum,error_position&axes=y"
+        layout = "panels=error,error_spectrum,error_position&axes=y"
         page = open_page(url, f"{layout}&from=3.95&to=4.65&a=4.159&b=4.4395")
         page.page.screenshot(path=pictures / "scope_reversal.png")
         assert page.pixels("error", Y)["count"] > 500

@@ -9,6 +9,7 @@ import { shown } from "./units.js";
  */
 export function fillReadout(place, { a, b }, logs) {
   place.hidden = a === null && b === null;
+  document.getElementById("sheet").classList.toggle("measured", !place.hidden);
   if (place.hidden) return;
   const apart = a !== null && b !== null ? b - a : null;
   const times = ["time", shown(a, 9), shown(b, 9), shown(apart, 9), "s"];
