@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag, without_sample
 from motorctl.scope.pyramid import PATIENCE_S
 from motorctl.scope.shown import Shown
 
@@ -34,12 +34,18 @@ def bands(shown: Shown, begin_s: float, end_s: float) -> dict[str, Any]:
     -------
     dict
         `axes`: of each axis that tells its state a list of stretches with `from_s`, `to_s`,
-        `state` and, where it is in fault, `fault`; `coarse`: whether to ask again for more.
+        `state` and, where it is in fault, `fault`; `missed`: of each axis that tells it, how many
+        `rows` had no new sample, and the `stretches` where they are; `coarse`: whether to ask again
+        for more.
     """
     first, last = shown.rows_between(begin_s, end_s)
-    told: dict[str, Any] = {"axes": {}, "coarse": False}
+    told: dict[str, Any] = {"axes": {}, "missed": {}, "coarse": False}
     enough = time.monotonic() + PATIENCE_S
     for axis in shown.log.axes:
+        if f"{axis}.flags" in shown.log.columns and last > first:
+            missed, coarse = _missed(shown, axis, first, last, enough)
+            told["coarse"] |= coarse
+            told["missed"][axis] = missed
         if f"{axis}.state" not in shown.log.columns or last <= first:
             continue
         rows, codes, coarse = _changes(shown, axis, first, last, enough)
@@ -89,6 +95,46 @@ def _changes(
     all_rows[0] = max(all_rows[0], first)
     new = np.flatnonzero(np.diff(all_codes, prepend=-2))
     return all_rows[new], all_codes[new], coarse
+
+
+def _missed(
+    shown: Shown, axis: str, first: int, last: int, enough: float
+) -> tuple[dict[str, Any], bool]:
+    """Return where an axis had no new sample, and whether some row groups were not read yet.
+
+    Flags of a row group that are all less than HELD have it in none of them.
+    """
+    known = shown.pyramid.extremes(f"{axis}.flags")
+    begins, ends, coarse = [], [], False
+    for k in shown.pyramid.pieces(first, last):
+        if known.high[k] < SampleFlag.HELD:
+            continue
+        if (axis, k) not in shown.missed:
+            if time.monotonic() > enough and np.isfinite(known.high[k]):
+                coarse = True
+                continue
+            held = without_sample(shown.pyramid.piece(f"{axis}.flags", k)).astype(np.int8)
+            edges = np.diff(held, prepend=0, append=0)
+            begin = int(shown.pyramid.begins[k])
+            shown.missed[axis, k] = (
+                begin + np.flatnonzero(edges > 0),
+                begin + np.flatnonzero(edges < 0),
+            )
+        from_rows, to_rows = shown.missed[axis, k]
+        begins += from_rows.tolist()
+        ends += to_rows.tolist()
+    in_view = [(max(a, first), min(b, last)) for a, b in zip(begins, ends, strict=True)]
+    in_view = [(a, b) for a, b in in_view if a < b]
+    together = max(1, -(-len(in_view) // MOST_STRETCHES))
+    stretches = [
+        (in_view[k][0], in_view[min(k + together, len(in_view)) - 1][1] - 1)
+        for k in range(0, len(in_view), together)
+    ]
+    told = {
+        "rows": sum(b - a for a, b in in_view),
+        "stretches": [[shown.time_of(a), shown.time_of(b)] for a, b in stretches],
+    }
+    return told, coarse
 
 
 def _code(state: Any, fault: Any = 0) -> Any:

@@ -47,6 +47,8 @@ class Shown:
         self.pyramid = Pyramid(log)
         self.changes: dict[tuple[str, int], tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         """Of an axis in a piece, the rows at which its state changes, and what to."""
+        self.missed: dict[tuple[str, int], tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
+        """Of an axis in a piece, from which rows to before which it had no new sample."""
         self._program_begins_s: float | None = None
         self._begins_s = self._piece_times()
 

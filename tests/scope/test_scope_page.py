@@ -15,7 +15,7 @@ from scope_browser import Page, browser, served
 import motorctl
 from motorctl.config.shipped import shipped_config
 from motorctl.log import LogWriter
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
 pytestmark = pytest.mark.slow
 
@@ -37,6 +37,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]
     """Serve a log of a minute with a peak of one row, late ticks and a fault; path and address."""
     ticks, samples = make_rows(ROWS)
     samples["following_error_m"][PEAK_ROW, 0] = 1e-3
+    samples["flags"][20_000:20_007, 0] |= np.uint32(SampleFlag.HELD)
     samples["state"][:6000] = AxisState.IDLE
     samples["state"][48_000:, 1] = AxisState.FAULT
     samples["fault"][48_000:, 1] = FaultCause.ENCODER_LOST
@@ -160,6 +161,14 @@ def test_faults_stand_in_words_below_the_time_axis(open_page: Any, bench: tuple[
     assert track.locator(".stretch").all_inner_texts() == ["idle", "running", "fault: encoder lost"]
     place, fault = track.bounding_box(), track.locator(".fault").bounding_box()
     assert (fault["x"] - place["x"]) / place["width"] == pytest.approx(48 / 60, abs=0.01)
+
+
+def test_what_the_bus_missed_is_marked_and_counted(open_page: Any, bench: tuple[Path, str]) -> None:
+    page = open_page(bench[1])
+    assert page.page.locator(".missed-words").all_inner_texts() == ["7 rows without a new sample"]
+    place = page.page.locator(".track[data-axis=x]").bounding_box()
+    mark = page.page.locator(".track[data-axis=x] .missed").bounding_box()
+    assert (mark["x"] - place["x"]) / place["width"] == pytest.approx(20 / 60, abs=0.005)
 
 
 def test_late_turnarounds_stand_beside_the_deadline(

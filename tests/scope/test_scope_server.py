@@ -17,9 +17,10 @@ pytest.importorskip("aiohttp", reason="the scope needs the extra [scope]")
 
 from aiohttp.test_utils import TestClient, TestServer
 
+import motorctl
 from motorctl.errors import DataError, UsageError
 from motorctl.log import LogWriter
-from motorctl.log.sample import AxisState, FaultCause
+from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.scope.access import Access
 from motorctl.scope.opened_log import OpenedLog
 from motorctl.scope.server import Logs, application
@@ -105,6 +106,25 @@ def test_states_and_faults_are_told_in_words_with_their_times(log: Path) -> None
     ]
     assert told["x"][-1]["fault"] == "following error"
     assert [s["state"] for s in told["y"]] == ["idle", "running"]
+
+
+def test_what_the_bus_missed_is_told_with_its_times(tmp_path: Path) -> None:
+    ticks, samples = make_rows(70_000)
+    samples["flags"] &= ~np.uint32(SampleFlag.HELD | SampleFlag.BETWEEN)
+    samples["flags"][:, 1] |= np.uint32(
+        SampleFlag.BETWEEN | SampleFlag.HELD
+    )  # an axis of fewer ticks
+    samples["flags"][100:103, 0] |= np.uint32(SampleFlag.HELD)
+    samples["flags"][65_530:65_540, 0] |= np.uint32(SampleFlag.HELD)  # over the end of a row group
+    path = write_log(tmp_path / "run.parquet", (ticks, samples), {"rate_hz": 1000.0})
+    question = "/api/bands?log=0&begin_s={}&end_s={}"
+    whole, part = asked([path], (question.format(0, 70), {}), (question.format(65.534, 66), {}))
+    told = json.loads(whole[2])["missed"]
+    assert told["y"] == {"rows": 0, "stretches": []}
+    assert told["x"]["rows"] == 13
+    assert told["x"]["stretches"] == [[0.1, 0.102], [65.53, 65.535], [65.536, 65.539]]
+    assert json.loads(part[2])["missed"]["x"]["rows"] == 7
+    assert motorctl.open_log(path).info().missed == {"x": 13, "y": 0}
 
 
 def test_one_row_is_told_as_it_was_recorded(log: Path) -> None:

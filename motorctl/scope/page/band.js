@@ -14,6 +14,7 @@ export class Band {
   /** Take what the server told of the states, and the shift from the log's clock to the page's. */
   take(told, offset) {
     this.stretches = told.axes;
+    this.missed = told.missed;
     this.offset = offset;
   }
 
@@ -22,9 +23,20 @@ export class Band {
     for (const [axis, stretches] of Object.entries(this.stretches ?? {})) {
       const track = element("div", { class: "track", "data-axis": axis });
       for (const stretch of stretches) this.place(track, stretch, from, to);
+      const missed = this.missed[axis] ?? { rows: 0, stretches: [] };
+      for (const stretch of missed.stretches) this.placeMissed(track, stretch, from, to);
+      const words = element("span", { class: "missed-words", text: `${missed.rows} ${missed.rows === 1 ? "row" : "rows"} without a new sample` });
       rows.push(element("span", { class: "name", text: axis }), track);
+      if (missed.rows) rows.push(element("span"), words);
     }
     this.root.replaceChildren(...rows);
+  }
+
+  placeMissed(track, [begin, end], from, to) {
+    const mark = element("div", { class: "missed", title: "no new sample of the device" });
+    mark.style.left = `${(100 * (begin - this.offset - from)) / (to - from)}%`;
+    mark.style.width = `${(100 * (end - begin)) / (to - from)}%`;
+    track.append(mark);
   }
 
   place(track, stretch, from, to) {
