@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -29,6 +30,8 @@ from motorctl.version import VERSION
 T = TypeVar("T")
 MOST_ASKED_BYTES = 4096
 """Of a request's body: a trigger has some hundred."""
+EVERYWHERE = ("0.0.0.0", "::")
+"""Addresses that stand for all of this computer's."""
 PAGE = files("motorctl.scope") / "page"
 KINDS = {
     ".html": "text/html",
@@ -228,7 +231,8 @@ async def serve(
                 "--port 0 takes any that is free"
             ) from error
         bound = runner.addresses[0][1]
-        name = f"[{address}]" if ":" in address else address
+        name = socket.gethostname() if address in EVERYWHERE else address
+        name = f"[{name}]" if ":" in name else name
         ready(f"http://{name}:{bound}/" + (f"?token={access.token}" if access.token else ""))
         await asyncio.Event().wait()
     finally:
