@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.api.signals import Array, Signals
 from motorctl.notebook import html_lines, html_table
@@ -17,6 +19,16 @@ if TYPE_CHECKING:
     from motorctl.log.info import LogInfo
 
 RecordingPath = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """What a column lies between in each piece of a log, shape (K,) each."""
+
+    begins: NDArray[np.int64]
+    """The piece's first row."""
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 class Log(Signals):
@@ -76,6 +88,39 @@ class Log(Signals):
         if is_run(self.paths, self.whole_run):
             return describe_run(self.paths, self.whole_run)
         return describe(self.paths[0])
+
+    def part(self, name: str, first: int, last: int) -> Array:
+        """Return some rows of a column, read now and not kept: for logs that memory cannot hold.
+
+        Parameters
+        ----------
+        name
+            The column.
+        first, last
+            From this row to before that one; of a finished log only the row groups in which they
+            stand are read.
+
+        Returns
+        -------
+        Array
+            Shape (last - first,), less where the log has fewer.
+
+        Raises
+        ------
+        DataError
+            Where the recording cannot be read any more.
+        """
+        self._must_have(name)
+        first, last = max(first, 0), min(last, self.rows)
+        return self._columns.read_rows(name, first, max(first, last))
+
+    def extremes(self, name: str) -> Extremes:
+        """Return the least and greatest value of each row group of a column, without reading rows.
+
+        Finished logs keep them of each row group; NaN stands where a file keeps none.
+        """
+        self._must_have(name)
+        return Extremes(self._columns.begins, *self._columns.extremes(name))
 
     def _column(self, name: str) -> Array:
         if name not in self._read:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,7 +11,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from motorctl.log.convert import load_metadata
+from motorctl.log.convert import ROW_GROUP_ROWS, load_metadata
+from motorctl.log.parquet_pieces import ParquetPieces
 from motorctl.log.partial import PartialFile
 from motorctl.log.recording import Recording
 from motorctl.log.table import Table
@@ -29,8 +31,18 @@ class Columns(Protocol):
     metadata: Mapping[str, Any]
     notes: tuple[str, ...]
 
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """First row of each piece that is read at once, shape (K,)."""
+
     def read(self, name: str) -> Array:
         """Return an existing column, shape (N,)."""
+
+    def read_rows(self, name: str, first: int, last: int) -> Array:
+        """Return the rows from `first` to before `last` of an existing column."""
+
+    def extremes(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what is known beforehand of each piece, (K,): NaN where nothing is."""
 
 
 class LogColumns:
@@ -43,10 +55,35 @@ class LogColumns:
         self.rows = sum(part.rows for part in parts)
         self.metadata: Mapping[str, Any] = table.metadata
         self.notes = table.notes
+        self._starts = np.concatenate(([0], np.cumsum([part.rows for part in parts])))
 
     def read(self, name: str) -> Array:
         """Return an existing column, shape (N,)."""
         return np.concatenate([part.column(name) for part in self._parts])
+
+    @cached_property
+    def _pieces(self) -> list[ParquetPieces]:
+        return [ParquetPieces(part.path) for part in self._parts]
+
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """First row of each row group, shape (K,)."""
+        pieces = zip(self._pieces, self._starts, strict=False)
+        return np.concatenate([piece.begins + start for piece, start in pieces])
+
+    def read_rows(self, name: str, first: int, last: int) -> Array:
+        """Return the rows from `first` to before `last` of an existing column."""
+        read = []
+        for piece, start in zip(self._pieces, self._starts, strict=False):
+            begin, end = max(first - int(start), 0), min(last - int(start), piece.rows)
+            if begin < end:
+                read.append(piece.read(name, begin, end))
+        return np.concatenate(read) if read else self._pieces[0].read(name, 0, 0)
+
+    def extremes(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the least and greatest value of each row group, as the files keep them."""
+        low, high = zip(*(piece.extremes(name) for piece in self._pieces), strict=True)
+        return np.concatenate(low), np.concatenate(high)
 
 
 class UnfinishedColumns:
@@ -68,6 +105,19 @@ class UnfinishedColumns:
     def read(self, name: str) -> Array:
         """Return an existing column, shape (N,)."""
         return np.asarray(self._table.column(name).to_numpy())
+
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """First row of each piece, shape (K,)."""
+        return np.arange(0, self.rows, ROW_GROUP_ROWS)
+
+    def read_rows(self, name: str, first: int, last: int) -> Array:
+        """Return the rows from `first` to before `last` of an existing column."""
+        return np.asarray(self._table.column(name).slice(first, last - first).to_numpy())
+
+    def extremes(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return that nothing is known beforehand of a piece."""
+        return _nothing_known(self.begins)
 
 
 class ForeignColumns:
@@ -100,6 +150,26 @@ class ForeignColumns:
     def read(self, name: str) -> Array:
         """Return an existing column, shape (N,)."""
         return self._columns[name]
+
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """First row of each piece, shape (K,)."""
+        return np.arange(0, self.rows, ROW_GROUP_ROWS)
+
+    def read_rows(self, name: str, first: int, last: int) -> Array:
+        """Return the rows from `first` to before `last` of an existing column."""
+        return self._columns[name][first:last]
+
+    def extremes(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return that nothing is known beforehand of a piece."""
+        return _nothing_known(self.begins)
+
+
+def _nothing_known(
+    begins: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    unknown = np.full(len(begins), np.nan)
+    return unknown, unknown.copy()
 
 
 def _told(schema: pa.Schema) -> tuple[Mapping[str, str], Mapping[str, str]]:

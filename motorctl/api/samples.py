@@ -44,12 +44,18 @@ class Samples(Signals):
         columns: Mapping[str, Column],
         lost: int,
         run: int,
+        axes: Sequence[LogAxis] = (),
+        metadata: Mapping[str, Any] | None = None,
     ) -> None:
         self.lost = lost
         self.run = run
         """0 until the daemon was started anew, then 1, …"""
         self.units = {name: column.field.unit for name, column in columns.items()}
         self.descriptions = {name: column.field.description for name, column in columns.items()}
+        self.log_axes = tuple(axes)
+        """What the columns are made of."""
+        self.metadata: Mapping[str, Any] = metadata or {}
+        """What a log of these rows says of its machine: name, rate, configuration."""
         self._ticks, self._rows, self._columns = ticks, rows, columns
 
     @property
@@ -121,13 +127,16 @@ class Subscription:
         first = self._ring.drained - len(ticks)
         change = self._ring.models_row
         if change > self._models_row and change <= first and not self._learn_models(change):
-            return Samples(ticks[:0], rows[:0], self._columns, 0, self._run)
+            return self._samples(ticks[:0], rows[:0], 0)
         cut = len(ticks)
         if first < change < first + cut and change > self._models_row:
             cut = change - first
         rest = (ticks[cut:], rows[cut:], 0)
         self._held = rest if cut < len(ticks) else None
-        return Samples(ticks[:cut], rows[:cut], self._columns, lost, self._run)
+        return self._samples(ticks[:cut], rows[:cut], lost)
+
+    def _samples(self, ticks: NDArray[np.void], rows: NDArray[np.void], lost: int) -> Samples:
+        return Samples(ticks, rows, self._columns, lost, self._run, self._axes, self._metadata)
 
     def __iter__(self) -> Iterator[Samples]:
         while True:
@@ -255,6 +264,7 @@ class Subscription:
             for name, axis in told["axes"].items()
         ]
         self._columns = {column.name: column for column in log_columns(self._axes)}
+        self._metadata: Mapping[str, Any] = told.get("metadata", {})
 
     def _look_for_end(self, wait_s: float) -> None:
         """Wait for so long, or until the daemon hangs up."""

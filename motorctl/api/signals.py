@@ -40,9 +40,12 @@ class Signals(Mapping[str, Array]):
         """Return an existing column."""
 
     def __getitem__(self, name: str) -> Array:
+        self._must_have(name)
+        return self._column(name)
+
+    def _must_have(self, name: str) -> None:
         if name not in self.columns:
             raise KeyError(f"no column '{name}'; there are: {', '.join(self.columns)}")
-        return self._column(name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)

@@ -28,6 +28,7 @@ GROUPS = (
     "diagnose",
     "refine",
     "compare",
+    "scope",
     "close_loop",
     "experiment",
     "tune",

@@ -18,7 +18,7 @@ import numpy as np
 
 from motorctl.config.learned_file import learned_paths
 from motorctl.config.machine import Axis, Machine
-from motorctl.config.metadata import log_axes
+from motorctl.config.metadata import log_axes, log_metadata
 from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
@@ -215,6 +215,7 @@ class Commander:
             "layout": self._memory.layout,
             "signature": signature(self._memory.layout),
             "models_row": self.models_row,
+            "metadata": log_metadata(self.machine),
             "axes": {
                 axis.name: {
                     "theta_names": list(axis.theta_names),

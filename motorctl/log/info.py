@@ -19,7 +19,7 @@ from motorctl.log.partial import PartialFile
 from motorctl.log.read import read_recording
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
-from motorctl.log.sample import FaultCause, SampleFlag
+from motorctl.log.sample import FaultCause, SampleFlag, without_sample
 from motorctl.log.table_parquet import ParquetTable
 
 _FAULT, _FLAGS, _DEVICE = ".fault", ".flags", ".device_status"
@@ -157,8 +157,7 @@ def _scan(
             flags = batch.column(axis + _FLAGS).to_numpy() if axis + _FLAGS in names else None
             device = None
             if flags is not None:
-                own_held = flags & int(SampleFlag.HELD | SampleFlag.BETWEEN) == int(SampleFlag.HELD)
-                found.missed[axis] += int(np.count_nonzero(own_held))
+                found.missed[axis] += int(np.count_nonzero(without_sample(flags)))
                 if statuses:
                     device = _Device(batch.column(axis + _DEVICE).to_numpy(), flags, told[axis])
             for k in np.flatnonzero(np.diff(fault, prepend=before[axis])).tolist():

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class AxisState(IntEnum):
@@ -53,6 +55,14 @@ class SampleFlag(IntFlag):
     """No tick of the axis, which has fewer than the loop: the row repeats its last."""
     LEFT_OUT = 1 << 11
     """With HELD: a sample came, but no motion of the axis explains it, so the model stood in."""
+
+
+def without_sample(flags: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return in which rows an axis had no new sample of its device, though it had a tick."""
+    own_held: NDArray[np.bool_] = flags & int(SampleFlag.HELD | SampleFlag.BETWEEN) == int(
+        SampleFlag.HELD
+    )
+    return own_held
 
 
 class FaultCause(IntEnum):

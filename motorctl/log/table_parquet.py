@@ -29,7 +29,7 @@ class ParquetTable(Table):
                 self.schema = file.schema_arrow
                 self.rows = file.metadata.num_rows
         except (pa.ArrowException, OSError, ValueError) as error:
-            raise _damaged(path, error) from error
+            raise damaged(path, error) from error
         super().__init__(path, self.schema.names, load_metadata(self.schema))
 
     def column(self, name: str) -> NDArray[Any]:
@@ -38,7 +38,7 @@ class ParquetTable(Table):
             with pq.ParquetFile(self.path) as file:
                 return np.asarray(file.read(columns=[name]).column(name).to_numpy())
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise _damaged(self.path, error) from error
+            raise damaged(self.path, error) from error
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
         for name in names:
@@ -51,7 +51,7 @@ class ParquetTable(Table):
                 # one at a time: a long log's columns would all be held twice
                 return {name: _floats(file.read(columns=[name]).column(name)) for name in names}
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise _damaged(self.path, error) from error
+            raise damaged(self.path, error) from error
 
 
 def _floats(column: pa.ChunkedArray[Any]) -> Array:
@@ -59,7 +59,8 @@ def _floats(column: pa.ChunkedArray[Any]) -> Array:
     return np.require(numbers, np.float64, "W")
 
 
-def _damaged(path: Path, error: Exception) -> DataError:
+def damaged(path: Path, error: Exception) -> DataError:
+    """Return what is told of a Parquet file that cannot be read."""
     cause = str(error).splitlines()[0] if str(error) else type(error).__name__
     if "magic bytes" in cause:
         cause = "its end is missing; copied incompletely?"

@@ -50,13 +50,27 @@ def test_every_package_of_the_wheel_is_typed(wheel: ZipFile, source: str) -> Non
     assert not untyped
 
 
-def test_the_wheel_carries_the_licence_that_it_names(wheel: ZipFile) -> None:
+def test_the_wheel_carries_the_licence_that_it_names(wheel: ZipFile, source: str) -> None:
     (about,) = (name for name in wheel.namelist() if name.endswith(".dist-info/METADATA"))
     told = Parser().parsestr(wheel.read(about).decode())
-    assert told["License-Expression"] == "Apache-2.0"
+    of_others = {".": "Apache-2.0 AND MIT"}  # uPlot, in the scope's page
+    assert told["License-Expression"] == of_others.get(source, "Apache-2.0")
     licence = wheel.read(about.replace("METADATA", "licenses/LICENSE"))
     assert licence == (ROOT / "LICENSE").read_bytes()
     assert licence.split(b"\n")[1:3] == [
         b"                                 Apache License",
         b"                           Version 2.0, January 2004",
     ]
+
+
+def test_the_wheel_carries_the_page_of_the_scope_with_the_licence_of_what_is_in_it(
+    wheel: ZipFile, source: str
+) -> None:
+    if source != ".":
+        return
+    page = "motorctl/scope/page/"
+    there = {name.removeprefix(page) for name in wheel.namelist() if name.startswith(page)}
+    folder = ROOT / page
+    files = (path for path in folder.rglob("*") if path.is_file())
+    assert there == {str(path.relative_to(folder)) for path in files}
+    assert b"The MIT License" in wheel.read(f"{page}uplot/LICENSE")

@@ -1,0 +1,1 @@
+"""The scope: logs and running machines in a browser."""

@@ -1,0 +1,133 @@
+"""Who may ask the scope's server: pages of its own, and elsewhere whoever has the token."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from aiohttp import web
+from aiohttp.typedefs import Handler, Middleware
+
+COOKIE = "motorctl_scope"
+TOKEN_PARAMETER = "token"
+CHANGED = ("/api/trigger",)
+"""What is changed by a request, of the scope itself; a machine is by none."""
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Access:
+    """What the server asks of a request."""
+
+    address: str
+    """Where it listens."""
+    token: str | None
+    """What a request has to show, in a cookie or once in its address; None: nothing."""
+
+    def refusal(self, request: web.Request) -> str | None:
+        """Return why a request is refused, in words; None where it is not."""
+        host = request.headers.get("Host", "")
+        if not self._is_own(_name(host)):
+            return (
+                f"the page was asked for under the name '{host[:80]}', which is none of this "
+                "server's: open the address that motorctl scope printed"
+            )
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != host:
+            return f"a page from '{origin[:80]}' asked: only the scope's own page may"
+        if request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site") and not _leads_here(
+            request
+        ):
+            return "another page asked: only the scope's own page may"
+        if self.token is not None and not self.knows(request.cookies.get(COOKIE)):
+            return "the token is missing or wrong: open the address that motorctl scope printed"
+        return None
+
+    def knows(self, token: str | None) -> bool:
+        """Tell whether this is the token."""
+        return self.token is not None and secrets.compare_digest(
+            (token or "").encode(), self.token.encode()
+        )
+
+    def _is_own(self, name: str) -> bool:
+        """Tell whether this is a name of the server: never one that somebody else's DNS gives."""
+        if name in ("localhost", self.address):
+            return True
+        if self.token is None:
+            return name in ("127.0.0.1", "::1")
+        return _is_address(name) or name.lower() in (
+            socket.gethostname().lower(),
+            socket.getfqdn().lower(),
+        )
+
+
+def guarded(access: Access) -> Middleware:
+    """Return what stands before every handler: it refuses, and sets the headers of every answer."""
+
+    @web.middleware
+    async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+        response: web.StreamResponse
+        if TOKEN_PARAMETER in request.query and access.knows(request.query[TOKEN_PARAMETER]):
+            # The token leaves the address at once: addresses are copied, cookies are not.
+            response = web.Response(status=302, headers={"Location": "/"})
+            response.set_cookie(COOKIE, access.token or "", httponly=True, samesite="Strict")
+        elif refusal := access.refusal(request):
+            response = web.Response(status=403, text=f"refused: {refusal}\n")
+        elif request.method not in ("GET", "HEAD") and request.path not in CHANGED:
+            text = f"refused: {request.method}: the scope only shows\n"
+            response = web.Response(status=405, text=text)
+        elif request.method == "POST" and "Origin" not in request.headers:
+            text = "refused: only the scope's own page changes anything\n"
+            response = web.Response(status=403, text=text)
+        else:
+            try:
+                response = await handler(request)
+            except web.HTTPException as error:
+                error.headers.update(HEADERS)
+                raise
+        response.headers.update(HEADERS)
+        return response
+
+    return guard
+
+
+def needs_token(address: str) -> bool:
+    """Tell whether others than this computer's users reach an address."""
+    return address not in ("localhost", "127.0.0.1", "::1")
+
+
+def new_token() -> str:
+    """Return a token that nobody guesses."""
+    return secrets.token_urlsafe(24)
+
+
+def _leads_here(request: web.Request) -> bool:
+    """Tell whether a person followed a link from elsewhere to the page itself."""
+    return request.path == "/" and request.headers.get("Sec-Fetch-Mode") == "navigate"
+
+
+def _name(host: str) -> str:
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0]
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,221 @@
+"""A running machine as the page shows it: its rows as they come, and what is captured of them."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from motorctl.api.connection import connect
+from motorctl.api.samples import Samples, Subscription
+from motorctl.api.saved_samples import save_columns
+from motorctl.errors import MotorctlError
+from motorctl.scope.history import History
+from motorctl.scope.shown import Shown
+from motorctl.scope.trigger import LONGEST_S, Trigger, Watch
+
+KEPT_S = 2 * LONGEST_S + 10.0
+"""How many seconds are kept: what a capture may reach over, and the time until it is written. At
+5 kHz and two axes 160 MB."""
+LOOK_S = 0.05
+"""Between two looks at the loop's memory, which holds 8 s or more. By hand; it is what the page
+lags."""
+BEGUN_WITH_S = 5.0
+"""What the page begins with of what was before [s]."""
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Rows around a trigger."""
+
+    time_s: float
+    """Of the row that triggered, by the machine's clock."""
+    begin_s: float
+    end_s: float
+    path: str | None
+    """The log that they were written to."""
+    failure: str | None
+    """Why they were not."""
+
+
+@dataclass
+class _Due:
+    """A trigger that was met, until the seconds after it are there."""
+
+    time_s: float
+    trigger: Trigger
+
+
+class LiveMachine(Shown):
+    """Reads every row of a daemon's loop, through a descriptor that cannot write.
+
+    Parameters
+    ----------
+    socket
+        The daemon's control socket; None: as `motorctl.connect` finds it.
+    captures
+        Where captures are written.
+
+    Raises
+    ------
+    MotorctlError
+        Where no daemon answers.
+    """
+
+    live = True
+
+    def __init__(self, socket: Path | None, captures: Path) -> None:
+        super().__init__()
+        self._folder = captures
+        with connect(socket) as machine:
+            status = machine.status()
+            keep_off_the_loop(status.document["loop"]["pid"])
+            self._heard: Subscription = machine.subscribe(
+                period_s=LOOK_S, history_s=BEGUN_WITH_S, restarts=True
+            )
+        self.name = status.machine
+        self._watch: Watch | None = None
+        self._due: _Due | None = None
+        self.captured: list[Capture] = []
+        first = self._heard.read()
+        deadline = time.monotonic() + 10.0
+        while not first.rows and time.monotonic() < deadline:
+            time.sleep(LOOK_S)
+            first = self._heard.read()
+        self._begin(first)
+        self._hear(first)
+        self._version, self._shown_version = 0, -1
+        self.refresh()
+        self._leaves = threading.Event()
+        self._listening = threading.Thread(target=self._listen, name="scope-listens", daemon=True)
+        self._listening.start()
+
+    def close(self) -> None:
+        """Leave the machine with the next rows that come."""
+        self._leaves.set()
+
+    def join(self) -> None:
+        """Wait until it was left."""
+        self._listening.join()
+
+    def refresh(self) -> None:
+        """Show the rows that came since."""
+        with self.lock:
+            if self._version != self._shown_version:
+                self._shown_version = self._version
+                self._take(self._history)
+
+    def arm(self, trigger: Trigger | None) -> None:
+        """Wait for a trigger from now on; None: for none. Raises UsageError where it fits not."""
+        with self.lock:
+            self._due = None
+            self._watch = None if trigger is None else Watch(trigger, self._last)
+
+    def state(self) -> dict[str, Any]:
+        """Return what the page asks for all the time, for JSON."""
+        with self.lock:
+            self.refresh()
+            watch = self._watch
+            return {
+                "begin_s": self.begin_s(),
+                "end_s": self.end_s(),
+                "run": self._history.run,
+                "columns": len(self._history.columns),
+                "lost": self._heard.lost,
+                "gone": self._heard.ended,
+                "armed": watch.trigger.model_dump() if watch else None,
+                "captures": [capture.__dict__ for capture in self.captured[-5:]],
+                "captured": len(self.captured),
+            }
+
+    def _listen(self) -> None:
+        for samples in self._heard:
+            if self._leaves.is_set():
+                self._heard.close()
+                return
+            with self.lock:
+                self._hear(samples)
+                self._version += 1
+
+    def _begin(self, samples: Samples) -> None:
+        self._history = History(samples, KEPT_S)
+
+    def _hear(self, samples: Samples) -> None:
+        if not self._history.takes(samples):
+            if self._due is not None:
+                self._write(self._due)
+            self._begin(samples)
+            self._follow_on(samples)
+        self._last = samples
+        self._history.add(samples)
+        if self._watch is not None:
+            row = self._watch.find(samples)
+            if row is not None and self._due is None:
+                self._due = _Due(float(samples["time_s"][row]), self._watch.trigger)
+        if self._due is not None and samples.rows:
+            half_s = 0.5 / self._history.sample_rate_hz
+            enough_s = self._due.time_s + self._due.trigger.post_s - half_s
+            if samples["time_s"][-1] >= enough_s:
+                self._write(self._due)
+
+    def _follow_on(self, samples: Samples) -> None:
+        """Go on to wait for the same after a restart, or with other models."""
+        if self._watch is not None:
+            try:
+                self._watch = Watch(self._watch.trigger, samples)
+            except MotorctlError:  # what it waited for is not there any more
+                self._watch = None
+
+    def _write(self, due: _Due) -> None:
+        self._due = None
+        trigger = due.trigger
+        if trigger.mode == "single":
+            self._watch = None
+        history = self._history
+        time_s = history.part("time_s", 0, history.rows)
+        half_s = 0.5 / history.sample_rate_hz  # times that are sums are a little off
+        first = int(time_s.searchsorted(due.time_s - trigger.pre_s - half_s))
+        last = int(time_s.searchsorted(due.time_s + trigger.post_s + half_s))
+        columns = {name: history.part(name, first, last).copy() for name in history.columns}
+        begin_s, end_s = float(time_s[first]), float(time_s[last - 1])
+        told = {
+            "trigger": trigger.model_dump(),
+            "time_s": due.time_s,
+            "written_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        }
+        metadata = {**history.metadata, "clock": "wall", "capture": told}
+        axes = history.log_axes
+
+        def write() -> None:
+            path, failure = None, None
+            try:
+                path = str(save_columns(self._free_path(trigger), columns, axes, metadata))
+            except (MotorctlError, OSError) as error:
+                failure = str(error)
+            self.captured.append(Capture(due.time_s, begin_s, end_s, path, failure))
+
+        # Beside the reading: a disk may hang, and rows do not wait.
+        threading.Thread(target=write, name="scope-writes").start()
+
+    def _free_path(self, trigger: Trigger) -> Path:
+        stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{self.name}-{trigger.kind}"
+        path, count = self._folder / f"{stem}.parquet", 1
+        while path.exists():
+            count += 1
+            path = self._folder / f"{stem}-{count}.parquet"
+        return path
+
+
+def keep_off_the_loop(pid: int) -> None:
+    """Leave the CPU of a loop's process to it, where this computer has another."""
+    with suppress(OSError):  # it may be gone; and where it may be asked nothing, nothing is lost
+        own, of_loop = os.sched_getaffinity(0), os.sched_getaffinity(pid)
+        if own - of_loop:
+            os.sched_setaffinity(0, own - of_loop)
+    with suppress(OSError):
+        os.nice(5)

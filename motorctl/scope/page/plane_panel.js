@@ -1,0 +1,133 @@
+// One thing over another for the stretch of time in view: error over position, paths, spectra.
+
+import { PADDING, axes, element, extent, head, tickWords, widened } from "./frame.js";
+import { colourOf } from "./kinds.js";
+import { askArrays } from "./ask.js";
+import { scaled, shown } from "./units.js";
+
+const HEIGHT = 320;
+const REFERENCE = "#9aa5ad";
+const LEAST_SHARE = 1e-5; // of a spectrum's highest line: what lies below it is not drawn
+
+export class PlanePanel {
+  constructor(kind, log, index, axisNames) {
+    this.kind = kind;
+    this.log = log;
+    this.index = index;
+    this.axisNames = axisNames;
+    this.clouds = [];
+    this.root = element("div", { class: "panel plane-panel" });
+  }
+
+  /** Ask for what is drawn; `view` is by the log's own clock. */
+  async ask(view, magnified, signal) {
+    const stretch = { log: this.index, begin_s: view[0], end_s: view[1] };
+    if (this.kind.path) this.clouds = await this.askPath(stretch, magnified, signal);
+    else {
+      const asked = this.axisNames.map((axis) => this.askAxis(axis, stretch, signal));
+      this.clouds = (await Promise.all(asked)).filter((cloud) => cloud !== null);
+    }
+  }
+
+  async askAxis(axis, stretch, signal) {
+    const { kind, log } = this;
+    const colour = colourOf(log, axis);
+    const label = axis;
+    if (kind.column) {
+      const [factor, unit] = this.scale(axis, kind.column);
+      if (factor === null) return null;
+      const told = await askArrays("spectrum", { ...stretch, column: `${axis}.${kind.column[0]}` }, signal);
+      const { frequency_hz: x, amplitude } = told.arrays;
+      return { x: x.subarray(1), y: amplitude.subarray(1).map((v) => v * factor), line: true, note: told.note, colour, label, xUnit: "Hz", yUnit: `${unit} rms` };
+    }
+    const [xFactor, xUnit] = this.scale(axis, kind.x), [yFactor, yUnit] = this.scale(axis, kind.y);
+    if (xFactor === null || yFactor === null) return null;
+    const told = await askArrays("plane", { ...stretch, x: `${axis}.${kind.x[0]}`, y: `${axis}.${kind.y[0]}` }, signal);
+    return { x: told.arrays.x.map((v) => v * xFactor), y: told.arrays.y.map((v) => v * yFactor), line: told.line, note: told.note, colour, label, xUnit, yUnit };
+  }
+
+  async askPath(stretch, magnified, signal) {
+    const [x, y] = this.log.paths[0] ?? this.log.axes;
+    const told = await askArrays("path", { ...stretch, x, y, magnified }, signal);
+    const [factor, unit] = scaled("position", this.log.units[`${x}.position_m`]);
+    const [errorFactor, errorUnit] = scaled("error", this.log.units[`${x}.position_m`]);
+    const scale = (values) => values.map((v) => v * factor);
+    const { arrays } = told;
+    const words = told.worst === undefined ? [] : [`across the path: worst ${shown(told.worst * errorFactor, 3)} ${errorUnit}, rms ${shown(told.rms * errorFactor, 3)} ${errorUnit}`];
+    const note = [told.note, ...words].filter(Boolean).join("; ");
+    return [
+      { x: scale(arrays.reference_x), y: scale(arrays.reference_y), line: told.reference_line, colour: REFERENCE, label: `${x}, ${y} reference`, xUnit: unit, yUnit: unit },
+      { x: scale(arrays.x), y: scale(arrays.y), line: told.line, colour: "#b5482e", label: `error across it × ${magnified}`, note, xUnit: unit, yUnit: unit },
+    ];
+  }
+
+  scale(axis, [signal, quantity]) {
+    const unit = this.log.units[`${axis}.${signal}`];
+    return unit === undefined ? [null, null] : scaled(quantity, unit);
+  }
+
+  draw(width) {
+    this.plot?.destroy();
+    const { clouds, kind } = this;
+    const { line, note } = head(kind.title, clouds);
+    note.textContent = clouds.map((cloud) => cloud.note).find(Boolean) ?? "";
+    this.root.replaceChildren(line);
+    this.root.dataset.points = clouds.reduce((sum, cloud) => sum + cloud.x.length, 0);
+    if (!clouds.some((cloud) => cloud.x.length)) return;
+    const logarithmic = Boolean(kind.column);
+    const [x, y] = logarithmic ? this.spectrumLimits() : this.limits(width);
+    const words = logarithmic ? (u, ticks) => ticks.map((tick) => (tick === null ? "" : shown(tick))) : (u, ticks) => tickWords(ticks);
+    const scale = (limits) => ({ time: false, distr: logarithmic ? 3 : 1, range: () => limits, auto: false, min: limits[0], max: limits[1] });
+    this.plot = new uPlot({
+      mode: 2, width, height: HEIGHT, padding: PADDING,
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: scale(x), y: scale(y) },
+      axes: axes(clouds[0].xUnit, clouds[0].yUnit, { x: { scale: "x", values: words }, y: { scale: "y", values: words } }),
+      series: [{}, ...clouds.map((cloud) => ({ stroke: cloud.colour, facets: [{ scale: "x", auto: false }, { scale: "y", auto: false }], paths: drawCloud(cloud) }))],
+    }, [null, ...clouds.map((cloud) => [cloud.x, cloud.y])], this.root);
+  }
+
+  limits(width) {
+    const x = widened(...extent(this.clouds.map((cloud) => cloud.x)));
+    const y = widened(...extent(this.clouds.map((cloud) => cloud.y)));
+    if (!this.kind.path) return [x, y];
+    // Both directions alike: a circle is one.
+    const [w, h] = [width - 76, HEIGHT - 46];
+    const aPixel = Math.max((x[1] - x[0]) / w, (y[1] - y[0]) / h);
+    const around = ([low, high], pixels) => [(low + high - aPixel * pixels) / 2, (low + high + aPixel * pixels) / 2];
+    return [around(x, w), around(y, h)];
+  }
+
+  spectrumLimits() {
+    const [xLow, xHigh] = extent(this.clouds.map((cloud) => cloud.x));
+    const [, high] = extent(this.clouds.map((cloud) => cloud.y));
+    const least = high * LEAST_SHARE;
+    const [low] = extent(this.clouds.map((cloud) => cloud.y.filter((v) => v > least)));
+    return [[xLow, xHigh], high > 0 ? [low * 0.7, high * 1.5] : [0.1, 10]];
+  }
+}
+
+/** Return what draws a cloud of points, or a line through them in their order. */
+function drawCloud(cloud) {
+  return (u) => {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.strokeStyle = ctx.fillStyle = cloud.colour;
+    ctx.lineWidth = devicePixelRatio;
+    const size = 1.5 * devicePixelRatio;
+    ctx.beginPath();
+    for (let k = 0; k < cloud.x.length; k += 1) {
+      const x = u.valToPos(cloud.x[k], "x", true), y = u.valToPos(cloud.y[k], "y", true);
+      if (!cloud.line) ctx.fillRect(x - size / 2, y - size / 2, size, size);
+      else if (k) ctx.lineTo(x, y);
+      else ctx.moveTo(x, y);
+    }
+    if (cloud.line) ctx.stroke();
+    ctx.restore();
+    return null;
+  };
+}

@@ -1,0 +1,265 @@
+"""The server of the scope's page: what it asks for, read in threads beside the event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import socket
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
+
+from aiohttp import web
+from pydantic import ValidationError
+
+from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.scope.access import Access, guarded, needs_token, new_token
+from motorctl.scope.bands import bands
+from motorctl.scope.live_machine import LiveMachine
+from motorctl.scope.opened_log import OpenedLog
+from motorctl.scope.planes import path, plane
+from motorctl.scope.shown import Shown
+from motorctl.scope.signals import signals
+from motorctl.scope.spectrum import spectrum
+from motorctl.scope.trigger import Trigger
+from motorctl.scope.wire import Answer
+from motorctl.version import VERSION
+
+T = TypeVar("T")
+MOST_ASKED_BYTES = 4096
+"""Of a request's body: a trigger has some hundred."""
+EVERYWHERE = ("0.0.0.0", "::")
+"""Addresses that stand for all of this computer's."""
+PAGE = files("motorctl.scope") / "page"
+KINDS = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+}
+
+
+@dataclass(frozen=True)
+class Logs:
+    """The logs that a page shows, side by side in their order."""
+
+    opened: Sequence[Shown]
+    refused: Mapping[str, str]
+    """By path, why one could not be opened."""
+
+    @classmethod
+    def of(cls, paths: Sequence[Path]) -> Logs:
+        """Open as many as can be. Raises UsageError where none can."""
+        opened: list[Shown] = []
+        refused: dict[str, str] = {}
+        for each in paths:
+            try:
+                opened.append(OpenedLog(each))
+            except MotorctlError as error:
+                refused[str(each)] = str(error)
+        if not opened:
+            raise UsageError("no log could be opened:\n" + "\n".join(refused.values()))
+        return cls(opened, refused)
+
+    @classmethod
+    def of_machine(cls, socket: Path | None, captures: Path) -> Logs:
+        """Listen to a running machine. Raises MotorctlError where no daemon answers."""
+        return cls([LiveMachine(socket, captures)], {})
+
+    def told(self) -> dict[str, Any]:
+        """Return what the page is told first, for JSON."""
+        logs = []
+        for opened in self.opened:
+            with opened.lock:
+                opened.refresh()
+                logs.append(opened.told())
+        machines = {log["machine"] for log in logs}
+        notes = []
+        if len(machines) > 1:
+            named = ", ".join(sorted(str(name) for name in machines))
+            notes.append(f"the logs are of different machines: {named}")
+        notes += [f"not shown: {why}" for why in self.refused.values()]
+        return {"version": VERSION, "logs": logs, "notes": notes}
+
+
+class Questions:
+    """What the page may ask of the logs."""
+
+    def __init__(self, logs: Logs) -> None:
+        self._logs = logs
+
+    async def logs(self, request: web.Request) -> web.Response:
+        """Tell which logs there are."""
+        return web.json_response(await asyncio.to_thread(self._logs.told))
+
+    async def signals(self, request: web.Request) -> web.Response:
+        """Tell columns over time."""
+        pixels = _number(request, "pixels")
+        names = request.query.get("columns", "").split(",")
+        return await self._arrays(request, lambda o, a, b: signals(o, names, a, b, int(pixels)))
+
+    async def bands(self, request: web.Request) -> web.Response:
+        """Tell states and faults."""
+        return web.json_response(await self._asked(request, bands))
+
+    async def plane(self, request: web.Request) -> web.Response:
+        """Tell one column against another."""
+        x, y = _word(request, "x"), _word(request, "y")
+        return await self._arrays(request, lambda o, a, b: plane(o, x, y, a, b))
+
+    async def path(self, request: web.Request) -> web.Response:
+        """Tell the path of two axes."""
+        x, y, magnified = _word(request, "x"), _word(request, "y"), _number(request, "magnified")
+        return await self._arrays(request, lambda o, a, b: path(o, x, y, a, b, magnified))
+
+    async def spectrum(self, request: web.Request) -> web.Response:
+        """Tell of which frequencies a column is made."""
+        name = _word(request, "column")
+        return await self._arrays(request, lambda o, a, b: spectrum(o, name, a, b))
+
+    async def values(self, request: web.Request) -> web.Response:
+        """Tell one row."""
+        at_s = _number(request, "at_s")
+        values = await self._asked(request, lambda o, a, b: o.values_at(at_s), stretch=False)
+        return web.json_response(values)
+
+    async def live(self, request: web.Request) -> web.Response:
+        """Tell how far the machine's rows are, and what was captured."""
+        return web.json_response(await asyncio.to_thread(self._machine().state))
+
+    async def trigger(self, request: web.Request) -> web.Response:
+        """Arm a trigger, or disarm it where nothing is asked for."""
+        machine = self._machine()
+        told = await request.text()
+        try:
+            wanted = Trigger.model_validate_json(told) if told else None
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"])) or "trigger"
+            raise UsageError(f"{where}: {first['msg']}") from None
+        await asyncio.to_thread(machine.arm, wanted)
+        return web.json_response({"armed": wanted is not None})
+
+    def _machine(self) -> LiveMachine:
+        machine = self._logs.opened[0]
+        if not isinstance(machine, LiveMachine):
+            raise UsageError("no machine is shown, but logs")
+        return machine
+
+    async def _arrays(
+        self, request: web.Request, ask: Callable[[Shown, float, float], Answer]
+    ) -> web.Response:
+        body = (await self._asked(request, ask)).encoded()
+        return web.Response(body=body, content_type="application/octet-stream")
+
+    async def _asked(
+        self,
+        request: web.Request,
+        ask: Callable[[Shown, float, float], T],
+        stretch: bool = True,
+    ) -> T:
+        index = _number(request, "log")
+        if not 0 <= index < len(self._logs.opened) or index % 1:
+            raise UsageError(f"log: {index:g}: there are {len(self._logs.opened)}, from 0")
+        opened = self._logs.opened[int(index)]
+        begin_s, end_s = 0.0, 0.0
+        if stretch:
+            begin_s, end_s = _number(request, "begin_s"), _number(request, "end_s")
+            if begin_s > end_s:
+                raise UsageError(f"begin_s: {begin_s:g} is after end_s, {end_s:g}")
+
+        def answer() -> T:
+            with opened.lock:
+                if opened.live:
+                    opened.refresh()
+                return ask(opened, begin_s, end_s)
+
+        return await asyncio.to_thread(answer)
+
+
+def application(logs: Logs, access: Access) -> web.Application:
+    """Return the server's application."""
+
+    @web.middleware
+    async def in_words(request: web.Request, handler: Any) -> web.StreamResponse:
+        try:
+            answer: web.StreamResponse = await handler(request)
+        except MotorctlError as error:
+            return web.Response(status=400, text=f"{error}\n")
+        return answer
+
+    app = web.Application(middlewares=[guarded(access), in_words], client_max_size=MOST_ASKED_BYTES)
+    questions = Questions(logs)
+    app.router.add_post("/api/trigger", questions.trigger)
+    for name in ("live", "logs", "signals", "bands", "plane", "path", "spectrum", "values"):
+        app.router.add_get(f"/api/{name}", getattr(questions, name))
+    app.router.add_get("/{name:[a-zA-Z_/.]*}", _file)
+    return app
+
+
+async def serve(
+    logs: Logs, address: str, port: int, ready: Callable[[str], None] = lambda url: None
+) -> None:
+    """Serve the page until it is cancelled.
+
+    Parameters
+    ----------
+    logs
+        What it shows.
+    address, port
+        Where; of any address that others reach, the page needs a token. Port 0: any that is free.
+    ready
+        Told the page's address once it can be opened.
+
+    Raises
+    ------
+    RunError
+        Where nobody may listen there.
+    """
+    access = Access(address, new_token() if needs_token(address) else None)
+    runner = web.AppRunner(application(logs, access), access_log=None)
+    await runner.setup()
+    try:
+        try:
+            site = web.TCPSite(runner, address, port)
+            await site.start()
+        except OSError as error:
+            raise RunError(
+                f"the page cannot be served on {address}, port {port}: {error.strerror or error}; "
+                "--port 0 takes any that is free"
+            ) from error
+        bound = runner.addresses[0][1]
+        name = socket.gethostname() if address in EVERYWHERE else address
+        name = f"[{name}]" if ":" in name else name
+        ready(f"http://{name}:{bound}/" + (f"?token={access.token}" if access.token else ""))
+        await asyncio.Event().wait()
+    finally:
+        await runner.cleanup()
+
+
+async def _file(request: web.Request) -> web.Response:
+    name = request.match_info["name"] or "index.html"
+    file = PAGE.joinpath(name)
+    kind = KINDS.get(Path(name).suffix)
+    if kind is None or ".." in name or not file.is_file():
+        return web.Response(status=404, text=f"no page '{name[:80]}'\n")
+    return web.Response(text=file.read_text(encoding="utf-8"), content_type=kind)
+
+
+def _number(request: web.Request, name: str) -> float:
+    told = request.query.get(name, "")
+    try:
+        number = float(told)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise UsageError(f"{name}: '{told[:80]}' is no number")
+    return number
+
+
+def _word(request: web.Request, name: str) -> str:
+    if not (word := request.query.get(name, "")):
+        raise UsageError(f"{name}: is missing")
+    return word[:200]

@@ -1,0 +1,108 @@
+"""What a capture begins with: a row that does what was asked for, looked for in every row."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from motorctl.api.samples import Samples
+from motorctl.errors import UsageError
+from motorctl.log.sample import AxisState
+
+LONGEST_S = 30.0
+"""Before and after a trigger, each: both have to be within what is kept."""
+
+
+class Trigger(BaseModel):
+    """What is waited for, and what is kept around it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    kind: Literal["fault", "state", "program", "level"]
+    """An axis trips; its state changes; it begins to run; a column crosses a level."""
+    axis: str | None = None
+    """Which axis; None: any."""
+    column: str | None = None
+    level: float = 0.0
+    hysteresis: float = Field(0.0, ge=0.0)
+    """How far back it has to go before it can cross again."""
+    edge: Literal["rising", "falling"] = "rising"
+    mode: Literal["auto", "normal", "single"] = "single"
+    """Once; again and again; again and again, and in between the page follows the machine."""
+    pre_s: float = Field(1.0, ge=0.0, le=LONGEST_S)
+    post_s: float = Field(1.0, ge=0.0, le=LONGEST_S)
+
+    @model_validator(mode="after")
+    def _has_a_column(self) -> Self:
+        if (self.column is None) == (self.kind == "level"):
+            raise ValueError("a column is what a level needs, and nothing else")
+        return self
+
+
+class Watch:
+    """Looks for a trigger in rows as they come. Raises UsageError where it fits no column.
+
+    Parameters
+    ----------
+    trigger
+        What is looked for.
+    like
+        The rows right before the first that are looked at; none of them triggers.
+    """
+
+    def __init__(self, trigger: Trigger, like: Samples) -> None:
+        self.trigger = trigger
+        axes = like.axes if trigger.axis is None else (trigger.axis,)
+        if unknown := [axis for axis in axes if axis not in like.axes]:
+            raise UsageError(f"axis: '{unknown[0]}'; there are: {', '.join(like.axes)}")
+        if trigger.column is not None and trigger.column not in like:
+            raise UsageError(f"column: '{trigger.column}' is none of the machine's")
+        self._axes = axes
+        self._before: dict[str, float] = {}
+        self._ready = False
+        self.find(like)
+
+    def find(self, samples: Samples) -> int | None:
+        """Return the first row that triggers, of rows that follow those before; None: none does.
+
+        All of them are looked at; what comes after the first is not told.
+        """
+        if not samples.rows:
+            return None
+        if self.trigger.column is not None:
+            return self._crossing(samples[self.trigger.column].astype(float))
+        found = [self._change(f"{axis}.state", samples) for axis in self._axes]
+        return min((row for row in found if row is not None), default=None)
+
+    def _change(self, name: str, samples: Samples) -> int | None:
+        states = samples[name]
+        before = np.concatenate(([self._before.get(name, states[0])], states[:-1]))
+        self._before[name] = float(states[-1])
+        hits = states != before
+        if self.trigger.kind == "fault":
+            hits &= states == AxisState.FAULT
+        elif self.trigger.kind == "program":
+            hits &= states == AxisState.RUNNING
+        return int(np.argmax(hits)) if hits.any() else None
+
+    def _crossing(self, values: NDArray[np.float64]) -> int | None:
+        """Return the first row beyond the level after one that was further back than hysteresis."""
+        level = self.trigger.level
+        if self.trigger.edge == "falling":
+            values, level = -values, -level
+        begins = 0
+        if not self._ready:
+            back = np.flatnonzero(values < level - self.trigger.hysteresis)
+            if not len(back):
+                return None
+            begins = int(back[0])
+            self._ready = True
+        beyond = np.flatnonzero(values[begins:] >= level)
+        if not len(beyond):
+            return None
+        row = begins + int(beyond[0])
+        self._ready = bool((values[row:] < level - self.trigger.hysteresis).any())
+        return row

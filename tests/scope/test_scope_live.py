@@ -1,0 +1,147 @@
+"""The scope beside a running machine: every row is heard, and a capture is an ordinary log."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_ring import AXES, Ring, ring
+from served_socket import served
+
+import motorctl
+from motorctl.daemon.access import Role
+from motorctl.daemon.protocol import Request
+from motorctl.errors import RunError
+from motorctl.log.sample import AxisState
+from motorctl.loop.layout import signature
+from motorctl.scope.live_machine import LiveMachine
+from motorctl.scope.signals import signals
+from motorctl.scope.trigger import Trigger
+
+pytestmark = pytest.mark.wall_clock(lanes=2)
+
+METADATA = {"rate_hz": 1000.0, "machine": "bench", "config": {"name": "bench"}}
+WAIT_S = 20.0
+
+
+@contextmanager
+def staged(place: Path) -> Iterator[tuple[Ring, Path]]:
+    """Serve what the scope asks of a daemon, over a ring that a test fills."""
+    with ring() as filled:
+
+        async def handle(request: Request) -> dict[str, Any]:
+            if request.do == "status":
+                loop = {"rate_hz": 1000.0, "pid": 2**22 + 1}  # of no process
+                recording = {"file": None}
+                return {"machine": "bench", "loop": loop, "recording": recording, "axes": {}}
+            axes = {a.name: {"theta_names": a.theta_names, "dual_drive": False} for a in AXES}
+            layout = filled.memory.layout
+            told = {"machine": "bench", "rate_hz": 1000.0, "models_row": 0, "metadata": METADATA}
+            return told | {"layout": layout, "signature": signature(layout), "axes": axes}
+
+        with served(place, handle, lambda: Role.OBSERVE, filled.memory.open_to_read) as path:
+            yield filled, path
+
+
+@pytest.fixture
+def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Ring, LiveMachine]]:
+    # The one who tests goes on at the priority that it has.
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    with staged(tmp_path / "s") as (filled, path):
+        filled.run(500)
+        machine = LiveMachine(path, tmp_path / "captures")
+        yield filled, machine
+        machine.close()
+        filled.run(1)
+        machine.join()
+
+
+def until(met: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while not met():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_it_shows_what_was_before_and_every_row_that_comes(stage: Any) -> None:
+    filled, machine = stage
+    for _ in range(3):
+        filled.run(200)
+        time.sleep(0.02)
+    until(lambda: machine.state()["end_s"] == pytest.approx(1.099))
+    with machine.lock:
+        told = signals(machine, ["x.position_m"], 0.0, 2.0, 1000)
+    assert told.arrays["time_s"] == pytest.approx(np.arange(1100) / 1000)
+    assert told.arrays["x.position_m"] == pytest.approx(1e-3 * np.arange(1100))
+    assert machine.state()["lost"] == 0
+
+
+def test_rows_that_it_was_too_late_for_are_counted(stage: Any) -> None:
+    filled, machine = stage
+    with machine.lock:  # as a page that holds it up for longer than the loop keeps rows
+        filled.run(filled.memory.ring_rows + 700)
+        time.sleep(0.2)
+        filled.run(filled.memory.ring_rows)
+    until(lambda: machine.state()["lost"] > 0)
+
+
+def test_a_capture_is_a_log_with_the_rows_around_the_trigger(stage: Any, tmp_path: Path) -> None:
+    filled, machine = stage
+    machine.arm(Trigger(kind="fault", pre_s=0.3, post_s=0.1))
+    filled.run(200)
+    filled.run(50, AxisState.FAULT)
+    time.sleep(0.1)
+    assert machine.state()["captured"] == 0, "the seconds after it are not there yet"
+    filled.run(200, AxisState.FAULT)
+    until(lambda: machine.state()["captured"] == 1)
+    state = machine.state()
+    assert state["armed"] is None, "a single one"
+    (capture,) = state["captures"]
+    assert capture["time_s"] == pytest.approx(0.7)
+    assert capture["failure"] is None
+    log = motorctl.open_log(capture["path"])
+    assert log["tick"].tolist() == list(range(400, 801))
+    assert log["y.position_m"] == pytest.approx(1e-3 * np.arange(400, 801))
+    assert log["x.state"][300] == AxisState.FAULT
+    assert (log.metadata["machine"], log.sample_rate_hz) == ("bench", 1000.0)
+    assert log.metadata["capture"]["trigger"]["kind"] == "fault"
+    assert log.info().faults == ()
+
+
+def test_a_normal_trigger_captures_again_and_again(stage: Any) -> None:
+    filled, machine = stage
+    machine.arm(Trigger(kind="program", mode="normal", pre_s=0.05, post_s=0.05))
+    for count in (1, 2):
+        filled.run(100, AxisState.IDLE)
+        time.sleep(0.1)
+        filled.run(100)
+        until(lambda count=count: machine.state()["captured"] == count)
+    paths = [capture["path"] for capture in machine.state()["captures"]]
+    assert len(set(paths)) == 2
+    assert machine.state()["armed"]["kind"] == "program"
+    machine.arm(None)
+    assert machine.state()["armed"] is None
+
+
+def test_a_capture_that_the_disk_refuses_is_told(stage: Any, tmp_path: Path) -> None:
+    filled, machine = stage
+    (tmp_path / "captures").write_text("a file where the folder should be")
+    machine.arm(Trigger(kind="state", pre_s=0.1, post_s=0.0))
+    filled.run(100, AxisState.IDLE)
+    until(lambda: machine.state()["captured"] == 1)
+    (capture,) = machine.state()["captures"]
+    assert capture["path"] is None
+    assert "captures" in capture["failure"]
+
+
+def test_without_a_daemon_it_says_so(tmp_path: Path) -> None:
+    before = threading.active_count()
+    with pytest.raises(RunError, match="no daemon answers"):
+        LiveMachine(tmp_path / "none.sock", tmp_path)
+    assert threading.active_count() == before
