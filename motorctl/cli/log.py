@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motorctl.cli.force_option import ForceOption
 from motorctl.cli.recording_argument import WholeRun
 from motorctl.cli.say import say
+from motorctl.cli.whole_help import WholeHelp
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.log.info import LogInfo
@@ -38,7 +40,7 @@ class Target(StrEnum):
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True)
+    group = typer.Typer(cls=WholeHelp, no_args_is_help=True)
     group.command("info", epilog="Example: motorctl log info run.parquet")(_info)
     group.command("export", epilog="Example: motorctl log export run.parquet --to csv")(_export)
     group.command("recover", epilog="Example: motorctl log recover run.parquet.partial")(_recover)
@@ -63,6 +65,7 @@ def _export(
     to: Annotated[Target, typer.Option(help="The format.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="The new file; else beside the log.")] = None,
     whole_run: WholeRun = False,
+    force: ForceOption = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a log, or a run as one file, as CSV, as MAT, or as Parquet that any program reads."""
@@ -70,7 +73,7 @@ def _export(
     from motorctl.log.export import export
 
     with showing_progress(f"writing {to.value}") as progress:
-        target = export(files, to.value, out, progress, whole_run)
+        target = export(files, to.value, out, progress, whole_run, replace=force)
     say(json.dumps({"out": str(target)}) if as_json else target)
 
 

@@ -105,6 +105,12 @@ class DelayedPlant:
         return result
 
 
+def open_loop(plant: DelayedPlant, gains: LoopGains, w: Array) -> ComplexArray:
+    """Return L, the law's feedback times the plant [1], at frequencies w [rad/s], (n,)."""
+    result: ComplexArray = gains.feedback(Frequencies.at(w, plant.period_s)) * plant.response(w)
+    return result
+
+
 def is_stable(plant: DelayedPlant, gains: LoopGains) -> bool:
     """Return whether the closed loop's eigenvalues lie inside the unit circle.
 
