@@ -45,7 +45,7 @@ def print_screen(console: Console, summary: Part) -> None:
 
 def _driver(driver: Part) -> str:
     most, used = driver["max_rate_hz"], driver["used"]
-    budget = "" if most is None or used is None else f" of {number(most)} ({100 * used:.0f} %)"
+    budget = "" if most is None or used is None else f" of {number(most, 4)} ({100 * used:.0f} %)"
     delay = f", {number(driver['delay_s'] * 1e3)} ms of delay" if driver["delay_s"] else ""
     return (
         f"{driver['type']}, axes {', '.join(driver['axes'])}, {number(driver['rate_hz'])}"

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 STOP = " "
-"""The largest key. What it does is done at once, whatever is being shown."""
+"""The space bar, the largest key: what it does is done at once, whatever is being shown."""
 LEAVE = "q"
 ESCAPED = {
     b"\x1b[A": "up",

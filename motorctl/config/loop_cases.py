@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
@@ -17,8 +18,8 @@ from motorctl.config.machine import Axis
 USUAL_PHASE_DEG = 30.0
 """Phase margin that is usual at least [degrees]. Convention: below, an error of the model of a
 sample's delay or of a third of the inertia makes the axis ring."""
-USUAL_GAIN = 2.0
-"""Gain margin that is usual at least, up and down [1]; 6 dB. Convention."""
+USUAL_GAIN_DB = 6.0
+"""Gain margin that is usual at least, up and down [dB]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -96,31 +97,33 @@ def remark_on_margins(rows: list[MarginsAt]) -> str | None:
     Parameters
     ----------
     rows
-        Of stable loops; what is unstable is told elsewhere.
+        Of one axis.
 
     Returns
     -------
     str or None
-        Its numbers, and where.
+        Its numbers, and where. None, too, where a loop is unstable: that is told by itself.
     """
-    told = []
-    phases = [r for r in rows if r.stable and r.phase_margin_deg is not None]
-    if phases:
-        least = min(phases, key=lambda r: r.phase_margin_deg or 0.0)
-        if (phase_deg := least.phase_margin_deg or 0.0) < USUAL_PHASE_DEG:
-            told.append(f"phase margin {phase_deg:.3g} deg {_where(least)}; usual: 30 deg")
+    if not all(row.stable for row in rows):
+        return None
+    phases = [(row.phase_margin_deg, row) for row in rows if row.phase_margin_deg is not None]
     gains = [
-        (ratio, row)
+        (20.0 * math.log10(ratio), row)
         for row in rows
-        if row.stable
         for ratio in (row.gain_margin, 1.0 / row.gain_reduction if row.gain_reduction else None)
         if ratio is not None
     ]
-    if gains:
-        ratio, row = min(gains, key=lambda pair: pair[0])
-        if ratio < USUAL_GAIN:
-            told.append(f"gain margin {ratio:.3g} {_where(row)}; usual: 2 (6 dB)")
-    return "; ".join(told) or None
+    told: dict[str, list[str]] = {}
+    for unit, usual, found in (("deg", USUAL_PHASE_DEG, phases), ("dB", USUAL_GAIN_DB, gains)):
+        least, row = min(found, key=lambda pair: pair[0], default=(math.inf, None))
+        if row is not None and least < usual:
+            told.setdefault(_where(row), []).append(
+                f"{least:.3g} deg" if unit == "deg" else f"{least:.1f} dB"
+            )
+    if not told:
+        return None
+    worst = "; ".join(f"{' and '.join(numbers)} {where}" for where, numbers in told.items())
+    return f"thin margins: {worst} (usual: {USUAL_PHASE_DEG:g} deg, {USUAL_GAIN_DB:g} dB)"
 
 
 def _where(row: MarginsAt) -> str:

@@ -270,7 +270,7 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
         )
     rows = [MarginsAt(**row) for row in axis["margins"]]
     if remark := remark_on_margins(rows):
-        yield f"axis {name}: {remark}; `motorctl tune` finds gains at a margin"
+        yield f"axis {name}: {remark}; `motorctl tune {name}` finds gains at margins"
     for row in rows:
         if not row.stable:
             yield (
