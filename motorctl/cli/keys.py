@@ -81,7 +81,7 @@ def _named(pressed: bytes) -> str | None:
 
 @contextmanager
 def single_keys(stop: Callable[[], object]) -> Iterator[Keys | None]:
-    """Give single keys of the terminal at standard input; None where there is none.
+    """Yield single keys of the terminal at standard input; None where there is none.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ LONG_S = 20.0
 def at_a_terminal(
     monkeypatch: pytest.MonkeyPatch, stop: threading.Event | None = None
 ) -> Iterator[tuple[int, Keys]]:
-    """Give a person's end of a terminal, and the keys that are read from the other one."""
+    """Yield a person's end of a terminal, and the keys that are read from the other one."""
     person, terminal = pty.openpty()
     try:
         with os.fdopen(terminal, "r", closefd=False) as stdin:
