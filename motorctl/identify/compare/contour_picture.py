@@ -17,11 +17,13 @@ from motorctl.picture_style import colour, panels_in_file
 Array = NDArray[np.float64]
 
 DRAWN_SHARE = 0.12
-"""Of the path's size that the largest error is drawn as. Only looks depend on it."""
+"""Of the path's size that the largest error is drawn as [1]. Only looks depend on it. Chosen by
+hand."""
 SLOW_SHARE = 0.02
 """Of the path's top speed, below which it has no direction that is sure [1]. Larger leaves corners
-out; smaller takes the rounding of a rest for a direction. By hand."""
+out; smaller takes the rounding of a rest for a direction. Chosen by hand."""
 HEIGHT_INCHES = 3.6
+"""Of a panel [inch]. Only looks depend on it. Chosen by hand."""
 
 
 @dataclass(frozen=True)
