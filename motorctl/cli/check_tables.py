@@ -23,6 +23,7 @@ from motorctl.cli.check_words import (
     together_words,
     wiring_words,
 )
+from motorctl.cli.terminal import open_table
 from motorctl.config.analysis import LoopMargins
 from motorctl.config.loop_cases import MarginsAt
 from motorctl.printable import one_line
@@ -90,18 +91,10 @@ def print_code(console: Console, told: Part) -> None:
         console.print(f"[yellow]note[/yellow]  {escape(said)}", soft_wrap=True)
 
 
-def _table(title: str, *columns: str, numbers: bool = True) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for index, column in enumerate(columns):
-        justify = "right" if numbers and index else "left"
-        table.add_column(column, justify=justify, overflow="fold")  # type: ignore[arg-type]
-    return table
-
-
 def _budgets(drivers: Part) -> Table:
     title = "Drivers and rate budgets"
     columns = ("driver", "type", "axes", "rate", "at most", "used", "delay", "no sample")
-    table = _table(title, *columns, numbers=False)
+    table = open_table(title, columns)
     for name, driver in drivers.items():
         used = "?" if driver["used"] is None else f"{100 * driver['used']:.0f} %"
         most = driver["max_rate_hz"]
@@ -122,7 +115,7 @@ def _wiring(name: str, axis: Part) -> Table:
     limits, gains, encoder = axis["limits"], axis["gains"], axis["encoder"]
     error, homing = limits["following_error"], axis["homing"]
     dual = axis["dual_drive"]
-    table = _table(f"Axis {name}: {wiring_words(axis)}", "", "", numbers=False)
+    table = open_table(f"Axis {name}: {wiring_words(axis)}", ("", ""))
     table.show_header = False
     for label, text in (
         (
@@ -157,7 +150,7 @@ def _wiring(name: str, axis: Part) -> Table:
 
 def _parameters(name: str, axis: Part) -> Table:
     columns = ("parameter", "symbol", "theta(0)", "lower", "upper", "unit", "Gamma(0)")
-    table = _table(f"Axis {name}: parameters", *columns)
+    table = open_table(f"Axis {name}: parameters", columns, numbers=True)
     for parameter, values in axis["parameters"].items():
         numbers = (number(values[key]) for key in ("initial", "lower", "upper"))
         covariance = number(values["covariance"])
@@ -168,7 +161,7 @@ def _parameters(name: str, axis: Part) -> Table:
 def _skew_margins(name: str, dual: Part) -> Table:
     """Margins of the loop that holds the two ends together, without and with a sample more."""
     columns = ("delay ms", "crossover rad/s", "phase deg", "gain x", "gain /")
-    table = _table(f"Axis {name}: margins of the sampled skew loop", *columns)
+    table = open_table(f"Axis {name}: margins of the sampled skew loop", columns, numbers=True)
     for row in (LoopMargins(**row) for row in dual["skew_margins"]):
         shown = _shown(row) if row.stable else ("[red]unstable[/red]", "", "", "")
         table.add_row(number(row.delay_s * 1e3), *shown)
@@ -189,7 +182,7 @@ def _margins(name: str, axis: Part) -> Table:
     if lag_s := max(row["lag_s"] for row in axis["margins"]):
         title += f", behind a lag of {number(lag_s * 1e3)} ms"
     columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
-    table = _table(title, *columns, "gain x", "gain /")
+    table = open_table(title, (*columns, "gain x", "gain /"), numbers=True)
     for row in (MarginsAt(**row) for row in axis["margins"]):
         table.add_row(
             row.inertia_at,
@@ -203,7 +196,7 @@ def _margins(name: str, axis: Part) -> Table:
 def _conditions(name: str, axis: Part) -> Table:
     robust, second = axis["robust_gain"], axis["assumption_2"]
     title = f"Axis {name}: conditions of the guarantee"
-    table = _table(title, "condition", "where", "value", "needs", "verdict", numbers=False)
+    table = open_table(title, ("condition", "where", "value", "needs", "verdict"))
     for key, where in (("at_initial", "theta(0)"), ("over_bounds", "all of the bounds")):
         condition = robust[key]
         decay = condition["decay_1_s"]
@@ -232,12 +225,13 @@ def _conditions(name: str, axis: Part) -> Table:
 
 def _programs(programs: Part, axes: Part) -> Table:
     columns = ("program", "axis", "range m", "v m/s", "a m/s^2", "jerk m/s^3", "needs V", "of V")
-    table = _table("Programs: peaks, and the command needed at theta(0)", *columns, "lasts s")
+    title = "Programs: peaks, and the command needed at theta(0)"
+    table = open_table(title, (*columns, "lasts s"), numbers=True)
     for name, program in programs.items():
         for axis, peaks in program["axes"].items():
             low, high = peaks["range_m"]
             table.add_row(
-                f"{name} ({program['kind']})",
+                name,
                 axis,
                 f"{number(low)} to {number(high)}",
                 number(peaks["max_velocity_m_s"], 4),

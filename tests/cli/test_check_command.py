@@ -139,8 +139,8 @@ def test_the_library_of_one_bus_is_not_missed_by_another():
     ("late", "shown"),
     [
         ({}, "hold 3 ticks"),
-        ({"hold_ticks": 1, "predict": True}, "predict 1 tick │"),
-        ({"hold_ticks": 0}, "│ trip │"),
+        ({"hold_ticks": 1, "predict": True}, "none predict 1 tick "),
+        ({"hold_ticks": 0}, "none trip "),
     ],
 )
 def test_what_follows_where_no_sample_comes_is_shown_with_each_driver(
@@ -154,9 +154,9 @@ def test_what_follows_where_no_sample_comes_is_shown_with_each_driver(
 def test_how_late_a_command_acts_is_shown_with_each_driver(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "110")
     path = write(tmp_path, MACHINE)
-    assert "│ none  │" in run("check", path, "--all").stdout
+    assert " none  " in run("check", path, "--all").stdout
     monkeypatch.setattr(BenchDriver, "exchange_delay_periods", 1.0)
-    assert "│ 0.5 ms │" in run("check", path, "--all").stdout
+    assert " 0.5 ms  " in run("check", path, "--all").stdout
 
 
 def with_rates(loop_hz, own_hz):
@@ -183,7 +183,7 @@ def test_the_tables_of_a_machine_fit_a_terminal_of_110_columns(monkeypatch):
     monkeypatch.setenv("COLUMNS", "110")
     lines = run("check", "serial_gantry", "--all").stdout.splitlines()
     assert max(map(len, lines)) <= 110
-    assert any("│ gantry │ serial " in line and "predict 50 ticks" in line for line in lines)
+    assert any(line.startswith(" gantry  serial ") and "predict 50 ticks" in line for line in lines)
 
 
 def test_a_configuration_is_found_next_to_where_one_works(tmp_path):
