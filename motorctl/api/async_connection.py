@@ -141,6 +141,12 @@ class AsyncConnection:
         """As `Connection.stop`."""
         return await self.carry_out(orders.stop(axis, timeout_s, on_wait))
 
+    async def stop_all(
+        self, *, timeout_s: float = STOP_TIMEOUT_S, on_wait: OnWait | None = None
+    ) -> tuple[str, ...]:
+        """As `Connection.stop_all`."""
+        return await self.carry_out(orders.stop_all(timeout_s, on_wait))
+
     async def home(
         self, axis: str, *, timeout_s: float | None = None, on_wait: OnWait | None = None
     ) -> AxisStatus:
@@ -150,15 +156,16 @@ class AsyncConnection:
     async def move(
         self,
         axis: str,
-        position_m: float,
+        position_m: float | None = None,
         *,
+        by_m: float | None = None,
         velocity_m_s: float | None = None,
         acceleration_m_s2: float | None = None,
         on_wait: OnWait | None = None,
     ) -> Motion:
         """As `Connection.move`."""
         return await self.carry_out(
-            orders.move(axis, position_m, velocity_m_s, acceleration_m_s2, on_wait)
+            orders.move(axis, position_m, by_m, velocity_m_s, acceleration_m_s2, on_wait)
         )
 
     async def program(

@@ -55,6 +55,12 @@ class Connection(Client):
         """Ramp an axis down and disable it; returns when it is off."""
         return self.carry_out(orders.stop(axis, timeout_s, on_wait))
 
+    def stop_all(
+        self, *, timeout_s: float = STOP_TIMEOUT_S, on_wait: OnWait | None = None
+    ) -> tuple[str, ...]:
+        """Ramp every enabled axis down at once; returns their names when all are off."""
+        return self.carry_out(orders.stop_all(timeout_s, on_wait))
+
     def home(
         self, axis: str, *, timeout_s: float | None = None, on_wait: OnWait | None = None
     ) -> AxisStatus:
@@ -64,8 +70,9 @@ class Connection(Client):
     def move(
         self,
         axis: str,
-        position_m: float,
+        position_m: float | None = None,
         *,
+        by_m: float | None = None,
         velocity_m_s: float | None = None,
         acceleration_m_s2: float | None = None,
         on_wait: OnWait | None = None,
@@ -80,13 +87,15 @@ class Connection(Client):
             Its name.
         position_m
             Where to [m].
+        by_m
+            Instead: how far from where it holds [m].
         velocity_m_s, acceleration_m_s2
-            At most; None: the axis' limit, and that of the stop ramp.
+            At most; None: a quarter of the axis' limit, and that of the stop ramp.
         on_wait
             Told why, where the request has to wait.
         """
         return self.carry_out(
-            orders.move(axis, position_m, velocity_m_s, acceleration_m_s2, on_wait)
+            orders.move(axis, position_m, by_m, velocity_m_s, acceleration_m_s2, on_wait)
         )
 
     def program(

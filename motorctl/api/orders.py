@@ -33,6 +33,8 @@ class Motion:
     """Of that way."""
     program: str | None = None
     """None: a move."""
+    target_m: float | None = None
+    """Where a move ends [m]; None: a program."""
     notes: tuple[str, ...] = ()
     """Why what an axis learned for it is not used, a sentence each."""
 
@@ -90,6 +92,17 @@ def stop(axis: str, timeout_s: float, on_wait: OnWait | None) -> Conversation[Ax
     return AxisStatus.of(axis, (yield from until(axis, _in(("off",)), timeout_s)))
 
 
+def stop_all(timeout_s: float, on_wait: OnWait | None) -> Conversation[tuple[str, ...]]:
+    """Ramp every enabled axis down, all at once, and wait until each is off."""
+    axes = (yield Ask("status"))["axes"]
+    enabled = tuple(name for name, told in axes.items() if told["state"] not in ("off", "fault"))
+    for axis in enabled:
+        yield from when_ready("stop", {"axis": axis}, on_wait)
+    for axis in enabled:
+        yield from until(axis, _in(("off",)), timeout_s)
+    return enabled
+
+
 def home(axis: str, timeout_s: float | None, on_wait: OnWait | None) -> Conversation[AxisStatus]:
     """Look for an axis' zero, and wait until it is found."""
     yield from when_ready("home", {"axis": axis}, on_wait)
@@ -101,7 +114,8 @@ def home(axis: str, timeout_s: float | None, on_wait: OnWait | None) -> Conversa
 
 def move(
     axis: str,
-    position_m: float,
+    position_m: float | None,
+    by_m: float | None,
     velocity_m_s: float | None,
     acceleration_m_s2: float | None,
     on_wait: OnWait | None,
@@ -110,11 +124,12 @@ def move(
     given = {
         "axis": axis,
         "position_m": position_m,
+        "by_m": by_m,
         "velocity_m_s": velocity_m_s,
         "acceleration_m_s2": acceleration_m_s2,
     }
     answer = yield from when_ready("move", given, on_wait)
-    return Motion((axis,), answer["duration_s"])
+    return Motion((axis,), answer["duration_s"], target_m=answer["target_m"])
 
 
 def program(
@@ -153,7 +168,7 @@ def estop() -> Conversation[tuple[str, ...]]:
 def _motion(answer: dict[str, Any]) -> Motion:
     axes, name = tuple(answer["axes"]), answer["program"]
     notes = tuple(answer.get("notes", ()))
-    return Motion(axes, answer["duration_s"], answer["approach_s"], name, notes)
+    return Motion(axes, answer["duration_s"], answer["approach_s"], name, notes=notes)
 
 
 def _in(states: Collection[str]) -> Callable[[dict[str, Any]], bool]:

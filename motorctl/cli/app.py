@@ -20,7 +20,6 @@ def assemble(groups: Sequence[str]) -> typer.Typer:
         help="Real-time motion control that closes the loop with measured data.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
-        add_completion=False,
         rich_markup_mode=None,
     )
 

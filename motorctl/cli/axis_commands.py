@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.completion import axes
 from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
 from motorctl.printable import one_line
@@ -14,7 +15,9 @@ from motorctl.printable import one_line
 if TYPE_CHECKING:
     from motorctl.api.orders import Motion
 
-AxisArgument = Annotated[str, typer.Argument(metavar="AXIS", help="Name of the axis.")]
+AxisArgument = Annotated[
+    str, typer.Argument(metavar="AXIS", help="Name of the axis.", autocompletion=axes)
+]
 WaitOption = Annotated[bool, typer.Option("--wait", help="Return when the motion is at its end.")]
 
 
@@ -48,16 +51,35 @@ def start(
             _say(axis, "enabled, holds")
 
 
-def stop(axis: AxisArgument, socket: SocketOption = None) -> None:
+def stop(
+    axis: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="AXIS", help="Name of the axis.", show_default=False, autocompletion=axes
+        ),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Every axis that is enabled.")] = False,
+    socket: SocketOption = None,
+) -> None:
     """Ramp an axis down and disable it.
 
     Example: motorctl stop x
     """
     from motorctl import connect
+    from motorctl.errors import UsageError
 
+    if every == (axis is not None):
+        raise UsageError("stop needs the name of an axis, or --all")
     with connect(socket) as machine:
-        machine.stop(axis, on_wait=_tell_wait)
-    _say(axis, "off")
+        if axis is not None:
+            machine.stop(axis, on_wait=_tell_wait)
+            _say(axis, "off")
+            return
+        stopped = machine.stop_all(on_wait=_tell_wait)
+    for name in stopped:
+        _say(name, "off")
+    if not stopped:
+        say("no axis was enabled")
 
 
 def home(axis: AxisArgument, socket: SocketOption = None) -> None:
@@ -77,33 +99,50 @@ def home(axis: AxisArgument, socket: SocketOption = None) -> None:
 
 def move(
     axis: AxisArgument,
-    position_m: Annotated[float, typer.Argument(metavar="POSITION_M", help="Where to, in metres.")],
+    position: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="POSITION_M",
+            help="Where to, in metres, or with a unit (250mm); +10mm goes so far from here.",
+            show_default=False,
+        ),
+    ] = None,
+    by: Annotated[
+        str | None, typer.Option(help="Instead: how far from here, with either sign (-10mm).")
+    ] = None,
     velocity: Annotated[
-        float | None, typer.Option(help="m/s; usual: the axis' limit.", show_default=False)
+        str | None,
+        typer.Option(help="m/s, or with a unit; usual: a quarter of the axis' limit."),
     ] = None,
     acceleration: Annotated[
-        float | None, typer.Option(help="m/s^2; usual: that of the stop ramp.", show_default=False)
+        str | None, typer.Option(help="m/s^2, or with a unit; usual: that of the stop ramp.")
     ] = None,
     socket: SocketOption = None,
     wait: WaitOption = False,
 ) -> None:
-    """Move an axis that holds to a position.
+    """Move an axis that holds to a position, or by a way.
 
     The whole move is checked against every limit before anything moves.
 
     Example: motorctl move x 0.25 --velocity 0.5 --wait
     """
     from motorctl import connect
+    from motorctl.cli.lengths import acceleration_m_s2, target_of, velocity_m_s
 
+    target = target_of(position, by)
+    given_m_s = None if velocity is None else velocity_m_s(velocity)
+    given_m_s2 = None if acceleration is None else acceleration_m_s2(acceleration)
     with connect(socket) as machine:
         motion = machine.move(
             axis,
-            position_m,
-            velocity_m_s=velocity,
-            acceleration_m_s2=acceleration,
+            target.position_m,
+            by_m=target.by_m,
+            velocity_m_s=given_m_s,
+            acceleration_m_s2=given_m_s2,
             on_wait=_tell_wait,
         )
-        _say(axis, f"to {_millimetres(position_m)} in {motion.duration_s:.2f} s")
+        assert motion.target_m is not None  # of a move
+        _say(axis, f"to {_millimetres(motion.target_m)} in {motion.duration_s:.2f} s")
         if wait:
             machine.wait(axis)
 

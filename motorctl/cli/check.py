@@ -10,6 +10,7 @@ import typer
 
 from motorctl.cli.allowed_code_option import AllowedCodeOption
 from motorctl.cli.choices import ControllerChoice
+from motorctl.cli.completion import configurations
 from motorctl.cli.say import say
 
 
@@ -20,7 +21,10 @@ def register(app: typer.Typer) -> None:
 
 def _check(
     config: Annotated[
-        str | None, typer.Argument(help="A YAML file, or a shipped configuration's name.")
+        str | None,
+        typer.Argument(
+            help="A YAML file, or a shipped configuration's name.", autocompletion=configurations
+        ),
     ] = None,
     controller: Annotated[
         ControllerChoice | None, typer.Option(help="In place of what the axes say.")
@@ -32,6 +36,13 @@ def _check(
         ),
     ] = False,
     only_allowed_code: AllowedCodeOption = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="All that is known of the machine, not one screen of it.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Draw each axis' loop there: bode_AXIS.png."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of configurations, for editors.")
@@ -42,6 +53,7 @@ def _check(
     Every problem is told at once, with file, line and key; the exit status is then 2.
     """
 
+    from motorctl.cli.check_screen import print_screen
     from motorctl.cli.check_tables import print_code, print_summary
     from motorctl.cli.terminal import Terminal
     from motorctl.config import AllowedCode, config_schema, load, summarise
@@ -73,7 +85,12 @@ def _check(
     if as_json:
         say(json.dumps(summary, indent=2))
     else:
-        print_summary(Terminal(), summary)
+        (print_summary if everything else print_screen)(Terminal(), summary)
+    if out is not None:
+        from motorctl.config.loop_picture import draw_loops
+
+        for path in draw_loops(machine, out):
+            say(path, err=as_json)
 
 
 def _code(config: str, only_allowed: Path | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.config_argument import ConfigArgument
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # takes long to import: the command does so when it runs
@@ -33,7 +34,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _close_loop(
-    config: Annotated[str, typer.Argument(help="A YAML file, or a shipped configuration's name.")],
+    config: ConfigArgument,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where every round is kept, and refined.yaml.")
     ] = Path("close-loop-out"),

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from motorctl.cli import axis_commands, model_commands, status
+from motorctl.cli import axis_commands, jog, model_commands, status
 from motorctl.cli.allowed_code_option import AllowedCodeOption
+from motorctl.cli.config_argument import ConfigArgument
 from motorctl.cli.socket_option import SocketOption
 
 
 def run(
-    config: Annotated[str, typer.Argument(help="Configuration file, or a shipped one's name.")],
+    config: ConfigArgument,
     log_dir: Annotated[
         Path | None,
         typer.Option(
@@ -63,4 +64,5 @@ def register(app: typer.Typer) -> None:
     app.command()(run)
     status.register(app)
     axis_commands.register(app)
+    jog.register(app)
     model_commands.register(app)

@@ -45,13 +45,11 @@ def _plain(entry: DriverEntry) -> dict[str, object]:
 
 def _print_table(entries: list[DriverEntry]) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    from motorctl.cli.terminal import Terminal
+    from motorctl.cli.terminal import Terminal, open_table
 
-    table = Table(title="Drivers", title_justify="left")
-    for column in ("name", "package", "version", "class", "virtual time", "state"):
-        table.add_column(column, overflow="fold")
+    columns = ("name", "package", "version", "class", "virtual", "state")
+    table = open_table("Drivers", columns)
     for entry in entries:
         virtual = "?"
         if entry.driver is not None:

@@ -40,13 +40,10 @@ def _effects(
 
 def _print_table(rows: list[dict[str, Any]]) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    from motorctl.cli.terminal import Terminal
+    from motorctl.cli.terminal import Terminal, open_table
 
-    table = Table(title="Effects", title_justify="left")
-    for column in ("name", "package", "kind", "what it is"):
-        table.add_column(column, overflow="fold")
+    table = open_table("Effects", ("name", "package", "kind", "what it is"))
     for row in rows:
         told = escape(row["title"] or "") if row["error"] is None else ""
         if row["error"] is not None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.config_argument import ConfigArgument
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _experiment(
-    config: Annotated[str, typer.Argument(help="A YAML file, or a shipped configuration's name.")],
+    config: ConfigArgument,
     recording: Annotated[
         list[Path] | None,
         typer.Option(

@@ -11,6 +11,7 @@ import typer
 
 from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
+from motorctl.cli.whole_help import WholeHelp
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.flight import FlightRecord, Listing
@@ -39,7 +40,7 @@ COLUMNS = {
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True)
+    group = typer.Typer(cls=WholeHelp, no_args_is_help=True)
     group.command("list", epilog="Example: motorctl fault list --log-dir logs")(_list)
     group.command("show", epilog="Example: motorctl fault show --out pictures")(_show)
     app.add_typer(group, name="fault", help="List and show what was kept of axes that tripped.")

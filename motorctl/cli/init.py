@@ -145,12 +145,13 @@ def _init(
 def _refuse_what_is_there(out: Path, simulated: Path | None, *, replace: bool) -> None:
     """Say so before anything is asked."""
     from motorctl.errors import UsageError
+    from motorctl.replacing import refuse_what_is_there
 
     if simulated is not None and simulated.resolve() == out.resolve():
         raise UsageError(f"--simulated {simulated}: is the same file")
     for path in (out, simulated):
-        if path is not None and path.exists() and not replace:
-            raise UsageError(f"{path}: is there already; --force replaces it")
+        if path is not None:
+            refuse_what_is_there(path, replace=replace)
 
 
 def _asked_drivers() -> Words:

@@ -7,8 +7,9 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
+from motorctl.cli.whole_help import SectionedHelp
 from motorctl.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ FOLDERS = {"motorctl_devices": "./devices", "motorctl_benchmarks": "./devices ./
 """What `pip install` takes in a checkout of motorctl for a package that has a command."""
 
 
-class Commands(TyperGroup):
+class Commands(SectionedHelp):
     """The commands of motorctl, and those that other packages register."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:

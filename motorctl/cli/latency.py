@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from motorctl.cli.completion import configurations
 from motorctl.cli.say import say
 
 
@@ -27,7 +28,12 @@ def latency(
         ),
     ] = None,
     config: Annotated[
-        str, typer.Option(metavar="CONFIG", help="A YAML file, or a shipped one's name.")
+        str,
+        typer.Option(
+            metavar="CONFIG",
+            help="A YAML file, or a shipped one's name.",
+            autocompletion=configurations,
+        ),
     ] = "published_gantry",
     cyclictest: Annotated[
         bool, typer.Option(help="Measure cyclictest before and after, where it is installed.")

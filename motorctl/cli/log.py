@@ -10,11 +10,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from motorctl.cli.force_option import ForceOption
+from motorctl.cli.human_units import long_time, moment, short_time, size
 from motorctl.cli.recording_argument import WholeRun
 from motorctl.cli.say import say
+from motorctl.cli.whole_help import WholeHelp
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
     from motorctl.log.info import LogInfo
+
+KNOWN = {
+    "machine": "machine",
+    "version": "motorctl",
+    "seed": "seed",
+    "host": "computer",
+    "rows_lost": "rows lost",
+}
+"""What a log's metadata tell, and in which words it is shown."""
 
 LogFile = Annotated[Path, typer.Argument(metavar="FILE", show_default=False)]
 LogFiles = Annotated[
@@ -38,7 +50,7 @@ class Target(StrEnum):
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True)
+    group = typer.Typer(cls=WholeHelp, no_args_is_help=True)
     group.command("info", epilog="Example: motorctl log info run.parquet")(_info)
     group.command("export", epilog="Example: motorctl log export run.parquet --to csv")(_export)
     group.command("recover", epilog="Example: motorctl log recover run.parquet.partial")(_recover)
@@ -63,6 +75,7 @@ def _export(
     to: Annotated[Target, typer.Option(help="The format.", show_default=False)],
     out: Annotated[Path | None, typer.Option(help="The new file; else beside the log.")] = None,
     whole_run: WholeRun = False,
+    force: ForceOption = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a log, or a run as one file, as CSV, as MAT, or as Parquet that any program reads."""
@@ -70,7 +83,7 @@ def _export(
     from motorctl.log.export import export
 
     with showing_progress(f"writing {to.value}") as progress:
-        target = export(files, to.value, out, progress, whole_run)
+        target = export(files, to.value, out, progress, whole_run, replace=force)
     say(json.dumps({"out": str(target)}) if as_json else target)
 
 
@@ -96,15 +109,17 @@ def _recover(
 
 def _told(info: LogInfo) -> str:
     lines = [info.path + ("" if info.finished else "  (not finished)")]
-    lines.append(f"  {info.rows} rows, {info.size_bytes / 1e6:.3g} MB")
+    lines.append(f"  {info.rows:,} rows, {size(info.size_bytes)}")
     if info.begin_s is not None and info.end_s is not None:
         rate = f" at {info.sample_rate_hz:g} Hz" if info.sample_rate_hz else ""
-        lines.append(f"  {info.begin_s:.6g} s to {info.end_s:.6g} s{rate}")
+        lasts = long_time(info.end_s - info.begin_s)
+        lines.append(f"  {lasts}{rate}, from {info.begin_s:.6g} s to {info.end_s:.6g} s")
     lines.append(f"  axes: {', '.join(info.axes)}")
-    known = ("machine", "version", "seed", "host", "started_utc", "rows_lost")
-    for key in known:
+    for key, words in KNOWN.items():
         if info.metadata.get(key) not in (None, 0):
-            lines.append(f"  {key}: {_short(info.metadata[key])}")
+            lines.append(f"  {words}: {_short(info.metadata[key])}")
+    if started := info.metadata.get("started_utc"):
+        lines.append(f"  started: {moment(str(started))}")
     lines += _part(info.metadata)
     timing = info.metadata.get("timing") or {}
     for name in ("turnaround", "lateness"):
@@ -112,15 +127,16 @@ def _told(info: LogInfo) -> str:
             lines.append(f"  {name}: {_durations(found)}")
     if missing := timing.get("ticks_missing"):
         paused = ", or left out in pauses" if info.metadata.get("pauses") else ""
-        lines.append(f"  {missing} ticks are missing (skipped or lost{paused})")
+        lines.append(f"  {missing:,} ticks are missing (skipped or lost{paused})")
     lines += [
-        f"  axis {axis}: {missed} of {info.rows} rows without a new sample"
+        f"  axis {axis}: {missed:,} of {info.rows:,} rows without a new sample"
         for axis, missed in info.missed.items()
         if missed
     ]
     for f in info.faults:
         device = f" (device: {', '.join(f.device)})" if f.device else ""
-        lines.append(f"  fault: {f.time_s:.6g} s, axis {f.axis}: {f.cause}{device}")
+        cause = f.cause.lower().replace("_", " ")
+        lines.append(f"  fault at {f.time_s:.6g} s, axis {f.axis}: {cause}{device}")
     lines += [f"  note: {note}" for note in info.notes]
     return "\n".join(lines)
 
@@ -151,6 +167,6 @@ def _short(value: object) -> str:
 
 def _durations(found: dict[str, float]) -> str:
     names = {"p50_s": "median", "p99_s": "99 %", "p999_s": "99.9 %", "max_s": "worst"}
-    parts = [f"{names[key]} {found[key] * 1e6:.3g} µs" for key in names if key in found]
+    parts = [f"{names[key]} {short_time(found[key])}" for key in names if key in found]
     at = f" at {found['max_at_s']:.6g} s" if "max_at_s" in found else ""
     return ", ".join(parts) + at

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.completion import configurations
+from motorctl.cli.force_option import ForceOption
 from motorctl.cli.recording_argument import RecordingParts, WholeRun
 from motorctl.cli.say import say
 
@@ -26,7 +28,11 @@ def register(app: typer.Typer) -> None:
 def _refine(
     recording: RecordingParts,
     config: Annotated[
-        str, typer.Option(help="The configuration to refine: a file, or a shipped one's name.")
+        str,
+        typer.Option(
+            help="The configuration to refine: a file, or a shipped one's name.",
+            autocompletion=configurations,
+        ),
     ],
     out: Annotated[
         Path, typer.Option(metavar="NEW.yaml", help="The refined configuration to write.")
@@ -36,6 +42,7 @@ def _refine(
         Path | None, typer.Option(metavar="DIR", help="Where the diagnosis' report goes.")
     ] = None,
     whole_run: WholeRun = False,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Diagnose a recording; write a configuration with the effects that its model lacks.
@@ -47,7 +54,9 @@ def _refine(
     from motorctl import refine
     from motorctl.cli.progress import showing_stages
     from motorctl.identify.diagnose.report.page import write_report
+    from motorctl.replacing import refuse_what_is_there
 
+    refuse_what_is_there(out, replace=force)
     with showing_stages() as progress:
         refinement = refine(
             recording, config, out, axis=axis, whole_run=whole_run, progress=progress

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motorctl.cli.say import say
+from motorctl.cli.whole_help import WholeHelp
 
 if TYPE_CHECKING:
     from motorctl.service import Outcome
@@ -29,7 +30,7 @@ USUAL_NAME = "machine"
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True)
+    group = typer.Typer(cls=WholeHelp, no_args_is_help=True)
     install = "Example: motorctl service install left --config left.yaml"
     group.command("install", epilog=install)(_install)
     group.command("remove", epilog="Example: motorctl service remove left")(_remove)

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from motorctl.cli.choices import ControllerChoice
+from motorctl.cli.config_argument import ConfigArgument
+from motorctl.cli.force_option import ForceOption
 from motorctl.cli.say import say
 
 
@@ -21,7 +23,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _simulate(
-    config: Annotated[str, typer.Argument(help="A YAML file, or a shipped configuration's name.")],
+    config: ConfigArgument,
     log: Annotated[Path, typer.Option(help="The log to write, a Parquet file.")],
     controller: Annotated[
         ControllerChoice | None, typer.Option(help="In place of what the axes say.")
@@ -30,6 +32,7 @@ def _simulate(
         float | None, typer.Option(metavar="S", help="Seconds; else until the programs end.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="In place of the drivers' own seeds.")] = None,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Start every axis in virtual time, follow its program, log every tick.
@@ -40,7 +43,9 @@ def _simulate(
     from motorctl.cli.measure_tables import COLUMNS
     from motorctl.cli.progress import showing_progress
     from motorctl.identify.compare.measures import measured_document, table_cells
+    from motorctl.replacing import refuse_what_is_there
 
+    refuse_what_is_there(log, replace=force)
     with showing_progress("simulating; the first run compiles the kernels") as progress:
         recorded = simulate(
             config,

@@ -10,6 +10,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from motorctl.cli.human_units import short_time
 from motorctl.printable import one_line
 
 STATE_STYLES = {
@@ -234,17 +235,13 @@ def _timing(figures: Mapping[str, float] | None) -> Text:
         return Text(NOTHING, "dim")
     return Text.assemble(
         ("median ", "dim"),
-        _short_time(figures["p50_s"]),
+        short_time(figures["p50_s"]),
         ("   p99 ", "dim"),
-        _short_time(figures["p99_s"]),
+        short_time(figures["p99_s"]),
         ("   worst ", "dim"),
-        _short_time(figures["max_s"]),
+        short_time(figures["max_s"]),
         (f" at {figures['max_at_s']:.1f} s", "dim"),
     )
-
-
-def _short_time(seconds: float) -> str:
-    return f"{seconds * 1e6:.1f} µs" if seconds < 1e-3 else f"{seconds * 1e3:.2f} ms"
 
 
 def _number(value: float | None, scale: float, form: str, unit: str) -> Text:

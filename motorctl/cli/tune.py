@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from motorctl.cli.completion import configurations
+from motorctl.cli.force_option import ForceOption
 from motorctl.cli.recording_argument import WholeRun
 from motorctl.cli.say import say
 
@@ -28,7 +30,11 @@ def register(app: typer.Typer) -> None:
 def _tune(
     axis: Annotated[str, typer.Argument(help="The axis whose gains are chosen.")],
     config: Annotated[
-        str, typer.Option(help="The configuration to tune: a file, or a shipped one's name.")
+        str,
+        typer.Option(
+            help="The configuration to tune: a file, or a shipped one's name.",
+            autocompletion=configurations,
+        ),
     ],
     out: Annotated[
         Path, typer.Option(metavar="NEW.yaml", help="The tuned configuration to write.")
@@ -53,6 +59,7 @@ def _tune(
         ),
     ] = None,
     whole_run: WholeRun = False,
+    force: ForceOption = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where the picture and the logs go.")
     ] = None,
@@ -69,6 +76,7 @@ def _tune(
     from motorctl.identify.refine.refinement import load_machine
     from motorctl.identify.refine.written_beside import put_in_place
     from motorctl.log import read_recording
+    from motorctl.replacing import refuse_what_is_there
     from motorctl.tune.document import tuning_document
     from motorctl.tune.margins_wanted import margins_wanted
     from motorctl.tune.picture import draw_tuning
@@ -79,6 +87,7 @@ def _tune(
         raise UsageError(f"{out}: there is no folder {out.parent}")
     if out.suffix.lower() not in (".yaml", ".yml") or out.is_dir():
         raise UsageError(f"{out}: a configuration is a .yaml file")
+    refuse_what_is_there(out, replace=force)
     machine, hardware = load_machine(config)
     require_tunable(machine, axis, out, hardware=hardware)
     with tempfile.TemporaryDirectory() as scratch, showing_stages(lines=True) as progress:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from motorctl.config.analysis import (
-    LoopMargins,
     command_peak,
     corner_slopes,
     gain_condition,
-    loop_margins,
     required_command,
     smallest_slope,
 )
@@ -26,6 +24,7 @@ from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
 from motorctl.config.keys import LoopSettings
 from motorctl.config.learned_file import notes_on_learning
+from motorctl.config.loop_cases import MarginsAt, loop_cases, remark_on_margins
 from motorctl.config.loop_rules import parameter_range
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.motion_notes import notes_on_motion
@@ -44,15 +43,6 @@ LAW_SIGNALS: tuple[Signal, ...] = ("acceleration", "velocity", "direction")
 """Whose factors theta1 to theta3 the condition on ks1 is about."""
 SAMPLES = 20_001
 """Instants of one cycle at which the command is computed."""
-
-
-@dataclass(frozen=True)
-class MarginsAt(LoopMargins):
-    """Margins of the loop at one inertia."""
-
-    inertia_at: str
-    """At its initial value, its lower bound or its upper bound."""
-    inertia: float
 
 
 def summarise(machine: Machine) -> dict[str, Any]:
@@ -163,7 +153,7 @@ def _axis(
         "homing": {k: 0.0 if v is None else v for k, v in axis.homing},
         "program": axis.program,
         "robust_gain": _robust_gain(axis),
-        "margins": _margins(axis, period_s),
+        "margins": [asdict(case.margins) for case in loop_cases(axis, period_s)],
         "assumption_2": _assumption_2(axis),
     }
 
@@ -229,29 +219,6 @@ def _robust_gain(axis: Axis) -> dict[str, Any]:
     return {"ks_v_s_m": axis.gains.ks_v_s_m, **told}
 
 
-def _margins(axis: Axis, period_s: float) -> list[dict[str, Any]]:
-    """Margins at theta_hat(0) and at the ends of the inertia's bounds, without and with a sample.
-
-    The delay is the known input delay and what the list declares, then that and one sample more.
-    """
-    inertia, viscous = _range(axis, "acceleration"), _range(axis, "velocity")
-    rows = []
-    for where, theta1 in zip(("initial", "lower bound", "upper bound"), inertia, strict=True):
-        for extra in (0.0, period_s):
-            margins = loop_margins(
-                theta1,
-                viscous[0],
-                k1_1_s=axis.gains.k1_1_s,
-                ks_v_s_m=axis.gains.ks_v_s_m,
-                gamma_d=axis.gains.gamma_d,
-                period_s=period_s,
-                delay_s=axis.adaptation.input_delay_s + axis.model.delay_s + extra,
-                lag_s=axis.model.lag_s,
-            )
-            rows.append(asdict(MarginsAt(**asdict(margins), inertia_at=where, inertia=theta1)))
-    return rows
-
-
 def _assumption_2(axis: Axis) -> dict[str, Any]:
     theta = axis.theta_initial
     u_max, margin = axis.limits.max_voltage_v, axis.adaptation.monotonicity_margin
@@ -301,7 +268,10 @@ def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[st
             f"axis {name}: ks {ks:g} meets the sufficient condition at theta(0), not in every "
             f"corner of the bounds (ks1 > {required:.4g} V*s/m)"
         )
-    for row in (MarginsAt(**row) for row in axis["margins"]):
+    rows = [MarginsAt(**row) for row in axis["margins"]]
+    if remark := remark_on_margins(rows):
+        yield f"axis {name}: {remark}; `motorctl tune {name}` finds gains at margins"
+    for row in rows:
         if not row.stable:
             yield (
                 f"axis {name}: unstable with inertia at its {row.inertia_at} "

@@ -285,13 +285,17 @@ class Commander:
         name = request.axis
         begun.insist(name)
         self._must_stand("move", name)
+        begin_m, target_m = self._reference(name), request.position_m
+        if target_m is None:
+            assert request.by_m is not None  # either is given
+            target_m = begin_m + request.by_m
         try:
             trajectory = await asyncio.to_thread(
                 plan_move,
                 self.machine,
                 name,
-                self._reference(name),
-                request.position_m,
+                begin_m,
+                target_m,
                 request.velocity_m_s,
                 request.acceleration_m_s2,
             )
@@ -302,7 +306,7 @@ class Commander:
         return {
             "axis": name,
             "state": "running",
-            "target_m": request.position_m,
+            "target_m": target_m,
             "duration_s": trajectory.duration_s,
         }
 

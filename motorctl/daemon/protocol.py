@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -19,6 +19,7 @@ from pydantic import (
     FiniteFloat,
     TypeAdapter,
     ValidationError,
+    model_validator,
 )
 from pydantic_core import from_json
 
@@ -98,13 +99,23 @@ class AxisCommand(_Request):
 
 
 class MoveCommand(_Request):
-    """Go to a position; velocity and acceleration are the axis' limits unless given lower."""
+    """Go to a position, or by a way from where the axis holds.
+
+    Velocity and acceleration are at most the axis' limits.
+    """
 
     do: Literal["move"]
     axis: str
-    position_m: FiniteFloat
+    position_m: FiniteFloat | None = None
+    by_m: FiniteFloat | None = None
     velocity_m_s: PositiveFloat | None = None
     acceleration_m_s2: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.position_m is None) == (self.by_m is None):
+            raise ValueError("give either position_m or by_m")
+        return self
 
 
 class ProgramCommand(_Request):

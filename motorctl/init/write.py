@@ -16,6 +16,7 @@ from motorctl.init.axis_numbers import AxisNumbers, axis_numbers, mechanics
 from motorctl.init.axis_text import axis_keys, home_position_m, program, program_name
 from motorctl.init.known import AxisKnown, MachineKnown
 from motorctl.init.rates import FirstDriver, first_drivers
+from motorctl.replacing import refuse_what_is_there
 
 SIMULATION = "sim"
 """Type of the driver that stands in for a machine that is not there."""
@@ -63,8 +64,7 @@ def write_configuration(
         raise UsageError(f"{path}: a configuration is a .yaml file")
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {path.parent}")
-    if path.exists() and not replace_file:
-        raise UsageError(f"{path}: is there already; --force replaces it")
+    refuse_what_is_there(path, replace=replace_file)
     drivers = first_drivers(
         _served(known, delays_s), known.driver_options, known.rate_hz, known.found_options
     )

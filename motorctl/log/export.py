@@ -23,6 +23,7 @@ from motorctl.log.run_table import RunTable
 from motorctl.log.table import Table
 from motorctl.log.table_mat import METADATA_VARIABLE
 from motorctl.log.table_parquet import ParquetTable
+from motorctl.replacing import refuse_what_is_there
 
 Format = Literal["csv", "parquet", "mat"]
 Progress = Callable[[float], None]
@@ -32,7 +33,13 @@ _BATCH_ROWS = 1 << 14
 
 
 def export(
-    paths: Sequence[Path], to: Format, out: Path | None, progress: Progress, whole_run: bool = False
+    paths: Sequence[Path],
+    to: Format,
+    out: Path | None,
+    progress: Progress,
+    whole_run: bool = False,
+    *,
+    replace: bool = False,
 ) -> Path:
     """Write a log, or several of one run as one file, as CSV, MAT (version 5) or plain Parquet.
 
@@ -52,6 +59,8 @@ def export(
         Called with the share that is done, 0 to 1.
     whole_run
         The log stands for all of its run that are in its folder.
+    replace
+        Write over a file that is there already.
 
     Returns
     -------
@@ -74,6 +83,7 @@ def export(
         raise UsageError(
             f"{target}: the export would overwrite the log; name another file with --out"
         )
+    refuse_what_is_there(target, replace=replace)
     draft = target.with_name(target.name + ".tmp")
     try:
         if to == "mat":

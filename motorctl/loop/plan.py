@@ -21,8 +21,8 @@ from motorctl.motion import (
     point_to_point,
 )
 
-APPROACH_SPEED = 0.25
-"""Share of the top speed."""
+UNASKED_SPEED = 0.25
+"""Share of the top speed of a move that names none, and of the way to a program [1]."""
 
 
 def plan_move(
@@ -44,7 +44,8 @@ def plan_move(
     from_m, to_m
         Where it stands and where it shall come to rest [m].
     velocity_m_s, acceleration_m_s2
-        Lower limits for this move [m/s, m/s^2]; None: the axis' own.
+        Lower limits for this move [m/s, m/s^2]; None: UNASKED_SPEED of the axis' velocity, the
+        acceleration of its stop ramp.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def plan_move(
         axis=axis_name,
         start_m=from_m,
         target_m=to_m,
-        max_velocity_m_s=velocity_m_s or axis.limits.max_velocity_m_s,
+        max_velocity_m_s=velocity_m_s or UNASKED_SPEED * axis.limits.max_velocity_m_s,
         max_acceleration_m_s2=acceleration_m_s2 or _approach_acceleration(axis),
         max_jerk_m_s3=_approach_jerk(axis),
     )
@@ -212,7 +213,7 @@ def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:
     return point_to_point(
         from_m,
         to_m,
-        APPROACH_SPEED * axis.limits.max_velocity_m_s,
+        UNASKED_SPEED * axis.limits.max_velocity_m_s,
         _approach_acceleration(axis),
         _approach_jerk(axis),
     )

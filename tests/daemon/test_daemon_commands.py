@@ -84,6 +84,32 @@ def test_a_move_ends_where_it_was_sent(idle: Daemon) -> None:
     assert axis["position_m"] == pytest.approx(0.08, abs=0.005)
 
 
+def test_a_move_by_a_way_ends_so_far_from_where_the_axis_held(idle: Daemon) -> None:
+    held_m = idle.ask("status", axis="x")["axes"]["x"]["reference_m"]
+    way_m = 0.02 if held_m < 0.2 else -0.02
+    answer = idle.ask("move", axis="x", by_m=way_m)
+    assert answer["target_m"] == pytest.approx(held_m + way_m, abs=1e-12)
+    wait_until(lambda: idle.state("x") == "idle")
+    reference_m = idle.ask("status", axis="x")["axes"]["x"]["reference_m"]
+    assert reference_m == pytest.approx(held_m + way_m, abs=1e-12)
+
+
+@pytest.mark.parametrize("arguments", [{}, {"position_m": 0.1, "by_m": 0.01}])
+def test_a_move_with_neither_or_both_is_refused(idle: Daemon, arguments: dict[str, float]) -> None:
+    no = refusal(idle, "move", axis="x", **arguments)
+    assert no.code == "bad_request"
+    assert "give either position_m or by_m" in str(no)
+
+
+def test_stop_all_ramps_every_enabled_axis_down(idle: Daemon) -> None:
+    idle.ask("program", axis="x", name="shuttle")
+    done = idle.cli("stop", "--all")
+    assert (done.returncode, done.stdout) == (0, "axis x: off\naxis y: off\n"), done.stderr
+    assert (idle.state("x"), idle.state("y")) == ("off", "off")
+    assert idle.cli("stop", "--all").stdout == "no axis was enabled\n"
+    assert idle.cli("stop").returncode == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

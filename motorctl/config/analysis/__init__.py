@@ -9,7 +9,13 @@ from motorctl.config.analysis.input_map import (
 )
 from motorctl.config.analysis.loop_margins import LoopMargins, loop_margins
 from motorctl.config.analysis.robust_gain import GainCondition, gain_condition, required_ks1
-from motorctl.config.analysis.sampled_loop import DelayedPlant, Frequencies, LoopGains, is_stable
+from motorctl.config.analysis.sampled_loop import (
+    DelayedPlant,
+    Frequencies,
+    LoopGains,
+    is_stable,
+    open_loop,
+)
 
 __all__ = [
     "CommandPeak",
@@ -25,6 +31,7 @@ __all__ = [
     "is_stable",
     "loop_margins",
     "lowest_slope",
+    "open_loop",
     "required_command",
     "required_ks1",
     "smallest_slope",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +11,10 @@ import numpy as np
 
 from motorctl.config.analysis.sampled_loop import (
     Array,
-    ComplexArray,
     DelayedPlant,
-    Frequencies,
     LoopGains,
     is_stable,
+    open_loop,
 )
 
 GRID = 2000
@@ -78,9 +78,7 @@ def loop_margins(
     """
     plant = DelayedPlant((theta1, theta2, stiffness), period_s, delay_s, lag_s)
     gains = LoopGains(k1_1_s, ks_v_s_m, gamma_d)
-
-    def loop(w: Array) -> ComplexArray:
-        return gains.feedback(Frequencies.at(w, period_s)) * plant.response(w)
+    loop = functools.partial(open_loop, plant, gains)
 
     nyquist = math.pi / period_s
     w = np.geomspace(SLOWEST * nyquist, 0.9999 * nyquist, GRID)

@@ -105,6 +105,27 @@ class DelayedPlant:
         return result
 
 
+def open_loop(plant: DelayedPlant, gains: LoopGains, w: Array) -> ComplexArray:
+    """Return L, the law's feedback times the plant.
+
+    Parameters
+    ----------
+    plant
+        Command to position, sampled.
+    gains
+        Of the law around it.
+    w
+        Frequencies [rad/s], (n,), above 0 and below the Nyquist frequency.
+
+    Returns
+    -------
+    ndarray
+        The open loop [1] at each of them, (n,), complex.
+    """
+    result: ComplexArray = gains.feedback(Frequencies.at(w, plant.period_s)) * plant.response(w)
+    return result
+
+
 def is_stable(plant: DelayedPlant, gains: LoopGains) -> bool:
     """Return whether the closed loop's eigenvalues lie inside the unit circle.
 

@@ -15,6 +15,8 @@ from motorctl.log import AxisRecording
 from motorctl.model import known_effects, make_effect
 from motorctl.picture_style import colour, draw_curve, panels_in_file
 
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
 
 def plot_estimates(comparison: Comparison, axis: str, path: Path) -> Path:
     """Draw every parameter's estimate over time, with its bounds where the log tells them."""
@@ -94,7 +96,7 @@ def _title(runs: tuple[ComparedRun, ...], axis: str, name: str) -> str:
 
 def _symbol(symbol: str) -> str:
     found = re.fullmatch(r"theta(\d+)", symbol)
-    return rf"$\hat\theta_{{{found[1]}}}$  " if found else ""
+    return f"θ\N{COMBINING CIRCUMFLEX ACCENT}{found[1].translate(SUBSCRIPTS)}  " if found else ""
 
 
 def _unit(record: AxisRecording, unit: str) -> str:

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import UsageError
+from motorctl.identify.compare.contour_picture import pairs_of, plot_contour
 from motorctl.identify.compare.estimates_picture import plot_estimates
 from motorctl.identify.compare.measures import table_cells, table_headings
 from motorctl.identify.compare.runs import ComparedRun, Comparison
 from motorctl.identify.compare.turnaround_picture import plot_turnaround
 from motorctl.picture_style import colour, draw_curve, panels_in_file
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 __all__ = [
     "plot_command",
     "plot_comparison",
+    "plot_contour",
     "plot_estimates",
     "plot_tracking_error",
     "plot_turnaround",
@@ -47,14 +53,24 @@ def _pictures(comparison: Comparison, folder: Path) -> list[Path]:
         made.append(plot_command(comparison, axis, folder / f"command_{axis}.png"))
         if any(run.recording.axes[axis].theta_hat for run in comparison.runs):
             made.append(plot_estimates(comparison, axis, folder / f"estimates_{axis}.png"))
+    made += [
+        plot_contour(comparison, pair, folder / f"contour_{pair[0]}_{pair[1]}.png")
+        for pair in pairs_of(comparison)
+    ]
     measured = {
         run.label: run.recording.turnaround_s
         for run in comparison.runs
         if run.timing.turnaround is not None and run.recording.turnaround_s is not None
     }
     if measured:
-        made.append(plot_turnaround(measured, folder / "turnaround.png"))
+        made.append(plot_turnaround(measured, folder / "turnaround.png", _deadline_s(comparison)))
     return made
+
+
+def _deadline_s(comparison: Comparison) -> float | None:
+    """Return the loops' period, where all runs have the same."""
+    periods = {run.recording.period_s for run in comparison.runs}
+    return periods.pop() if len(periods) == 1 else None
 
 
 def plot_tracking_error(comparison: Comparison, axis: str, path: Path) -> Path:
@@ -62,8 +78,9 @@ def plot_tracking_error(comparison: Comparison, axis: str, path: Path) -> Path:
     worst = max(m.eM_m for m in comparison.measures(axis).values()) * 1e6
     headings = table_headings(*comparison.units(axis))
     unit = comparison.units(axis)[0]
-    with panels_in_file(len(comparison.runs), path, height=1.9) as (figure, panels):
-        for k, (panel, run) in enumerate(zip(panels, comparison.runs, strict=True)):
+    longest_s = max(float(_time(run, axis)[-1]) for run in comparison.runs)
+    with panels_in_file(len(comparison.runs) + 1, path, height=1.9) as (figure, panels):
+        for k, (panel, run) in enumerate(zip(panels[:-1], comparison.runs, strict=True)):
             error = run.recording.axes[axis].following_error
             assert error is not None
             time_s = _time(run, axis)
@@ -82,9 +99,27 @@ def plot_tracking_error(comparison: Comparison, axis: str, path: Path) -> Path:
             told = zip(headings[:3], table_cells(run.axes[axis].measures), strict=False)
             words = ",   ".join(_told(*pair) for pair in told)
             panel.set_title(words, loc="right", fontsize=8)
+            panel.set_xlim(0.0, longest_s)
+            panel.tick_params(labelbottom=False)
+        _draw_references(panels[-1], comparison, axis)
         panels[-1].set_xlabel("time [s]   (shaded: where eF is taken)")
         figure.suptitle(f"Tracking error, axis {axis}", x=0.01, ha="left")
     return path
+
+
+def _draw_references(panel: Axes, comparison: Comparison, axis: str) -> None:
+    """Draw what each run was to follow; once, where it is the same."""
+    unit = comparison.units(axis)[0]
+    scale, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+    drawn: list[Array] = []
+    for k, run in enumerate(comparison.runs):
+        reference = run.recording.axes[axis].reference
+        assert reference is not None  # else nothing was measured
+        taken = reference[run.axes[axis].rows]
+        if not any(len(taken) == len(other) and np.array_equal(taken, other) for other in drawn):
+            draw_curve(panel, _time(run, axis), taken * scale, "black" if k == 0 else colour(k))
+            drawn.append(taken)
+    panel.set_ylabel(f"reference [{shown}]")
 
 
 def plot_command(comparison: Comparison, axis: str, path: Path) -> Path:

@@ -24,18 +24,27 @@ by hand."""
 ROOM = 1.5
 """The chart ends at this many times the slowest of the shown percentiles, and begins as far below
 the fastest. Only looks depend on it. Chosen by hand."""
+LATE = "#b00020"
 LEAST_MICROSECONDS = 0.1
 """Shortest time drawn [µs]: a logarithmic scale needs one above zero. Larger cuts off fast ticks,
 smaller draws an empty decade. Chosen by hand."""
 
 
-def plot_turnaround(turnarounds: Mapping[str, Array], path: Path) -> Path:
-    """Draw turnaround [s] of each run on logarithmic axes, all on the same scale."""
+def plot_turnaround(
+    turnarounds: Mapping[str, Array], path: Path, deadline_s: float | None = None
+) -> Path:
+    """Draw turnaround [s] of each run on logarithmic axes, all on the same scale.
+
+    `deadline_s` is the loop's period, after which a tick is late; None: not known.
+    """
     micro = {label: values[np.isfinite(values)] * 1e6 for label, values in turnarounds.items()}
-    edges = _edges(list(micro.values()))
+    deadline_us = None if deadline_s is None else deadline_s * 1e6
+    edges = _edges(list(micro.values()), deadline_us)
     with panels_in_file(len(micro), path, height=2.0) as (figure, panels):
         for k, (panel, (label, values)) in enumerate(zip(panels, micro.items(), strict=True)):
             _histogram(panel, values, edges, colour(k))
+            if deadline_us is not None:
+                _draw_deadline(panel, values, deadline_us)
             panel.set_ylabel(f"{label}\nticks")
         highest = max(panel.get_ylim()[1] for panel in panels)
         for panel in panels:
@@ -45,10 +54,30 @@ def plot_turnaround(turnarounds: Mapping[str, Array], path: Path) -> Path:
     return path
 
 
-def _edges(runs: list[Array]) -> Array:
-    """Cover what is usual in any run, from the fastest tick to beyond the slow percentile."""
+def _draw_deadline(panel: Axes, values: Array, deadline_us: float) -> None:
+    late = np.count_nonzero(values > deadline_us)
+    panel.axvline(deadline_us, color=LATE, lw=1.4)
+    panel.annotate(
+        f"period {deadline_us:g} µs: {late:,} ticks late",
+        (deadline_us, 1.0),
+        (-4, -3),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=8,
+        color=LATE,
+    )
+
+
+def _edges(runs: list[Array], deadline_us: float | None) -> Array:
+    """Cover what is usual in any run, from the fastest tick to beyond the slow percentile.
+
+    The deadline, and what is just behind it, is always on the chart.
+    """
     fast = min(float(np.percentile(values, 100.0 - SHOWN_PERCENT)) for values in runs)
     slow = max(float(np.percentile(values, SHOWN_PERCENT)) for values in runs)
+    slow = max(slow, deadline_us or 0.0)
     low = max(fast, LEAST_MICROSECONDS) / ROOM
     return np.geomspace(low, max(slow, low) * ROOM, BINS + 1)
 

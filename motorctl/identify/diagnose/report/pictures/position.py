@@ -63,11 +63,13 @@ def plot_cogging(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:
         inside = (traces.position >= low) & (traces.position <= high)
         count = int(np.ceil((high - low) / pitch * POINTS_A_PERIOD * max(orders)))
         edges = even_edges(traces.position[inside], min(count, 400), 12)
-        draw_bins(panels["a"], binned(traces.position[inside], data[inside], edges), scale)
+        shown = binned(traces.position[inside], data[inside], edges)
+        draw_bins(panels["a"], shown, scale)
+        if len(shown.centre):
+            low, high = float(shown.centre[0]), float(shown.centre[-1])
+        _draw_model(panels["a"], axis, found, traces.position, edges)
         x = np.linspace(low, high, CURVE_POINTS)
-        panels["a"].plot(
-            x * scale, -axis.force_over(found, position=x), color=AFTER, lw=1.4, label="model"
-        )
+        _draw_form(panels["a"], x * scale, -axis.force_over(found, position=x))
         if high - low < np.ptp(traces.position):
             panels["a"].set_title(
                 f"part of the travel of {np.ptp(traces.position) * scale:.4g} {unit}"
@@ -78,8 +80,9 @@ def plot_cogging(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:
         folded = np.mod(traces.position, pitch)
         edges = np.linspace(0.0, pitch, POINTS_A_PERIOD * min(max(orders), 6) + 1)
         draw_bins(panels["b"], binned(folded, data, edges), scale)
+        _draw_model(panels["b"], axis, found, folded, edges)
         x = np.linspace(0.0, pitch, 400)
-        panels["b"].plot(x * scale, -axis.force_over(found, position=x), color=AFTER, lw=1.4)
+        _draw_form(panels["b"], x * scale, -axis.force_over(found, position=x))
         span(panels["b"], 0.0, pitch * scale)
         panels["b"].set_xlabel(f"position within a pitch of {pitch * scale:.5g} {unit} [{unit}]")
         for key in "ab":
@@ -88,6 +91,20 @@ def plot_cogging(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:
             force_scale(panels[key], axis)
         _pitch_spectrum(panels["c"], axis, pitch, orders)
     return path
+
+
+def _draw_model(
+    panel: Axes, axis: AxisSignals, found: FoundEffect, places: Array, edges: Array
+) -> None:
+    """Draw the model as the dots are drawn: through the filter that the data went through."""
+    scale, _ = axis.place
+    bins = binned(places, -axis.contribution(found.name), edges)
+    panel.plot(bins.centre * scale, bins.middle, color=AFTER, lw=1.4, label="model, filtered alike")
+
+
+def _draw_form(panel: Axes, x: Array, force: Array) -> None:
+    """Draw the force itself, which no filter has made smaller."""
+    panel.plot(x, force, color=AFTER, lw=0.9, ls=":", label="model")
 
 
 def plot_force_ripple(axis: AxisSignals, found: FoundEffect, path: Path) -> Path:

@@ -41,7 +41,10 @@ off, smaller draws a long empty tail. Chosen by hand."""
 FEWEST_WAVES = 30.0
 """Waves are drawn at least up to this many a travel. More draws an empty tail, fewer hides common
 pitches. Chosen by hand."""
-HEADROOM = 1.15
+LOWEST_AMPLITUDE = 0.005
+"""Lowest amplitude drawn over position, as a part of the largest [1]. Larger hides noise, smaller
+draws an empty decade. Chosen by hand."""
+HEADROOM = 1.6
 """Height of the scale over the highest bar. Larger wastes room, smaller lets marks touch the frame.
 Chosen by hand."""
 DECADE = 4.0
@@ -114,7 +117,9 @@ def draw_position_spectrum(
     if axis.effect_names:
         panel.plot(wave, after, color=AFTER, lw=1.0, label=f"with {axis.effect_names}")
     span(panel, 0.0, float(wave[-1]) if len(wave) else 1.0)
-    panel.set_ylim(0.0, HEADROOM * float(np.max(before, initial=0.0)) or 1.0)
+    highest = float(np.max(before, initial=0.0)) or 1.0
+    panel.set_yscale("log")  # or the result and the noise would lie on zero
+    panel.set_ylim(LOWEST_AMPLITUDE * highest, HEADROOM * highest)
     panel.set_xlabel(f"wave number [cycles/{unit}]")
     panel.set_ylabel(f"amplitude [{axis.command_unit}]")
     force_scale(panel, axis)
@@ -187,7 +192,8 @@ def _noise_line(panel: Axes, axis: AxisSignals) -> None:
     if np.isfinite(level):
         label = "99 % of noise is below"
         panel.axhline(level, color=NOISE, lw=1.3, ls="--", label=label)
-        panel.set_ylim(top=max(panel.get_ylim()[1], 2.0 * level))
+        bottom, top = panel.get_ylim()
+        panel.set_ylim(min(bottom, 0.5 * level), max(top, 2.0 * level))
         legend_above(panel)
 
 
