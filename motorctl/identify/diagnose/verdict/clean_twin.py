@@ -72,7 +72,7 @@ def clean_twin(found: Found) -> Found | None:
         rows = slice(first, first + len(s.x))
         x = smoothed(s.position, real.band_hz, real.period_s)
         command[rows] = _command(values, s, x, real.period_s)
-        position[rows] = _as_measured(x, real, draw)
+        position[rows] = as_measured(x, real, draw)
         usable[rows] = True
     data = replace(real.data, position=position, command=command, usable=usable, others={})
     declared = final.regressors.declared
@@ -113,7 +113,7 @@ def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Arra
     return command_for(motion, values.model, values.theta, a)
 
 
-def _as_measured(x: Array, real: Signals, draw: np.random.Generator) -> Array:
+def as_measured(x: Array, real: Signals, draw: np.random.Generator) -> Array:
     """Return a motion as the machine's encoder would show it."""
     count = step_of(real.data)
     white = real.position_noise_rms**2 - count**2 / 12.0
