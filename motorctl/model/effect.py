@@ -309,6 +309,21 @@ class Effect(ABC):
         """
         return {}
 
+    def contradicted_by(self, spans: Spans) -> str | None:
+        """Return what of a recording this form itself says cannot be, or None.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        str or None
+            The end of "it is refuted:", with the numbers of both.
+        """
+        return None
+
     def richer(self, spans: Spans) -> Sequence[Effect]:
         """Return forms one step richer than this one, which diagnosis takes where they pay.
 

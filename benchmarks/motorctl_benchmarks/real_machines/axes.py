@@ -146,6 +146,8 @@ TURNS_IN_GEAR = ("cogging", "force_ripple", "gravity", "cross_axis", "stribeck")
 SWINGING = ("flexible_mode", "dead_zone", "input_lag", "input_delay", "cross_axis", "stribeck")
 """The cart's: its authors found a dead zone, and the pendulum swings at 0.8 Hz."""
 HYSTERESIS = ("presliding", "stribeck")
+SWAYS = ("position_force", "periodic_disturbance")
+"""A force of 3.75 to 3.86 Hz acts on the magnet all the time; its frequency wanders."""
 SWING_UP = pendulum("control_method_ddp/data_measured.csv")
 SWING_UP_SHORT = pendulum("control_method_direct_collocation/data_measured.csv")
 SWING_UP_SLOW = pendulum("control_method_ilqr/data_measured.csv")
@@ -224,11 +226,10 @@ WHEEL_RUNS = {
     "sine": "grey_sine_0_1Hz_cropped",
     "ramp": "grey_MotorID_ramp_cropped",
 }
-WHEELS_ON_PENDULUM = {
-    "chirp": pendulum_wheel("Data/chirp"),
-    "signal": pendulum_wheel("Data/signal_1_1_6"),
-    "alone": pendulum_wheel("Archive/Isolated_Flywheel_action", "stim_input_1"),
-}
+WHEELS_ON_PENDULUM = {"chirp": "Data/chirp", "signal": "Data/signal_1_1_6"}
+WHEEL_ALONE = pendulum_wheel("Archive/Isolated_Flywheel_action", "stim_input_1")
+SHOWS_ITS_TURNS = (*LATE_MOTION, "encoder_error")
+"""The speed has a ripple of one a turn that grows with it, as an error of the place does."""
 COURSE_STAIRS = "part2_Stair_1_2026-01-31_16-05/Stair_Raw.mat"
 COURSE_SINE = "part2_Sine_1_2026-01-31_19-10/Sine_Raw.mat"
 SHAFT_RANDOM = "futek_test_06_05_2021_14-21-05.csv"
@@ -249,7 +250,7 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("UR10e joint 2", joint(2), "A", (*GRAVITY, "position_dependent_friction")),
     RealAxis("UR10e joint 3", joint(3), "A", GRAVITY),
     RealAxis("UR10e joint 4", joint(4), "A", (*GRAVITY, "position_force", "presliding")),
-    RealAxis("UR10e joint 5", joint(5), "A"),
+    RealAxis("UR10e joint 5", joint(5), "A", ("presliding",)),
     RealAxis("UR10e joint 6", joint(6), "A"),
     RealAxis("OpenArm joint 1", arm(1), "N*m", GRAVITY),
     RealAxis("OpenArm joint 3", arm(3), "N*m"),
@@ -352,7 +353,7 @@ AXES: tuple[RealAxis, ...] = (
         )
     ),
     RealAxis("geared motor, one way", geared_motor, "V", RUNS_ONE_WAY),
-    RealAxis("levitated magnet", levitated_magnet, "mA", ("position_force",), "mm", scale=-1),
+    RealAxis("levitated magnet", levitated_magnet, "mA", SWAYS, "mm", scale=-1),
     RealAxis("ball on a beam", ball_on_beam("dataPidAll", 1, 2), "%", (), "mm"),
     *(
         RealAxis(f"mouse's wheel, {name}", wheel_of_mouse(name), "%", (), "turn")
@@ -475,9 +476,10 @@ AXES: tuple[RealAxis, ...] = (
         scale=-1,
     ),
     *(
-        RealAxis(f"wheel on a pendulum, {what}", read, "%", LATE_MOTION)
-        for what, read in WHEELS_ON_PENDULUM.items()
+        RealAxis(f"wheel on a pendulum, {what}", pendulum_wheel(name), "%", LATE_MOTION)
+        for what, name in WHEELS_ON_PENDULUM.items()
     ),
+    RealAxis("wheel on a pendulum, alone", WHEEL_ALONE, "%", SHOWS_ITS_TURNS),
     RealAxis("bare motor with a rod", bare_rod("id_data/1"), "V"),
     RealAxis("thin link", thin_link, "V", BENDING, "deg"),
     *(RealAxis(f"joint drive, {run}", joint_drive(run), "A", ON_A_BENCH) for run in DRIVE_RUNS),

@@ -79,6 +79,21 @@ class CommandPath:
         return np.asarray(np.exp(w * self.delay_s) * (1.0 + w * self.lag_s))
 
 
+@dataclass(frozen=True)
+class RecordedLate(CommandPath):
+    """The same, where the column was smoothed or late besides when it was recorded."""
+
+    smoothed_s: float = 0.0
+    """Time constant of what smoothed it."""
+    late_s: float = 0.0
+
+    def undone(self, frequency_hz: Array) -> NDArray[np.complex128]:
+        """Return the response that takes the path back, and then smooths and delays."""
+        w = 2.0j * np.pi * frequency_hz
+        back = super().undone(frequency_hz)
+        return np.asarray(back * np.exp(-w * self.late_s) / (1.0 + w * self.smoothed_s))
+
+
 AT_ONCE = CommandPath()
 """The command acts in the tick in which it is written, held until the next."""
 

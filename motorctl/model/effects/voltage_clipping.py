@@ -105,6 +105,15 @@ class VoltageClipping(Effect):
             "no_load_m_s": 0.2 * self.options.no_load_m_s,
         }
 
+    def contradicted_by(self, spans: Spans) -> str | None:
+        """Return that the axis runs faster than the speed at which nothing is left to drive it."""
+        if self.options.no_load_m_s >= spans.speed_m_s:
+            return None
+        return (
+            f"its no_load_m_s, {self.options.no_load_m_s:.3g}, is the speed at which no command "
+            f"acts any more, and the axis runs at {spans.speed_m_s:.3g}"
+        )
+
 
 @njit(inline="always")
 def column(j: int, u: float, x: float, vs: float, t: float, c: tuple[float, ...]) -> float:

@@ -1,4 +1,4 @@
-"""A slow, clean command on a machine whose speed is measured with noise: nothing is missing."""
+"""Resonances that are none: smoothed noise, a single sine, a command that was told late."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
+from scipy.signal import lfilter
 
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.late_column import as_late_column
 from motorctl.identify.diagnose.search.uncommanded import uncommanded
 from motorctl.identify.diagnose.verdict import verdict
 from motorctl.model import effect_class, make_effect
@@ -56,11 +58,12 @@ def test_noise_of_the_speed_is_no_spring():
     assert [effect.name for effect in found.effects] == [], found.sentence
 
 
-def with_mode(data: Measured, frequency_hz: float) -> Hypothesis:
+def with_mode(data: Measured, frequency_hz: float, damping_ratio: float = 0.1) -> Hypothesis:
     signals = make_signals(data, slope_s_m=900.0)
     blocks = make_blocks(signals.rows, signals.row_period_s)
     mode = make_effect(
-        effect_class("flexible_mode"), {"frequency_hz": frequency_hz, "damping_ratio": 0.1}
+        effect_class("flexible_mode"),
+        {"frequency_hz": frequency_hz, "damping_ratio": damping_ratio},
     )
     return Hypothesis(Regressors(signals, C1, blocks, "command")).plus(mode).refreshed()
 
@@ -75,9 +78,47 @@ def test_one_sine_shows_no_resonance_on_itself():
     assert uncommanded(with_mode(clean_wheel(((2.2, 30.0),)), 2.2)) is not None
 
 
+def test_one_sine_with_a_little_of_others_shows_no_resonance_near_it():
+    nearly = with_mode(clean_wheel(((3.0, 60.0), (7.1, 2.0))), 2.75)
+    refuted = uncommanded(nearly)
+    assert refuted is not None
+    assert "beside a sine of 3 Hz, the command's strongest" in refuted[1]
+
+
+@pytest.mark.slow
+def test_a_command_that_is_one_perfect_sine_is_diagnosed():
+    found = diagnose_axis(clean_wheel(((3.0, 60.0),)), C1)
+    assert found.effects == ()
+
+
+def recorded_late(data: Measured, smoothed_s: float, late_s: float) -> Measured:
+    """Return a recording whose command column was filtered, or written down too late."""
+    left = np.exp(-1.0 / (smoothed_s * data.sample_rate_hz)) if smoothed_s else 0.0
+    told, _ = lfilter([1.0 - left], [1.0, -left], data.command, zi=left * data.command[:1])
+    samples = round(late_s * data.sample_rate_hz)
+    return replace(data, command=np.concatenate([np.full(samples, told[0]), told])[: len(told)])
+
+
+LIVELY = OtherPlant(bandwidth_hz=5.0)
+SPRUNG = OtherPlant(load=0.4, load_hz=15.0, bandwidth_hz=5.0)
+
+
+@pytest.mark.parametrize(("smoothed_s", "late_s"), [(0.01, 0.0), (0.0, 0.005)])
+def test_a_command_that_was_recorded_late_is_no_spring(smoothed_s, late_s):
+    data = recorded_late(LIVELY.run(seed=5, duration_s=8.0), smoothed_s, late_s)
+    late = with_mode(data, 5.0, 0.4)
+    assert late.held_out < 0.8 * late.without("flexible_mode").held_out
+    refuted = as_late_column(late)
+    assert refuted is not None
+    assert "Record the command as it was sent" in refuted[1]
+
+
+def test_a_spring_is_no_late_column():
+    assert as_late_column(with_mode(SPRUNG.run(seed=5, duration_s=8.0), 15.0)) is None
+
+
 def test_a_load_that_swings_where_the_command_is_stays():
-    load = OtherPlant(load=0.4, load_hz=15.0, bandwidth_hz=5.0)
-    assert uncommanded(with_mode(load.run(seed=5, duration_s=8.0), 15.0)) is None
+    assert uncommanded(with_mode(SPRUNG.run(seed=5, duration_s=8.0), 15.0)) is None
 
 
 def test_bursts_are_told_below_a_frequency_that_the_recording_has():

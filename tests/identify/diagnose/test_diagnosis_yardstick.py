@@ -17,7 +17,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search import search
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.refutation import at_its_end, without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.identify.diagnose.search.simulated_position import (
     judge_by_simulation,
@@ -141,6 +141,20 @@ def test_a_supply_that_would_take_more_than_all_is_refuted():
     assert not kept.final.added
     assert "and no more than all of it, 1, can be lost" in why[0]
     assert float(why[0].partition("would be ")[2].split(",")[0]) == pytest.approx(2.0, abs=0.1)
+
+
+@given(limit_v=st.floats(0.1, 10.0), part=st.floats(0.3, 3.0))
+@settings(max_examples=20)
+def test_a_supply_with_which_the_axis_could_not_run_as_fast_as_it_did_is_refuted(
+    signals, limit_v, part
+):
+    spans = spans_of(signals)
+    options = {"limit_v": limit_v, "no_load_m_s": part * spans.speed_m_s}
+    supply = make_effect(effect_class("voltage_clipping"), options)
+    refuted = at_its_end(hypothesis(signals, "command", supply), spans)
+    assert (refuted is not None) == (options["no_load_m_s"] < spans.speed_m_s)
+    if refuted is not None:
+        assert "is the speed at which no command acts any more, and the axis runs" in refuted[1]
 
 
 def test_a_number_that_its_effect_allows_above_one_is_no_part_of_a_whole(monkeypatch):

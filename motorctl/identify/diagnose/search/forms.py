@@ -208,7 +208,7 @@ def by_simplex(
 ) -> Form:
     """Search around a form for the best nonlinear options."""
     steps = dict(form.effect.steps(spans))
-    if not steps:
+    if not steps or form.sse <= 0.0:  # a sine meets the very sine that was commanded
         return form
     names = list(steps)
     bounds = option_bounds(form.effect, names, spans)
@@ -230,7 +230,7 @@ def by_simplex(
             return IMPOSSIBLE
         if found.sse < best.sse:
             best = found
-        return float(np.log(found.sse / form.sse))
+        return float(np.log(max(found.sse, 1e-300) / form.sse))
 
     n = len(names)
     if n == 1:

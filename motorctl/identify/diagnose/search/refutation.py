@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import gmean
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.late_column import as_late_column
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.physics import beyond_physics, physical
 from motorctl.identify.diagnose.search.search import Found, with_final
@@ -76,7 +77,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
             continue
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
         refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
-        refuted = refuted or uncommanded(final)
+        refuted = refuted or uncommanded(final) or as_late_column(final)
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
         refuted = refuted or next(filter(None, worse), None)
         if held_out is not None:
@@ -92,8 +93,14 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
 
 
 def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
-    """Return an effect of which an option ended where it means another one, and what to say."""
+    """Return an effect of which an option ended where it means another one, and what to say.
+
+    Or where the recording contradicts what the option says.
+    """
     for effect in final.added:
+        contradiction = effect.contradicted_by(spans)
+        if contradiction is not None:
+            return effect, f"{effect.name} is refuted: {contradiction}"
         reached = next((r for r in ends_reached(effect, spans) if r.refutes), None)
         if reached is not None:
             told = reached.told(final.regressors.signals.data)

@@ -1,0 +1,74 @@
+"""Resonances that are a command whose column was smoothed, or late, when it was recorded.
+
+A drive that tells its current tells it filtered. Its column then falls behind the acceleration the
+more, the faster both change, as the force does on a part that hangs on a spring. With the recorded
+command on the left this is a hypothesis of equal standing with one number, where a resonance has
+three: so it is asked.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from motorctl.identify.columns.command_timing import CommandPath, RecordedLate
+from motorctl.identify.diagnose.search.acceptance import AS_WELL
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.model import Effect
+
+AROUND = 4.0
+"""Factor by which the times that are tried lie below and above that of the resonance, 1/omega.
+Larger takes time, smaller misses filters that act farther away from it. Chosen by hand."""
+TRIED = 9
+"""Times that are tried, of each kind. More takes time, fewer steps over the best one. Arithmetic:
+neighbours are the root of two apart."""
+
+
+@dataclass(frozen=True)
+class _OfLateColumn(Hypothesis):
+    """A model whose command was smoothed or late when it was recorded."""
+
+    smoothed_s: float = 0.0
+    late_s: float = 0.0
+
+    @property
+    def undone(self) -> CommandPath:
+        """Return the path that is taken back, and what the record did to its end."""
+        path = self.path
+        return RecordedLate(path.delay_s, path.lag_s, self.smoothed_s, self.late_s)
+
+
+def as_late_column(final: Hypothesis) -> tuple[Effect, str] | None:
+    """Return a resonance that a late column explains as well with one number, and what to say."""
+    if final.regressors.side != "command":
+        return None
+    for effect in final.added:
+        if "resonance" not in effect.groups or not effect.lines:
+            continue
+        rest = final.without(effect.name).refreshed()
+        left, smoothed_s, late_s = _best(rest, 1.0 / (2.0 * math.pi * min(effect.lines)))
+        if left > AS_WELL * final.held_out:
+            continue
+        kind = "smoothed over" if smoothed_s else "late by"
+        return effect, (
+            f"{effect.name} is refuted: a command whose column is {kind} "
+            f"{1e3 * max(smoothed_s, late_s):.2g} ms leaves "
+            f"{100.0 * left / rest.held_out:.0f} % of the squared error, this "
+            f"{100.0 * final.held_out / rest.held_out:.0f} %, with two numbers more. Record the "
+            "command as it was sent, before any filter"
+        )
+    return None
+
+
+def _best(rest: Hypothesis, time_s: float) -> tuple[float, float, float]:
+    """Return the least held-out squared error, and how long a column is smoothed or late."""
+    found = []
+    for tried in time_s * np.geomspace(1.0 / AROUND, AROUND, TRIED):
+        for smoothed_s, late_s in ((float(tried), 0.0), (0.0, float(tried))):
+            model = _OfLateColumn(
+                rest.regressors, rest.added, rest.acceleration, smoothed_s, late_s
+            )
+            found.append((model.held_out, smoothed_s, late_s))
+    return min(found)
