@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from motorctl.cli.terminal import Terminal
     from motorctl_benchmarks.buses.figures import BusesOptions
+    from motorctl_benchmarks.closing.findings import ClosingOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
@@ -39,7 +40,7 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, "
-            "socket, tuning, experiments."
+            "socket, tuning, experiments, closing."
         ),
     ] = "speed",
     cases: Annotated[
@@ -54,7 +55,8 @@ def bench(
         SizeChoice | None,
         typer.Option(
             help="diagnosis: small (a quarter of an hour on two CPUs; default), or full. "
-            "campaign: small (some minutes; default), or full (three quarters of an hour)."
+            "campaign: small (some minutes; default), or full (three quarters of an hour). "
+            "closing: small (one hidden effect behind each bus; default), or full (five)."
         ),
     ] = None,
     seed: Annotated[
@@ -62,7 +64,7 @@ def bench(
         typer.Option(
             min=0,
             help="diagnosis, machines: the first seed; by default held-out ones. campaign: "
-            "default 1. socket: default 1.",
+            "default 1. socket, closing: default 1.",
         ),
     ] = None,
     workers: Annotated[
@@ -79,7 +81,7 @@ def bench(
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
             "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
             "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp. "
-            "experiments: a kind of plants, as in 'lag or delay'.",
+            "experiments: a kind of plants, as in 'lag or delay'. closing: the bus' name.",
         ),
     ] = None,
     clean: Annotated[
@@ -94,7 +96,8 @@ def bench(
         typer.Option(metavar="FILE", help="Every case or axis as a line of JSON."),
     ] = None,
     logs: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="diagnosis: keep the cases' logs here.")
+        Path | None,
+        typer.Option(metavar="DIR", help="diagnosis, closing: keep the cases' logs here."),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -134,6 +137,10 @@ def bench(
 
     experiments: motion time until nothing is open about plants with look-alikes: the rich motion
     beside motions that are chosen one after the other.
+
+    closing: `close-loop` with nobody there, through a daemon and a bus on a simulated gantry with
+    hidden effects, beside the same machine in virtual time: what is left of the errors, motions,
+    minutes and questions.
 
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
     campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
@@ -187,6 +194,10 @@ def bench(
         if any(value is not None for value in (size, logs, plot)):
             raise UsageError("bench experiments takes no --size, --logs or --plot")
         options = _experiments(cases, seed, workers, only, out)
+    elif subject == "closing":
+        if any(value is not None for value in (cases, workers, out, plot)):
+            raise UsageError("bench closing takes no --cases, --workers, --out or --plot")
+        options = _closing(size, seed, only, logs)
     elif subject == "buses":
         if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
             raise UsageError("bench buses takes no option but --only and --json")
@@ -353,6 +364,20 @@ def _experiments(
         "families": families,
     }
     return ExperimentsOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
+
+
+def _closing(
+    size: SizeChoice | None, seed: int | None, only: list[str] | None, logs: Path | None
+) -> ClosingOptions:
+    from motorctl_benchmarks.closing.findings import ClosingOptions
+
+    given = {
+        "size": None if size is None else size.value,
+        "seed": seed,
+        "only": tuple(only or ()),
+        "logs": logs,
+    }
+    return ClosingOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
 def _print_page(result: Result) -> None:

@@ -18,6 +18,7 @@ from motorctl_benchmarks.virtual_figures import virtual_figures
 
 if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so when it runs
     from motorctl_benchmarks.buses.figures import BusesOptions
+    from motorctl_benchmarks.closing.findings import ClosingOptions
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
@@ -29,6 +30,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     Options = (
         BusesOptions
         | CampaignOptions
+        | ClosingOptions
         | ExperimentsOptions
         | MachinesOptions
         | RecordingsOptions
@@ -119,6 +121,14 @@ def _experiments(progress: Progress, options: Options | None) -> Findings:
     return experiments_findings(progress, asked)
 
 
+def _closing(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.closing.findings import ClosingOptions, closing_findings
+
+    asked = options or ClosingOptions()
+    assert isinstance(asked, ClosingOptions)
+    return closing_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -129,6 +139,7 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "socket": _socket,
     "tuning": _tuning,
     "experiments": _experiments,
+    "closing": _closing,
 }
 WITH_CASES = (
     "diagnosis",
@@ -139,6 +150,7 @@ WITH_CASES = (
     "socket",
     "tuning",
     "experiments",
+    "closing",
 )
 """Subjects that take options."""
 
@@ -191,8 +203,8 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
     progress
         Called with the share done, 0 to 1.
     options
-        Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning or
-        experiments.
+        Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning,
+        experiments or closing.
 
     Raises
     ------

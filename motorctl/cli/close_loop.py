@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,7 @@ from motorctl.cli.config_argument import ConfigArgument
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # takes long to import: the command does so when it runs
+    from motorctl.cli.consent import Consents
     from motorctl.close_loop.machine_rig import MachineRig
 
 
@@ -86,11 +87,11 @@ def _close_loop(
 
     if duration is not None and not 2.0 <= duration < float("inf"):
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
+    rig, consents = None, None
     with ExitStack() as machine:
         progress = machine.enter_context(showing_stages(bar=socket is None))
-        rig = (
-            machine.enter_context(_rig_of(socket, out, yes=yes, resume=resume)) if socket else None
-        )
+        if socket:
+            rig, consents = machine.enter_context(_rig_of(socket, out, yes=yes, resume=resume))
         loop = close_loop(
             config,
             out,
@@ -103,8 +104,12 @@ def _close_loop(
         )
         progress("writing reports", 0.0)
         page = write_reports(loop)
+    moved = None
+    if rig is not None and consents is not None:
+        asked = {"minutes": consents.minutes, "questions": consents.questions}
+        moved = {"motions": rig.motions, **asked, "disturbed_share": loop.disturbed}
     if as_json:
-        say(json.dumps(closed_loop_document(loop) | {"report": str(page)}))
+        say(json.dumps(closed_loop_document(loop) | {"moved": moved, "report": str(page)}))
         return
     for part in loop.rounds:
         say(f"round {part.number}")
@@ -129,12 +134,27 @@ def _close_loop(
         print_measures(name, tracking_table(judgement))
         say(f"  {error_row(judgement)}")
         say(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
+    if moved is not None:
+        say(_moved_words(moved))
     say(f"{loop.refined}\n{page}")
 
 
+def _moved_words(moved: dict[str, Any]) -> str:
+    minutes = ", ".join(f"{name} {value:.1f}" for name, value in moved["minutes"].items())
+    return (
+        f"{moved['motions']} motions on the machine, minutes of each axis: {minutes or 'none'}; "
+        f"somebody was asked {moved['questions']} times; as samples were missing, up to "
+        f"{moved['disturbed_share']:.0%} of a motion's rows count for nothing"
+    )
+
+
 @contextmanager
-def _rig_of(socket: Path, out: Path, *, yes: bool, resume: bool) -> Iterator[MachineRig]:
-    """Yield the machine behind a daemon's socket; what ends it early stops its axes before.
+def _rig_of(
+    socket: Path, out: Path, *, yes: bool, resume: bool
+) -> Iterator[tuple[MachineRig, Consents]]:
+    """Yield the machine behind a daemon's socket, and who agrees to its motions.
+
+    What ends it early stops its axes before.
 
     In the end the models run that were kept: what was tried last may not be among them.
     """
@@ -147,7 +167,7 @@ def _rig_of(socket: Path, out: Path, *, yes: bool, resume: bool) -> Iterator[Mac
         consents = Consents(yes=yes, kept=out / "moved_minutes.json", resume=resume)
         rig = MachineRig(client, machine_of_daemon(client), consents.ask)
         try:
-            yield rig
+            yield rig, consents
         except BaseException:
             left = rig.stop()
             if rig.begun:

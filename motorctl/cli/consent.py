@@ -35,8 +35,15 @@ class Consents:
         self._yes = yes
         self._kept = kept
         self._minutes: dict[str, float] = {}
+        self.questions = 0
+        """How often a person was asked."""
         if resume and kept and kept.is_file():
             self._minutes = TypeAdapter(dict[str, float]).validate_json(kept.read_bytes())
+
+    @property
+    def minutes(self) -> dict[str, float]:
+        """How long each axis has been moved for, an earlier run that is gone on with included."""
+        return dict(self._minutes)
 
     def ask(self, machine: Machine, motion: AskedMotion) -> None:
         """Return once the motion is agreed to.
@@ -58,6 +65,7 @@ class Consents:
             self._hold_against_envelopes(machine, motion, moved)
             self._note()
             return
+        self.questions += 1
         insist_on_yes(
             "Run it?",
             nobody="nobody is there to say yes to this motion: run this in a terminal; or with "

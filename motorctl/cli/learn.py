@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from motorctl.cli.recording_argument import WholeRun
+from motorctl.cli.response_option import response_from
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
@@ -101,7 +102,7 @@ def _learn(
         except OSError as error:
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
         with showing_stages(lines=True, bar=socket is None) as progress:
-            measured = _measured(response, axis, progress)
+            measured = response_from(response, axis, progress)
             wanted = _Wanted(machine, axis, folder, repetitions, anew, measured, progress)
             if recording:
                 learning = wanted.from_log(recording, path, whole_run=whole_run)
@@ -120,17 +121,6 @@ def _learn(
     _print(learning)
     for file in files:
         say(file)
-
-
-def _measured(
-    logs: list[Path] | None, axis: str, progress: Callable[[str, float], None]
-) -> Measurement | None:
-    if not logs:
-        return None
-    from motorctl.response.measurement import measure_response
-
-    progress("reading the response from its log", 0.0)
-    return measure_response(logs, axis)
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,7 @@ def _response(
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
         log = folder / f"response_{axis}.parquet"
         if recording:
+            _require_own(log, recording)
             measured = measure_response(recording, axis, whole_run=whole_run)
         elif config is not None:
             measured = _in_virtual_time(config, wanted, log)
@@ -182,6 +183,7 @@ def _in_virtual_time(config: str, wanted: _Wanted, log: Path) -> Measurement:
     machine = load(config)
     plan = wanted.plan(machine)
     require_virtual_time(machine)
+    _make_room(log)
     say(f"{plan.words}; in virtual time", err=True)
     with showing_stages(lines=True) as progress:
         record_simulated(machine, plan, log, progress)
@@ -204,10 +206,30 @@ def _through_daemon(socket: Path | None, wanted: _Wanted, log: Path, *, yes: boo
         say(plan.words, err=True)
         beyond = beyond_allowed(machine, plan, client.axis(wanted.axis)["reference_m"])
         _insist_on_consent(wanted.axis, beyond, yes=yes)
+        _make_room(log)
         with ended_in_order(), showing_stages(lines=True) as progress:
             record_through_daemon(client, plan, log, progress)
             progress("reading the response from the log", 0.0)
             return measure_response([log], wanted.axis)
+
+
+def _require_own(log: Path, recordings: list[Path]) -> None:
+    """Insist that no other log stands where the response of these is going to.
+
+    Raises UsageError where one does: log and response there would be of two measurements.
+    """
+    from motorctl.errors import UsageError
+
+    if log.exists() and not any(log.samefile(each) for each in recordings if each.exists()):
+        raise UsageError(
+            f"{log} is the log of another measurement: name a folder of its own with --out"
+        )
+
+
+def _make_room(log: Path) -> None:
+    """Take away what an earlier measurement left: no part of it shall stand beside a new one."""
+    for suffix in (".parquet", ".json", ".png"):
+        log.with_suffix(suffix).unlink(missing_ok=True)
 
 
 def _insist_on_consent(axis: str, beyond: list[str], *, yes: bool) -> None:

@@ -12,6 +12,7 @@ import typer
 from motorctl.cli.completion import configurations
 from motorctl.cli.force_option import ForceOption
 from motorctl.cli.recording_argument import WholeRun
+from motorctl.cli.response_option import response_from
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # the analysis takes long to import: the command does so when it runs
@@ -60,6 +61,14 @@ def _tune(
     ] = None,
     whole_run: WholeRun = False,
     force: ForceOption = False,
+    response: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="Log of `motorctl response` of this axis: margins are those around the plant that "
+            "was measured, less its errors, instead of around one that is fitted to the program.",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where the picture and the logs go.")
     ] = None,
@@ -67,9 +76,9 @@ def _tune(
 ) -> None:
     """Choose k1, ks and gamma_d: least error over the program, at margins that are asked for.
 
-    Inertia, friction and delay are fitted to the log. The loop is stable at every corner of the
-    parameters' bounds. Where the program is simulated, the gains are tried out before they are
-    written.
+    Inertia, friction and delay are fitted to the log, or measured (--response). The loop is stable
+    at every corner of the parameters' bounds. Where the program is simulated, the gains are tried
+    out before they are written.
     """
     from motorctl.cli.progress import showing_stages
     from motorctl.errors import UsageError
@@ -96,11 +105,12 @@ def _tune(
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
+        measured = response_from(response, axis, progress)
         if recording:
             read = read_recording(recording, gaps="keep", whole_run=whole_run)
         else:
             read = record_program(machine, axis, folder / f"tuning_{axis}_before.parquet", progress)
-        tuning = tune(read, machine, axis, wanted, progress)
+        tuning = tune(read, machine, axis, wanted, progress, measured)
         beside = write_beside(machine, axis, tuning.gains, out, hardware=hardware)
         try:
             if not recording:

@@ -44,7 +44,8 @@ class AxisJudgement:
 def judge(before: Trial, after: Trial, first: Trial) -> dict[str, AxisJudgement]:
     """Compare two trials axis by axis.
 
-    Model errors are those on the motion that no diagnosis has seen, as it was recorded at `first`:
+    An error counts as larger where runs of one configuration do not differ by as much. Model
+    errors are those on the motion that no diagnosis has seen, as it was recorded at `first`:
     the same for every round, so that they can be compared from one to the next.
     """
     old, new = (
@@ -81,7 +82,8 @@ def _judged(
     against = [f"tripped on {after.tripped}"] if after.tripped else []
     for motion, (first, second) in tracking.items():
         against += [
-            f"{words} on {MOTION_WORDS[motion]}" for words in _worse(first, second, count_m)
+            f"{words} on {MOTION_WORDS[motion]}"
+            for words in _worse(first, second, count_m, before.repeats_within)
         ]
     old, new = model_errors
     if new > old or (math.isnan(new) and not math.isnan(old)):
@@ -89,12 +91,16 @@ def _judged(
     return AxisJudgement(axis, not against, tuple(against), tracking, model_errors)
 
 
-def _worse(before: Measures, after: Measures, count_m: float) -> Iterator[str]:
+def _worse(
+    before: Measures, after: Measures, count_m: float, repeats_within: float
+) -> Iterator[str]:
+    spare_m = count_m if repeats_within else 0.0
     pairs = dict(zip(SYMBOLS, zip(astuple(before), astuple(after), strict=True), strict=True))
     for name in JUDGED:
         first, second = pairs[name]
-        if not second <= first:
+        if not second <= first + max(repeats_within * first, spare_m):
             yield f"{name} {1e6 * first:.4g} -> {1e6 * second:.4g} um"
     first, second = pairs["eM"]
-    if not second <= first + max(EM_ALLOWANCE * first, EM_COUNTS * count_m):
+    allowance = max(EM_ALLOWANCE, repeats_within)
+    if not second <= first + max(allowance * first, EM_COUNTS * count_m):
         yield f"eM {1e6 * first:.4g} -> {1e6 * second:.4g} um"

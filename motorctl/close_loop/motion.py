@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
-from motorctl.experiment.reach import reach_of
+from motorctl.experiment.reach import reach_in_envelope
 from motorctl.identify.diagnose.report.motion_advice import (
     Reach,
     Stroke,
@@ -80,7 +80,7 @@ def moves_by_itself(machine: Machine) -> bool:
 
 def _made(machine: Machine, axis: Axis, motion: MotionName, motions: Motions, k: int) -> Moves:
     """Make an axis' program: different for every axis, so that no two move in step."""
-    reach = reach_of(machine, axis, motions.effort)
+    reach = reach_in_envelope(machine, axis, motions.effort)
     if motion == "rich":
         strokes = _cut(reach, _rich(reach, 0.173 * k), motions.rich_s)
     else:

@@ -100,6 +100,12 @@ class ClosedLoop:
         return accepted[-1] if accepted else self.first
 
     @property
+    def disturbed(self) -> float:
+        """The largest part of a motion's rows that count for nothing, as samples were missing."""
+        trials = [self.first, self.last, *(a.trial for r in self.rounds for a in r.attempts)]
+        return max(trial.disturbed for trial in trials)
+
+    @property
     def refined(self) -> Path:
         """The configuration that came out."""
         return self.folder / "refined.yaml"

@@ -11,12 +11,18 @@ from motorctl.close_loop.rigs import Rig
 from motorctl.config import Machine, load
 from motorctl.errors import DataError, RunError, UsageError
 from motorctl.identify.columns.measured import with_others
-from motorctl.identify.compare.measures import Measures, measure_recording
+from motorctl.identify.compare.disturbed_rows import disturbed_rows
+from motorctl.identify.compare.measures import Measures, measure_axis
 from motorctl.identify.refine.model_error import force_error_rms
 from motorctl.log import Recording, read_recording
 
 GENTLER = 0.7
 MOST_TRIES = 4
+REPEATS_WITHIN = 0.2
+"""On a machine no run is quite like the one before: what is left of an error by this part larger
+counts as equal. More keeps what does harm, less drops a change of one axis for the noise of another
+one that was not changed. By hand: over a bus of a busy computer errors of the same models differed
+by 15 % from run to run."""
 
 Progress = Callable[[str, float], None]
 """Told what is being done, and the share of it that is."""
@@ -33,6 +39,10 @@ class Trial:
     """By motion and axis; an axis that only held its place is not among them."""
     tripped: str = ""
     """Why a run ended before its time."""
+    repeats_within: float = 0.0
+    """By which part an error differs from run to run though nothing was changed."""
+    disturbed: float = 0.0
+    """Part of the rows that count for nothing, as samples were missing, of the worst axis."""
 
 
 def try_out(
@@ -47,11 +57,12 @@ def try_out(
     """Run the motions, logs going into `folder`.
 
     duration_s ends the machine's own motion early. A run that trips makes a trial with `tripped`.
+    What missing samples make of an error is none of the configuration's: such rows do not count.
     """
     machine = load(config)
     recordings: dict[MotionName, Recording] = {}
     measures: dict[MotionName, Mapping[str, Measures]] = {}
-    tripped = ""
+    tripped, disturbed = "", 0.0
     for name in names:
         ready = machine_on(machine, name, motions)
         log = folder / f"{name}.parquet"
@@ -65,13 +76,15 @@ def try_out(
         except RunError as error:
             tripped = f"{name} motion: {error}"
             break
-        recordings[name] = read_recording(log, gaps="keep")
-        measures[name] = {
-            axis: run.measures
-            for axis, run in measure_recording(recordings[name]).items()
-            if ready.axes[axis].program is not None
-        }
-    return Trial(config, machine, recordings, measures, tripped)
+        recordings[name] = recorded = read_recording(log, gaps="keep")
+        measured = {}
+        for axis in (n for n, own in ready.axes.items() if own.program is not None):
+            left_out = disturbed_rows(recorded, axis)
+            measured[axis] = measure_axis(recorded, axis, left_out=left_out).measures
+            disturbed = max(disturbed, float(left_out.mean()))
+        measures[name] = measured
+    repeats_within = REPEATS_WITHIN if rig.goes_on else 0.0
+    return Trial(config, machine, recordings, measures, tripped, repeats_within, disturbed)
 
 
 def first_trial(

@@ -11,6 +11,9 @@ MIDDLE = 0.25
 """The part of the travel at either end that is none of an experiment's where no other is written.
 Convention: the middle half is left."""
 
+ROUNDED = 1e-6
+"""A motion that is made to reach a limit may exceed it by this part, as numbers are rounded."""
+
 
 def allowed_travel_m(axis: Axis) -> tuple[float, float]:
     """Return within which an axis stays in experiments that nobody is asked about [m]."""
@@ -41,7 +44,8 @@ def beyond_envelope(axis: Axis, peaks: Peaks, minutes: float) -> Iterator[str]:
         return
     own, limits, where = axis.experiments, axis.limits, f"axes.{axis.name}.experiments"
     low, high = allowed_travel_m(axis)
-    if peaks.range_m[0] < low or peaks.range_m[1] > high:
+    spare_m = ROUNDED * (high - low)
+    if peaks.range_m[0] < low - spare_m or peaks.range_m[1] > high + spare_m:
         yield (
             f"{where}.travel_m: it goes from {peaks.range_m[0]:.4g} to {peaks.range_m[1]:.4g} m, "
             f"allowed are {low:.4g} to {high:.4g} m"
@@ -60,7 +64,7 @@ def beyond_envelope(axis: Axis, peaks: Peaks, minutes: float) -> Iterator[str]:
             "m/s^2",
         ),
     ):
-        if peak > most:
+        if peak > (1.0 + ROUNDED) * most:
             yield f"{where}.{key}: it reaches {peak:.4g} {unit}, allowed are {most:.4g} {unit}"
     if minutes > own.max_minutes:
         yield f"{where}.max_minutes: {minutes:.3g} of motion, allowed are {own.max_minutes:g}"

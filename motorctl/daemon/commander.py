@@ -14,11 +14,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from motorctl.config.learned_file import learned_paths
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.metadata import log_axes, log_metadata
+from motorctl.daemon.excitations import Excitations
 from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.overtaking import Begun, Stops
 from motorctl.daemon.program_transfer import unpacked
@@ -43,7 +42,7 @@ from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState
-from motorctl.loop import Excitation, LoopMemory, Phase, Reply, Verb
+from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.layout import signature
 from motorctl.loop.plan import ProgramPlan, load_plan, plan_move, plan_program
 from motorctl.loop.states import State
@@ -54,6 +53,8 @@ POWER_TIMEOUT_S = 20.0
 """How long a command waits for an amplifier to be enabled; a client waits for 30 s."""
 POLL_S = 0.002
 MOST_MOTIONS = 1000
+
+_log = logging.getLogger("motorctl")
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ class Commander:
         self._stopping: int | None = None
         """Number of the last emergency stop that was ordered."""
         self._stops = Stops(self._names)
+        self.excitations = Excitations(machine, memory, self._refusals, self._stops, self._order)
         # A trajectory is written into the slot that is not in use: one writer at a time.
         self._ordering = asyncio.Lock()
 
@@ -167,7 +169,9 @@ class Commander:
                     return await self._program(request, begun)
             case ExciteCommand():
                 async with self._ordering:
-                    return await self._excite(request, begun)
+                    begun.insist(request.axis)
+                    lasts_s = await self.excitations.begin(self.machine, request)
+                    return {"axis": request.axis, "duration_s": lasts_s}
             case AxisCommand(do="start"):
                 async with self._ordering:
                     axis = self.machine.axes[request.axis]
@@ -330,27 +334,6 @@ class Commander:
             self._must_stand("program", name)
         return await self._follow_program(request.axis, program, begun)
 
-    async def _excite(self, request: ExciteCommand, begun: Begun) -> dict[str, Any]:
-        """Write the excitation into the axis' slot, and have the loop begin it."""
-        name = request.axis
-        begun.insist(name)
-        axis, index = self.machine.axes[name], self._names.index(name)
-        period_s = self.machine.period_of(name)
-        volts = np.array(request.volts)
-        excitation = Excitation(volts, request.periods, request.fade_periods)
-        if problem := excitation.problem(axis.limits, period_s):
-            raise RefusedError(Code.OUT_OF_LIMITS, f"axis {name}: {problem}")
-        states: tuple[AxisState, ...] = (AxisState.IDLE, AxisState.RUNNING)
-        if request.state is not None:  # what who asks takes for granted: others may move it, too
-            states = (AxisState[request.state.upper()],)
-        if self._state(name) not in states:
-            raise self._refusals.wrong_state("excite", name)
-        if int(self._memory.axis_status["excitation_left"][index]):
-            raise self._refusals.of(Verb.EXCITE, name, Reply.EXCITED)
-        self._memory.load_excitation(index, excitation)
-        await self._order(Verb.EXCITE, name)
-        return {"axis": name, "duration_s": excitation.total_ticks * period_s}
-
     async def _follow_program(self, axis: str, program: Program, begun: Begun) -> dict[str, Any]:
         row, standing = self.models_row, {name: self._reference(name) for name in program.axes}
         try:
@@ -364,7 +347,7 @@ class Commander:
             program.name, 0, plan.approach_s, plan.duration_s, plan.period_s, program.cycles
         )
         for note in plan.notes:
-            logging.getLogger("motorctl").warning(note)
+            _log.warning(note)
         await self._follow(motion, plan, begun)
         return {
             "axis": axis,

@@ -135,7 +135,8 @@ class ProgramCommand(_Request):
 class ExciteCommand(_Request):
     """Add an excitation to the command of an axis that holds or follows.
 
-    It comes within `fade_periods`, stays for `periods`, goes within `fade_periods`, and ends.
+    It comes within `fade_periods`, stays for `periods`, goes within `fade_periods`, and ends. It
+    lasts no longer than the connection over which it was asked for: then the axis is stopped.
     """
 
     do: Literal["excite"]

@@ -25,6 +25,7 @@ from motorctl.daemon.protocol import (
     AxisCommand,
     Code,
     EmergencyStopCommand,
+    ExciteCommand,
     ModelsCommand,
     RefusedError,
     Request,
@@ -38,6 +39,7 @@ from motorctl.daemon.protocol import (
 )
 
 Handler = Callable[[Request], Awaitable[dict[str, Any]]]
+Leave = Callable[[ExciteCommand], Awaitable[None]]
 
 OBSERVERS_COMMANDS = (StatusCommand, SamplesCommand, ModelsCommand, EmergencyStopCommand)
 CONFIGURATORS_COMMANDS = (ApplyCommand, RevertCommand)
@@ -61,7 +63,8 @@ _log = logging.getLogger("motorctl")
 class ControlServer:
     """Reads requests from admitted clients and has `handle` answer them.
 
-    `open_samples` opens what is handed over beside the answer to a request for samples.
+    `open_samples` opens what is handed over beside the answer to a request for samples. `leave` is
+    told of an excitation whose client is gone, however that came about.
     """
 
     def __init__(
@@ -69,10 +72,14 @@ class ControlServer:
         control: ControlSocket,
         handle: Handler,
         open_samples: Callable[[], int] | None = None,
+        leave: Leave | None = None,
     ) -> None:
         self._control = control
         self._handle = handle
         self._open_samples = open_samples
+        self._leave = leave
+        self._lasting: dict[Connection, dict[str, ExciteCommand]] = {}
+        """The last excitation of each axis that a client has begun: it lasts as long as they do."""
         self._places = Places()
         self._connections: set[Connection] = set()
         self._turns: deque[Connection] = deque()
@@ -102,6 +109,7 @@ class ControlServer:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         for connected in self._coming:
             connected.close()
+        self._leave = None  # the daemon ends, and every axis with it
         for connection in tuple(self._connections):
             connection.drop()
         await asyncio.sleep(0)  # in which they are told
@@ -179,6 +187,12 @@ class ControlServer:
         self._places.give_back(uid, place)
         self._connections.discard(connection)
         self._stopped_s.pop(connection, None)
+        for request in self._lasting.pop(connection, {}).values():
+            self._let_go(request)
+
+    def _let_go(self, request: ExciteCommand) -> None:
+        if self._leave is not None:
+            self._begin(self._leave(request))
 
     def _wait_for_turn(self, connection: Connection) -> None:
         urgent = connection.role.commands and _stops(connection.waiting_line())
@@ -218,14 +232,14 @@ class ControlServer:
             connection.answer(refusal(request.id, no.code, no.message))
             return
         if isinstance(request, StatusCommand):
-            await self._answer(connection.answer, request)
+            await self._answer(connection, connection.answer, request)
             return
         if isinstance(request, EmergencyStopCommand):
             self._overtake_all_but(connection)
         tell = connection.answer
         if isinstance(request, SamplesCommand) and self._open_samples is not None:
             tell = partial(connection.answer_with_descriptor, self._open_samples)
-        self._begin(self._answer(tell, request))
+        self._begin(self._answer(connection, tell, request))
         await asyncio.sleep(0)  # it may take a while to begin, and counts
 
     def _stop_at_once(self, place: Place, connection: Connection, line: bytes) -> bool:
@@ -242,7 +256,7 @@ class ControlServer:
         self._stopped_s[connection] = now_s
         self._overtake_all_but(connection)
         tell = connection.answer_stop if place is Place.FULL else connection.answer_stop_and_end
-        self._begin(self._answer(tell, request))
+        self._begin(self._answer(connection, tell, request))
         return True
 
     def _overtake_all_but(self, stopping: Connection) -> None:
@@ -269,9 +283,13 @@ class ControlServer:
                 "daemon's user may change the models of this machine",
             )
 
-    async def _answer(self, tell: Callable[[bytes], None], request: Request) -> None:
+    async def _answer(
+        self, connection: Connection, tell: Callable[[bytes], None], request: Request
+    ) -> None:
         try:
             line = answer(request.id, await self._handle(request))
+            if isinstance(request, ExciteCommand):
+                self._note_lasting(connection, request)
         except RefusedError as no:
             line = refusal(request.id, no.code, no.message)
         except Exception as error:  # a mistake of ours must not end the daemon
@@ -279,6 +297,12 @@ class ControlServer:
             message = f"{request.do} failed: {type(error).__name__}: {error}"
             line = refusal(request.id, Code.INTERNAL, message)
         tell(line)
+
+    def _note_lasting(self, connection: Connection, request: ExciteCommand) -> None:
+        if connection.ended:  # while it was being begun
+            self._let_go(request)
+        else:
+            self._lasting.setdefault(connection, {})[request.axis] = request
 
 
 def _turn_away(connected: socket.socket, code: Code, message: str) -> None:

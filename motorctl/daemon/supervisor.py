@@ -145,7 +145,8 @@ class Supervisor:
             machine, self._loop.memory, self._report, reopening, self._look_at_axes, self._models
         )
         to_read = self._loop.memory.open_to_read
-        self._server = ControlServer(control, self._commander.handle, to_read)
+        leave = self._commander.excitations.leave
+        self._server = ControlServer(control, self._commander.handle, to_read, leave)
         self._notifier = ServiceNotifier()
         self._ending = Ending(self._notifier)
         self._recorder: Recorder | None = None

@@ -209,14 +209,19 @@ class _Approach:
 
 
 def plan_approach(axis: Axis, from_m: float, to_m: float) -> Trajectory:
-    """Plan the move to a program's start: nobody drew it, so it is slow and gentle."""
-    return point_to_point(
-        from_m,
-        to_m,
-        UNASKED_SPEED * axis.limits.max_velocity_m_s,
-        _approach_acceleration(axis),
-        _approach_jerk(axis),
-    )
+    """Plan the move to a program's start: nobody drew it, so it is slow and gentle.
+
+    It keeps to the shares of `experiments`, where the axis has them: a motion that is allowed
+    shall not fail by the way to its start.
+    """
+    limits, allowed = axis.limits, axis.experiments
+    speed_share, acceleration = UNASKED_SPEED, _approach_acceleration(axis)
+    if allowed is not None:
+        speed_share = min(speed_share, allowed.max_velocity_share)
+        most = allowed.max_acceleration_share * limits.max_acceleration_m_s2
+        acceleration = min(acceleration, most)
+    speed = speed_share * limits.max_velocity_m_s
+    return point_to_point(from_m, to_m, speed, acceleration, _approach_jerk(axis))
 
 
 def _approach_acceleration(axis: Axis) -> float:

@@ -3,6 +3,9 @@
 The law's feedback part is ks (s + k1)(s + k2)/s with k2 = gamma_d/ks: two zeros and a gain. For
 each pair of zeros one response tells the margins of every gain, for the open loop is proportional
 to it.
+
+Around a plant that was measured, each margin is what is left of it where the plant is as far off as
+its error: at a crossing, e of the loop's size turn it by arcsin(e), and make it 1 + e larger.
 """
 
 from __future__ import annotations
@@ -14,7 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.analysis import DelayedPlant, Frequencies, LoopGains, is_stable
+from motorctl.config.analysis import (
+    DelayedPlant,
+    Frequencies,
+    LoopGains,
+    LoopMargins,
+    is_stable,
+)
+from motorctl.tune.measured_plant import MeasuredPlant
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -78,12 +88,28 @@ class LoopShapes:
         The plant as it was identified.
     corners
         Plants with which the loop must be stable.
+    measured
+        The plant as it was measured, in place of `plant`.
     """
 
-    def __init__(self, plant: DelayedPlant, corners: Sequence[DelayedPlant]) -> None:
+    def __init__(
+        self,
+        plant: DelayedPlant,
+        corners: Sequence[DelayedPlant],
+        measured: MeasuredPlant | None = None,
+    ) -> None:
         nyquist = math.pi / plant.period_s
         self._w = np.geomspace(SLOWEST * nyquist, 0.9999 * nyquist, GRID)
-        self._plant = plant.response(self._w)
+        self._measured = measured
+        if measured is None:
+            self._plant, self._error = plant.response(self._w), np.zeros(len(self._w))
+            self._highest_rad_s = math.inf
+        else:
+            plant = measured.rigid
+            self._w = measured.frequencies(self._w)
+            self._plant, self._error = measured.response(self._w), measured.error(self._w)
+            self._highest_rad_s = 2.0 * math.pi * measured.band_hz[1]
+        self._rigid = plant.response(self._w)
         self._at = Frequencies.at(self._w, plant.period_s)
         self._everywhere = (plant, *corners)
 
@@ -91,13 +117,53 @@ class LoopShapes:
         """Return the margins of a pair of zeros [1/s] at some gains [V s/m]."""
         once = LoopGains(k1_1_s, 1.0, k2_1_s).feedback(self._at) * self._plant
         log_size, angle = np.log(np.abs(once)), np.unwrap(np.angle(once))
-        grow, shrink = _gain_margins(once, ks_v_s_m)
-        phase = np.array([_phase_margin(log_size + math.log(ks), angle) for ks in ks_v_s_m])
+        grow, shrink = _gain_margins(once, ks_v_s_m, self._error)
+        phase = np.array([self._phase(log_size + math.log(ks), angle)[0] for ks in ks_v_s_m])
         return Shape(k1_1_s, k2_1_s, ks_v_s_m, phase, grow, shrink)
+
+    def margins(self, gains: LoopGains, delay_s: float, lag_s: float) -> LoopMargins:
+        """Return the margins of some gains from the same frequencies; delay and lag are told."""
+        once = gains.feedback(self._at) * self._plant
+        phase, crossover = self._phase(np.log(np.abs(once)), np.unwrap(np.angle(once)))
+        grow, shrink = (float(each[0]) for each in _gain_margins(once, np.ones(1), self._error))
+        return LoopMargins(
+            delay_s=delay_s,
+            lag_s=lag_s,
+            stable=is_stable(self._everywhere[0], gains) and self._rings_out(gains),
+            crossover_rad_s=None if math.isnan(crossover) else crossover,
+            phase_margin_deg=None if math.isnan(phase) else phase,
+            gain_margin=None if math.isinf(grow) else grow,
+            gain_reduction=None if math.isinf(shrink) else 1.0 / shrink,
+        )
 
     def stable_everywhere(self, gains: LoopGains) -> bool:
         """Return whether the loop is stable with the plant and at all corners of its bounds."""
-        return all(is_stable(plant, gains) for plant in self._everywhere)
+        return all(is_stable(plant, gains) for plant in self._everywhere) and self._rings_out(gains)
+
+    def crosses_beyond(self, gains: LoopGains) -> bool:
+        """Return whether the loop is above 1 where no measured line tells the plant."""
+        size = np.abs(gains.feedback(self._at) * self._plant)
+        return bool(np.any(size[self._w > self._highest_rad_s] >= 1.0))
+
+    def _rings_out(self, gains: LoopGains) -> bool:
+        """Return whether the loop that is stable around the rigid plant is so around the measured.
+
+        Parts on springs add no unstable poles to the open loop, so by Nyquist's criterion both are
+        alike where one return difference over the other does not go round 0.
+        """
+        if self._measured is None:
+            return True
+        feedback = gains.feedback(self._at)
+        over = (1.0 + feedback * self._plant) / (1.0 + feedback * self._rigid)
+        turned = np.unwrap(np.angle(over))
+        return bool(abs(turned[-1] - turned[0]) < math.pi)
+
+    def _phase(self, log_size: Array, angle: Array) -> tuple[float, float]:
+        """Return phase margin [degrees] and where it is [rad/s]; NaN where nothing crosses, or
+        where it does beyond what was measured."""
+        if np.any(log_size[self._w > self._highest_rad_s] >= 0.0):
+            return math.nan, math.nan
+        return _phase_margin(log_size, angle, self._error, self._w)
 
     def unstable_corners(self, gains: LoopGains) -> Iterator[int]:
         """Yield the numbers of the corners, from 0, with which the loop is unstable."""
@@ -106,25 +172,35 @@ class LoopShapes:
                 yield number
 
 
-def _phase_margin(log_size: Array, angle: Array) -> float:
-    """Return the smallest phase margin over the frequencies at which the size is 1 [degrees]."""
+def _phase_margin(log_size: Array, angle: Array, error: Array, w: Array) -> tuple[float, float]:
+    """Return the smallest phase margin over the frequencies at which the size is 1 [degrees].
+
+    Less what the plant's relative error turns the loop by; and where that is [rad/s].
+    """
     at = np.flatnonzero(np.signbit(log_size[:-1]) != np.signbit(log_size[1:]))
     if not len(at):
-        return math.nan
+        return math.nan, math.nan
     share = log_size[at] / (log_size[at] - log_size[at + 1])
     crossing = np.degrees(angle[at] + share * (angle[at + 1] - angle[at]))
     margins = (crossing + 180.0 + 180.0) % 360.0 - 180.0
-    return float(margins[np.argmin(np.abs(margins))])
+    turned = np.degrees(np.arcsin(np.minimum(np.maximum(error[at], error[at + 1]), 1.0)))
+    worst = int(np.argmin(np.abs(margins) - turned))
+    left = abs(float(margins[worst])) - float(turned[worst])
+    return (left if margins[worst] >= 0.0 else -left), float(w[at[worst]])
 
 
-def _gain_margins(once: ComplexArray, ks: Array) -> tuple[Array, Array]:
-    """Return by which factors each gain may grow, and by which it may shrink."""
+def _gain_margins(once: ComplexArray, ks: Array, error: Array) -> tuple[Array, Array]:
+    """Return by which factors each gain may grow, and by which it may shrink.
+
+    Less what the plant's relative error may have made of it already.
+    """
     imag, real = once.imag, once.real
     at = np.flatnonzero(np.signbit(imag[:-1]) != np.signbit(imag[1:]))
     share = imag[at] / (imag[at] - imag[at + 1])
     crossing = real[at] + share * (real[at + 1] - real[at])
     limits = -1.0 / crossing[crossing < 0.0]  # the gains at which the loop passes -1
+    spare = 1.0 + np.maximum(error[at], error[at + 1])[crossing < 0.0]
     over = limits[None, :] / ks[:, None]
-    grow = np.min(np.where(over > 1.0, over, np.inf), axis=1, initial=np.inf)
-    shrink = np.min(np.where(over <= 1.0, 1.0 / over, np.inf), axis=1, initial=np.inf)
+    grow = np.min(np.where(over > 1.0, over / spare, np.inf), axis=1, initial=np.inf)
+    shrink = np.min(np.where(over <= 1.0, 1.0 / over / spare, np.inf), axis=1, initial=np.inf)
     return grow, shrink

@@ -14,7 +14,7 @@ from motorctl.config.analysis import LoopGains, LoopMargins, loop_margins
 from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
 from motorctl.tune.predicted import Prediction, Predictor
-from motorctl.tune.recorded_loop import PlantEstimate, RecordedLoop
+from motorctl.tune.recorded_loop import RecordedLoop
 
 Array = NDArray[np.float64]
 
@@ -114,22 +114,40 @@ def choose_gains(
         step /= 3.0
         kept += search.near(min(kept, key=_error).gains, step)
     best = search.as_written(_best(kept))
-    margins = margins_of(loop.plant, best.gains, loop.period_s)
+    margins = margins_of(loop, best.gains)
     return GainChoice(best, margins, (*found, *kept), search.bound_by(best))
 
 
-def margins_of(plant: PlantEstimate, gains: LoopGains, period_s: float) -> LoopMargins:
-    """Return the exact margins of some gains around the plant as it was identified."""
+def shapes_of(loop: RecordedLoop) -> LoopShapes:
+    """Return what tells the margins of gains around a loop's plant."""
+    plant = loop.plant
+    corners = plant.corners(loop.period_s)
+    return LoopShapes(plant.nominal(loop.period_s), corners, loop.measured)
+
+
+def margins_of(loop: RecordedLoop, gains: LoopGains) -> LoopMargins:
+    """Return the margins of some gains around the plant: exact ones around one that was fitted."""
+    if loop.measured is not None:
+        return shapes_of(loop).margins(gains, loop.plant.delay_s, loop.plant.lag_s)
+    plant = loop.plant
     return loop_margins(
         plant.theta1,
         plant.theta2,
         k1_1_s=gains.k1_1_s,
         ks_v_s_m=gains.ks_v_s_m,
         gamma_d=gains.gamma_d,
-        period_s=period_s,
+        period_s=loop.period_s,
         delay_s=plant.delay_s,
         lag_s=plant.lag_s,
     )
+
+
+def keeps(margins: LoopMargins, wanted: MarginsWanted) -> bool:
+    """Return whether a loop is stable and has the phase and gain margins that are wanted."""
+    gain = min(margins.gain_margin or math.inf, 1.0 / (margins.gain_reduction or 1e-9))
+    phase = margins.phase_margin_deg
+    firm = phase is not None and phase >= wanted.phase_deg
+    return margins.stable and firm and gain >= wanted.gain
 
 
 def _best(candidates: list[Candidate]) -> Candidate:
@@ -149,8 +167,7 @@ class _Search:
         self._kept = replace(
             wanted, phase_deg=wanted.phase_deg + SPARE_DEG, gain=wanted.gain * SPARE_GAIN
         )
-        plant = loop.plant
-        self._shapes = LoopShapes(plant.nominal(loop.period_s), plant.corners(loop.period_s))
+        self._shapes = shapes_of(loop)
         self._predictor = Predictor(loop)
         self._nyquist = math.pi / loop.period_s
 
@@ -187,7 +204,7 @@ class _Search:
         gains = best.gains
         for _ in range(MOST_STEPS_BACK):
             rounded = LoopGains(*(float(f"{value:.{DIGITS}g}") for value in vars(gains).values()))
-            told = margins_of(self._loop.plant, rounded, self._loop.period_s)
+            told = margins_of(self._loop, rounded)
             if told.stable and self._shapes.stable_everywhere(rounded):
                 exact = Candidate(
                     rounded,
@@ -285,6 +302,8 @@ class _Search:
         return broken
 
     def _corner_words(self, gains: LoopGains) -> str:
+        if self._shapes.crosses_beyond(gains):
+            return "the band of the measured response"
         corners = self._loop.plant.at_bounds
         unstable = [corners[number] for number in self._shapes.unstable_corners(gains)]
         if not unstable:

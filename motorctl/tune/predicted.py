@@ -75,7 +75,7 @@ class Predictor:
         self._error, self._d0_hat, self._ahead = (np.fft.rfft(c)[: bins + 1] for c in columns)
         bin_rad_s = 2.0 * np.pi / (padded * loop.period_s)
         self._w: Array = bin_rad_s * np.arange(1.0, bins + 1)
-        self._plant = loop.plant.nominal(loop.period_s).response(self._w)
+        self._plant = loop.plant_response(self._w)
         self._at = Frequencies.at(self._w, loop.period_s)
         end = round(n * self._scale)
         self._counted = slice(max(end - max(round(loop.counted * self._scale), 1), 0), end)
@@ -95,7 +95,7 @@ class Predictor:
     def _noise(self) -> tuple[Frequencies, ComplexArray]:
         period_s = self._loop.period_s
         w = np.pi / period_s * (np.arange(NOISE_POINTS) + 0.5) / NOISE_POINTS
-        return Frequencies.at(w, period_s), self._loop.plant.nominal(period_s).response(w)
+        return Frequencies.at(w, period_s), self._loop.plant_response(w)
 
     def predict(self, gains: LoopGains) -> Prediction:
         """Return what the axis would do with these gains.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,6 +20,8 @@ from motorctl.identify.fit.declared_models import machine_of
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import SampleFlag
+from motorctl.response.measurement import Measurement
+from motorctl.tune.measured_plant import LINE_ERRORS, MeasuredPlant, measured_plant
 from motorctl.tune.same_loop import require_same_loop, require_sound_rows
 
 Array = NDArray[np.float64]
@@ -105,15 +107,27 @@ class RecordedLoop:
     """Of one measured position: no less than what the encoder rounds away [m]."""
     notes: tuple[str, ...] = ()
     """What a reader of the margins should know."""
+    measured: MeasuredPlant | None = None
+    """The plant as its response was measured, which `plant` is the rigid part of then."""
 
     @property
     def eF_m(self) -> float:
         """The largest error over the rows that count, as recorded."""
         return float(np.abs(self.error[-self.counted :]).max())
 
+    def plant_response(self, w: Array) -> NDArray[np.complex128]:
+        """Return the plant [m/V] at frequencies w [rad/s], (n,): measured where it was."""
+        known = self.measured or self.plant.nominal(self.period_s)
+        return known.response(w)
+
 
 def recorded_loop(
-    recording: Recording, machine: Machine, name: str, *, most_missing: int = 0
+    recording: Recording,
+    machine: Machine,
+    name: str,
+    *,
+    most_missing: int = 0,
+    response: Measurement | None = None,
 ) -> RecordedLoop:
     """Return what a log tells of the loop of an axis.
 
@@ -131,6 +145,8 @@ def recorded_loop(
         The axis.
     most_missing
         Rows that may be missing between two.
+    response
+        The axis' measured response, which tells the plant better than the log.
 
     Returns
     -------
@@ -162,7 +178,18 @@ def recorded_loop(
     error, d0_hat, ahead = _columns(recording, data, before, logged.period_of(name), rows)
     counted = len(range(*run.last_rows.indices(len(data.position))))
     used = with_others(recording, name)
-    plant, notes = _plant(used, before, axis)
+    plant, notes = _plant(used, before, axis, rings=response is None)
+    measured = None
+    if response is not None:
+        measured = measured_plant(response, name, logged.period_of(name))
+        plant, more = _as_measured(plant, measured)
+        notes += more
+    low, high = plant.theta1_bounds
+    if not low <= plant.theta1 <= high:
+        notes += (
+            f"the fitted inertia, {plant.theta1:.4g} V*s^2/m, is outside its bounds, {low:g} to "
+            f"{high:g}",
+        )
     if (share := _saturated(data, rows)) > 0.0:
         notes += (
             f"the command stood at its limit in {100.0 * share:.2g} % of the rows, where the "
@@ -183,6 +210,7 @@ def recorded_loop(
         plant=plant,
         noise_rms_m=_noise(used, axis),
         notes=(*recording.notes, *notes),
+        measured=measured,
     )
 
 
@@ -217,8 +245,41 @@ def _columns(
     return columns
 
 
-def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tuple[str, ...]]:
-    """Fit the plant; return it, and what is to be known of the fit."""
+def _as_measured(
+    plant: PlantEstimate, measured: MeasuredPlant
+) -> tuple[PlantEstimate, tuple[str, ...]]:
+    """Return the plant with what its response tells of it, and how that differs from the log."""
+    fitted, notes = measured.measured.fitted, []
+    if abs(fitted.theta1 - plant.theta1) > VAGUE_INERTIA * plant.theta1:
+        notes.append(
+            f"the response tells an inertia of {fitted.theta1:.4g} V*s^2/m, the log of the program "
+            f"{plant.theta1:.4g}: is it the same load?"
+        )
+    low, high = measured.band_hz
+    notes.append(
+        f"margins around the response of {measured.source}, {low:.3g} to {high:.3g} Hz, less "
+        f"{LINE_ERRORS:g} standard errors of it; beyond, around the plant that was fitted to it"
+    )
+    notes += [f"in the plant: {part}" for part in measured.parts]
+    open_s = DELAY_ERRORS * fitted.errors[2]
+    known = replace(
+        plant,
+        theta1=fitted.theta1,
+        theta2=fitted.theta2,
+        delay_s=fitted.delay_s + open_s,
+        lag_s=fitted.lag_s,
+        delay_open_s=open_s,
+    )
+    return known, tuple(notes)
+
+
+def _plant(
+    data: Measured, before: Axis, axis: Axis, *, rings: bool
+) -> tuple[PlantEstimate, tuple[str, ...]]:
+    """Fit the plant; return it, and what is to be known of the fit.
+
+    rings: whether to say that a part that the model has on a spring is not in it.
+    """
     model = before.declared
     fit = fit_axis(data, model)
     place, viscous = model.index_of("acceleration"), model.index_of("velocity")
@@ -243,15 +304,10 @@ def _plant(data: Measured, before: Axis, axis: Axis) -> tuple[PlantEstimate, tup
     )
     told = (model.parameter_names[place], "delay")
     notes = [note for note in fit.notes if any(name in note for name in told)]
-    for ringing in (e.name for e in axis.model.effects if "resonance" in e.groups):
+    for ringing in (e.name for e in axis.model.effects if rings and "resonance" in e.groups):
         notes.append(
             f"{ringing} is not in the plant around which margins and stability are reckoned: look "
             f"at `motorctl response {axis.name}` with these gains before they are relied upon"
-        )
-    low, high = plant.theta1_bounds
-    if not low <= theta1 <= high:
-        notes.append(
-            f"the fitted inertia, {theta1:.4g} V*s^2/m, is outside its bounds, {low:g} to {high:g}"
         )
     return plant, tuple(notes)
 

@@ -39,6 +39,8 @@ def footnotes(tuning: Tuning) -> Iterator[str]:
         + (f", lag {plant.lag_s * 1e3:.3g} ms" if plant.lag_s else "")
     )
     yield f"what keeps the gains from going further: {tuning.bound_by}"
+    if tuning.error_for_margin:
+        yield "the gains before do not keep the margins that were asked for: those cost error"
     if tuning.before.gamma_d == 0.0:
         yield "the fast adaptation was off in this log (gamma_d 0); the tuned gains switch it on"
     yield from loop.notes

@@ -84,3 +84,15 @@ def test_the_model_error_is_that_of_the_start_values(recording):
     errors = [model_error_v(with_theta(machine, s), recording, machine) for s in (0.0, 0.5, 1.0)]
     for axis in "xy":
         assert np.all(np.diff([error[axis] for error in errors]) < 0.0)
+
+
+@pytest.mark.parametrize("measure", ["eF_m", "L2_m", "eM_m"])
+def test_on_a_machine_an_error_counts_as_larger_beyond_what_runs_differ_by(recording, measure):
+    before = dataclasses.replace(trial(recording, BEFORE), repeats_within=0.2)
+
+    def grown(factor):
+        after = dataclasses.replace(BEFORE, **{measure: factor * getattr(BEFORE, measure)})
+        return judge(before, trial(recording, after, 0.5), before)["x"]
+
+    assert grown(1.15).accepted
+    assert not grown(1.3).accepted

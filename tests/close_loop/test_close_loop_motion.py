@@ -1,3 +1,4 @@
+import copy
 import dataclasses
 
 import numpy as np
@@ -5,6 +6,8 @@ import pytest
 
 from motorctl.close_loop.motion import Motions, machine_on, moves_by_itself
 from motorctl.config import load, load_resolved
+from motorctl.config.experiment_envelope import beyond_envelope
+from motorctl.loop.plan import plan_program
 from motorctl.motion import AxisLimits, check_program
 
 GANTRY = load("published_gantry")
@@ -85,3 +88,17 @@ def test_the_plain_data_of_the_machine_tell_the_motion():
     again = load_resolved(ready.resolved)
     assert again.axes["y"].program == "unused_y"
     assert again.programs["unused_y"] == ready.programs["unused_y"]
+
+
+def test_what_is_made_stays_within_the_declared_envelope_with_the_way_to_its_start():
+    document = copy.deepcopy(dict(GANTRY.resolved))
+    for axis in document["axes"].values():
+        axis["experiments"] = {"travel_m": [0.1, 0.3], "max_velocity_share": 0.2}
+    machine = load_resolved(document, "gantry")
+    for motion in ("rich", "unused"):
+        ready = machine_on(machine, motion, Motions(rich_s=8.0, unused_s=8.0))
+        for name, axis in ready.axes.items():
+            plan = plan_program(ready, ready.programs[axis.program], {name: 0.3})
+            peaks = plan.trajectories[name].peaks()
+            assert list(beyond_envelope(axis, peaks, 1.0)) == []
+            assert peaks.max_velocity_m_s > 0.1 * axis.limits.max_velocity_m_s

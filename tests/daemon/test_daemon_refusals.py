@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from daemon_rig import bench_config
@@ -13,11 +13,13 @@ from daemon_rig import bench_config
 from motorctl.config import load
 from motorctl.daemon.client import DaemonRefusedError
 from motorctl.daemon.commander import Commander
-from motorctl.daemon.protocol import RefusedError, parse_request
+from motorctl.daemon.protocol import ExciteCommand, RefusedError, Request, parse_request
 from motorctl.daemon.report import Report
 from motorctl.hal import Status
 from motorctl.loop import LoopMemory, Phase, Reply, Verb
 from motorctl.loop.states import OPERATION, State
+
+T = TypeVar("T")
 
 
 class Loop:
@@ -37,7 +39,17 @@ class Loop:
 
     def ask(self, line: str, reply: Reply = Reply.OK) -> dict[str, Any]:
         """Have the daemon handle a request while the loop answers."""
+        return self.handle(parse_request(line.encode()), reply)
 
+    def handle(self, request: Request, reply: Reply = Reply.OK) -> dict[str, Any]:
+        """The same with a request."""
+        return self._while_it_answers(self.commander.handle(request), reply)
+
+    def leave(self, request: ExciteCommand) -> None:
+        """Have the daemon know that whoever excited an axis is gone."""
+        self._while_it_answers(self.commander.excitations.leave(request), Reply.OK)
+
+    def _while_it_answers(self, doing: Coroutine[Any, Any, T], reply: Reply) -> T:
         async def answer() -> None:
             status = self.memory.status[0]
             while True:
@@ -47,10 +59,10 @@ class Loop:
                     status["mail_tail"] += 1
                 await asyncio.sleep(0)
 
-        async def both() -> dict[str, Any]:
+        async def both() -> T:
             answering = asyncio.create_task(answer())
             try:
-                return await self.commander.handle(parse_request(line.encode()))
+                return await doing
             finally:
                 answering.cancel()
 
@@ -176,3 +188,20 @@ def test_an_axis_that_is_excited_keeps_its_excitation(loop: Loop) -> None:
     assert no.message == "axis x is excited already: wait until that ends, or stop the axis"
     assert loop.memory.excitations[0] == before
     assert loop.ask('{"do": "status"}')["axes"]["x"]["excitation"] == {"left_s": 17 / 400.0}
+
+
+def test_what_became_of_an_axis_after_its_excitation_is_not_stopped(loop: Loop) -> None:
+    lead(loop, State.HOLDING)
+    first, second = (parse_request((EXCITE % (", ".join(["1"] * 200), n)).encode()) for n in (3, 4))
+    assert isinstance(first, ExciteCommand)
+    for request in (first, second):
+        loop.handle(request)
+    lead(loop, State.FOLLOWING, excitation_left=17)  # by the second: who left was the first
+    loop.leave(first)
+    assert loop.asked == [Verb.EXCITE, Verb.EXCITE]
+    assert isinstance(second, ExciteCommand)
+    loop.leave(second)
+    assert loop.asked == [Verb.EXCITE, Verb.EXCITE, Verb.STOP]
+    lead(loop, State.FOLLOWING)  # a motion after it
+    loop.leave(second)
+    assert loop.asked == [Verb.EXCITE, Verb.EXCITE, Verb.STOP]

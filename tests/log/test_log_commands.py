@@ -58,7 +58,13 @@ def test_info_shows_rows_span_axes_and_faults(invoke, tmp_path):
     ]
     assert document["metadata"]["machine"] == "bench"
     shown = invoke("info", path).stdout
-    for part in ("3000 rows", "1000 Hz", "machine: bench", "turnaround: median", "axis y: FOLL"):
+    for part in (
+        "3,000 rows",
+        "1000 Hz",
+        "machine: bench",
+        "turnaround: median",
+        "axis y: following error",
+    ):
         assert part in shown
 
 
@@ -157,7 +163,7 @@ def test_info_tells_what_the_device_said_before_a_fault(invoke, tmp_path):
     assert fault["device"] == ["STALE", "CORRUPT"]
     assert json.loads(invoke("info", path, "--json").stdout)["missed"] == {"x": 50, "y": 0}
     assert "axis x: 50 of" in invoke("info", path).stdout
-    assert "NO_NEW_SAMPLE (device: STALE, CORRUPT)" in invoke("info", path).stdout
+    assert "no new sample (device: STALE, CORRUPT)" in invoke("info", path).stdout
 
 
 def test_a_log_without_the_devices_word_tells_its_faults_all_the_same(invoke, tmp_path):

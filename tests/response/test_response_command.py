@@ -241,3 +241,25 @@ def test_a_person_says_yes_or_no(monkeypatch, answer):
         return
     with pytest.raises(UsageError, match="nobody said yes"):
         command._insist_on_consent("x", ["it goes too far"], yes=False)
+
+
+def test_a_response_is_not_put_beside_the_log_of_another_measurement(told, tmp_path):
+    other = tmp_path / "response_x.parquet"
+    other.write_bytes(b"of another time")
+    log = told[2] / "response_x.parquet"
+    with pytest.raises(UsageError, match=r"response_x\.parquet is the log of another measurement"):
+        run("x", "--recording", log, "--out", tmp_path)
+    assert [each.name for each in tmp_path.iterdir()] == [other.name]
+
+
+def test_a_measurement_that_fails_leaves_nothing_of_an_earlier_one(tmp_path, monkeypatch):
+    for name in ("response_x.parquet", "response_x.json", "response_x.png", "response_y.json"):
+        (tmp_path / name).write_text("old")
+
+    def tripped(machine, plan, log, progress):
+        raise RunError("axis x tripped")
+
+    monkeypatch.setattr("motorctl.response.rigs.record_simulated", tripped)
+    with pytest.raises(RunError, match="axis x tripped"):
+        run("x", "--config", "published_gantry", *QUICK, "--out", tmp_path)
+    assert [each.name for each in tmp_path.iterdir()] == ["response_y.json"]

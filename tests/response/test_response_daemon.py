@@ -15,10 +15,12 @@ from daemon_rig import Daemon, wait_until
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
+from motorctl.daemon.client import Client
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.response import rigs
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
+WAVE = [0.1 * math.sin(2.0 * math.pi * k / 200.0) for k in range(200)]
 QUICK = ("--band", "4,60", "--amplitude", "1.5", "--yes")
 
 
@@ -57,13 +59,22 @@ def test_an_axis_that_is_off_is_not_moved_and_what_comes_first_is_told(daemon: D
 
 def test_an_axis_that_is_excited_already_is_left_to_it(daemon: Daemon) -> None:
     daemon.ask_when_it_stands("start", "x", hold=True)
-    wave = [0.1 * math.sin(2.0 * math.pi * k / 200.0) for k in range(200)]
-    daemon.ask("excite", axis="x", volts=wave, periods=200, fade_periods=1)
-    with pytest.raises(UsageError, match="axis x is being excited already, for another"):
-        respond(daemon, "x", "--standing")
-    assert daemon.ask("status")["axes"]["x"]["excitation"]
-    daemon.ask("stop", axis="x")
-    wait_until(lambda: daemon.state("x") == "off")
+    with Client(daemon.socket) as other:
+        other.ask("excite", axis="x", volts=WAVE, periods=200, fade_periods=1)
+        with pytest.raises(UsageError, match="axis x is being excited already, for another"):
+            respond(daemon, "x", "--standing")
+        assert daemon.ask("status")["axes"]["x"]["excitation"]
+
+
+def test_an_axis_whose_client_is_gone_is_excited_no_longer_and_stopped(daemon: Daemon) -> None:
+    daemon.ask_when_it_stands("start", "x", hold=True)
+    # A killed process leaves no more behind than a connection that is closed.
+    with Client(daemon.socket) as gone:
+        gone.ask("excite", axis="x", volts=WAVE, periods=2000, fade_periods=1)
+        assert daemon.ask("status")["axes"]["x"]["excitation"]["left_s"] > 900.0
+    wait_until(lambda: daemon.state("x") == "off", 10.0)
+    assert daemon.ask("status")["axes"]["x"]["excitation"] is None
+    assert "axis x: who excited it is gone: it is stopped" in daemon.said
 
 
 def test_ctrl_c_stops_the_axis_and_takes_the_excitation_with_it(

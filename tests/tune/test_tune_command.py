@@ -105,7 +105,7 @@ def test_gains_that_trip_or_make_it_worse_are_not_written(config, log, tmp_path,
             raise RunError("axis y tripped (following_error): 1.2 mm")
         return dataclasses.replace(read_recording(log, gaps="keep"), source="a simulated run")
 
-    def same_loop_later(recording, machine, axis):
+    def same_loop_later(recording, machine, axis, **known):
         loop = recorded_loop(recording, load(config), axis)
         return loop if len(runs) < 2 else dataclasses.replace(loop, error=1.01 * loop.error)
 

@@ -78,7 +78,7 @@ def measure_transport(
     with device_running(device_file(transport), folder) as endpoint:
         options = transport.driver(endpoint)
         machine = machine_on(transport, options, 0.0, duration_s)
-        exchange = _exchange(machine)
+        exchange = exchange_of(machine)
         if exchange.delay_s:
             machine = machine_on(transport, options, exchange.delay_s, duration_s)
         run = run_loop(
@@ -124,7 +124,8 @@ def _measures(recording: Recording) -> dict[str, Measures]:
     }
 
 
-def _exchange(machine: Machine) -> Exchange:
+def exchange_of(machine: Machine) -> Exchange:
+    """Return how the gantry's driver exchanges, and how late its commands act for that."""
     setup = machine.drivers["gantry"]
     channels = channels_of("gantry", wirings_of(machine.axes.values()))
     return ask_exchange(setup, channels, machine.period_s)

@@ -83,11 +83,17 @@ class Timing:
 
 
 def measure_axis(
-    recording: Recording, name: str, period_s: float | None = None, *, settling_periods: int = 0
+    recording: Recording,
+    name: str,
+    period_s: float | None = None,
+    *,
+    settling_periods: int = 0,
+    left_out: NDArray[np.bool_] | None = None,
 ) -> MeasuredRun:
     """Measure one axis over the rows in which it is under control.
 
-    The first `settling_periods` do not count, nor does the way to where the program begins.
+    The first `settling_periods` do not count, nor does the way to where the program begins, nor
+    rows that are left out.
 
     Where `period_s` is not given, it is the one of the program that the log's configuration
     names, if the reference repeats so; else it is looked for in the reference; else the last
@@ -113,6 +119,8 @@ def measure_axis(
                 f"more than {settling_periods} x {period:g} s are needed, because the first "
                 "periods do not count: record longer"
             )
+    if left_out is not None and np.any(counted & ~left_out[rows]):
+        counted = counted & ~left_out[rows]
     e, u = np.abs(error[rows]), np.abs(axis.command[rows])
     at_end = counted.copy()
     at_end[:first] = at_end[last:] = False
