@@ -18,10 +18,12 @@ from motorctl.hal import Driver, DriverOptions
 from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
 
-ROOM_STEP = 8
+ROOM = 24
 """Entries of theta that records may hold beyond the longest, at least. More cost memory in every
 row of the ring, fewer send whoever adds an effect to a restart. By hand: most effects have one to
-three."""
+three, a profile along the way has up to twenty-four."""
+ROOM_STEP = 8
+"""Records are as long as a multiple of so many, so that nearly alike machines share kernels."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ class Machine:
         Models with more parameters may follow while the loop runs.
         """
         longest = max(len(axis.model) for axis in self.axes.values())
-        return (longest // ROOM_STEP + 2) * ROOM_STEP
+        return -(-(longest + ROOM) // ROOM_STEP) * ROOM_STEP
 
     @property
     def followed_programs(self) -> list[str]:

@@ -207,12 +207,12 @@ def test_a_model_with_more_parameters_than_there_is_room_for_asks_for_a_restart(
 ) -> None:
     def change(axis: dict[str, Any]) -> None:
         with_cogging(axis)
-        axis["model"]["cogging"] |= {"orders": [*range(1, 13)], "parameters": None}
+        axis["model"]["cogging"] |= {"orders": [*range(1, 19)], "parameters": None}
 
     machine = gantry(tmp_path)
     with (
         VirtualMachine(machine, lambda *_: None) as virtual,
-        pytest.raises(UsageError, match="has room for 16: restart the daemon"),
+        pytest.raises(UsageError, match="has room for 32: restart the daemon"),
     ):
         virtual.change_models(gantry(tmp_path, change))
 
