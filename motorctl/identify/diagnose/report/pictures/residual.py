@@ -221,7 +221,8 @@ def _shown_wave(axis: AxisSignals, wave: Array, amplitude: Array) -> float:
 def _rms(words: str, residual: Array, axis: AxisSignals) -> str:
     known = residual[np.isfinite(residual)]
     rms = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
-    told = f"{words}: rms {rms:.3g} {axis.command_unit}"
+    # the report's errors are those of the whole band, weighted by its noise
+    told = f"{words}, below {axis.traces.band_hz:.3g} Hz: rms {rms:.3g} {axis.command_unit}"
     if axis.force_per_command:
         told += f" = {abs(axis.force_per_command) * rms:.3g} {axis.force_unit}"
     return told
