@@ -51,7 +51,7 @@ class Looked:
                     f"is its {axis.channel + 1}th axis"
                 )
             found = left[axis.channel]
-        axis.found, axis.channel = found, found.channel
+        axis.take(found)
 
 
 def look(driver: str, options: Mapping[str, Any]) -> Looked:

@@ -40,6 +40,9 @@ AMPLIFIER = Question("amplifier", "amperes that the amplifier gives a volt", "2A
 TRAVEL = Question("travel", "travel between the soft limits", "-0.2..0.3")
 VELOCITY = Question("max-velocity", "top speed", "0.5m/s")
 HOME = Question("homing", f"how it finds its zero: {', '.join(HOMING)}", "absolute")
+IN_NEWTONS = (MASS.option, FORCE.option, AMPLIFIER.option, "rotor-inertia", "friction")
+"""What counts only where both mass and force constant are told: an inertia in V s^2/m, as devices
+tell it, says nothing of newtons and kilograms."""
 
 
 @dataclass
@@ -51,6 +54,18 @@ class AxisTold:
     channel: int
     words: dict[str, str] = field(default_factory=dict)
     found: FoundAxis | None = None
+
+    def take(self, found: FoundAxis) -> None:
+        """Take what the device told. Raises UsageError where words beside it would not be used."""
+        self.found, self.channel = found, found.channel
+        told = [f"--{option}" for option in IN_NEWTONS if option in self.words]
+        both = self._has(MASS) and self._has(FORCE)
+        if found.inertia_v_s2_m is not None and told and not both:
+            raise UsageError(
+                f"axis {self.name}: {', '.join(told)}: its device tells an inertia of "
+                f"{found.inertia_v_s2_m:g} V*s^2/m, and no newtons a volt: give both --mass and "
+                f"--force-constant, which then go before it, or leave {', '.join(told)} out"
+            )
 
     def missing(self) -> list[Question]:
         """Return what has still to be known, in the order in which people are asked."""

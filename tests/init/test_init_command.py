@@ -119,6 +119,37 @@ def test_the_simulation_tells_what_is_there(tmp_path):
     assert machine.drivers["sim"].options.plant(0).cogging is not None  # as found, nothing less
 
 
+FOUND = [
+    "--from=devices", "--driver=sim", "--driver-option=sim.preset=small_stage", "--encoder=0.1um",
+    "--max-velocity=0.5m/s",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--friction=2N",),
+        ("--mass=20kg",),
+        ("--force-constant=30N/V", "--friction=2N"),
+        ("--rotor-inertia=1e-5kg*m^2", "--screw-pitch=5mm"),
+        ("--amplifier=2A/V",),
+    ],
+)
+def test_newtons_beside_a_device_that_tells_volts_are_refused_not_dropped(tmp_path, words):
+    option = words[0].partition("=")[0]
+    with pytest.raises(UsageError, match=rf"axis x: .*{option}.*give both --mass and --force-con"):
+        run(tmp_path / "found.yaml", *FOUND, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mass_and_force_constant_go_before_the_inertia_that_a_device_tells(tmp_path):
+    out = tmp_path / "found.yaml"
+    run(out, *FOUND, "--mass=3kg", "--force-constant=30N/V", "--friction=6N")
+    first = [estimate.initial for estimate in load(out).axes["x"].estimates]
+    assert first[0] == 0.1
+    assert 0.2 in first  # 6 N / 30 N/V
+
+
 @pytest.mark.parametrize("driver", ["serial", "modbus", "can"])
 def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
     with pytest.raises(UsageError, match=f"devices of driver {driver} have no way to tell"):
