@@ -23,8 +23,10 @@ from motorctl.config.learned_file import (
     write_learned,
 )
 from motorctl.config.machine import Axis
+from motorctl.config.model_keys import models_that_differ
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.compare.measures import measure_axis
+from motorctl.identify.fit.declared_models import machine_of
 from motorctl.learn.cycles import MOST_MISSING, Repetition, cycles_of, require_learnable
 from motorctl.learn.robust_filter import LearningFilter, learning_filter
 from motorctl.learn.update import learnable_rms_m, next_voltage
@@ -223,11 +225,37 @@ def learn_from_log(
         The log does not tell what repeats.
     """
     axis, program, _ = require_learning(machine, name)
+    _require_same_loop(recording, machine, name)
     entry = None if anew else look_up(machine, name, program, place).entry
     session = _Session(machine, axis, program, entry, measured)
     session.add(recording)
     session.write(place, session.volts)
     return session.learning(None, "from one log, which the next run has to try out")
+
+
+def _require_same_loop(recording: Recording, machine: Machine, name: str) -> None:
+    """Insist that a log is of the loop that will add what is learned from it, its gains included.
+
+    A log that does not tell its loop is refused with what it does tell, by what reads it.
+    """
+    logged = machine_of(recording)
+    if logged is None or name not in logged.axes:
+        return
+    if loop_digest(logged, name) == loop_digest(machine, name):
+        return
+    differences = [
+        f"  {key}: {was}, here {now}" for key, was, now in models_that_differ(logged, machine, name)
+    ]
+    raise UsageError(
+        "\n".join(
+            [
+                f"{recording.source}: axis {name} was recorded with another loop than that of "
+                f"{machine.source}, which would add what is learned:",
+                *(differences or ["  its period, its encoder or limits.max_voltage_v"]),
+                "record its program with that configuration first",
+            ]
+        )
+    )
 
 
 class _Session:

@@ -105,6 +105,25 @@ def test_a_log_of_each_run_does_as_well(tmp_path: Path) -> None:
     assert len(read_learned(path)["shuttle"].trials) == 3
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("ks_v_s_m: 25", "ks_v_s_m: 26"), r"gains\.ks_v_s_m: 25\.0, here 26\.0"),
+        (("forgetting_1_s: 0.5", "forgetting_1_s: 0.6"), r"adaptation\.forgetting_1_s: 0\.5, here"),
+    ],
+)
+def test_a_log_of_a_loop_with_other_gains_teaches_nothing(
+    tmp_path: Path, change: tuple[str, str], told: str
+) -> None:
+    log = tmp_path / "run.parquet"
+    simulate(load(stage(tmp_path)), log, duration_s=0.05)
+    assert change[0] in SHORT
+    config = stage(tmp_path, SHORT.replace(*change))
+    with pytest.raises(UsageError, match=f"recorded with another loop(.|\n)*{told}"):
+        learn("x", "--config", config, "--recording", log)
+    assert not (tmp_path / "learned.json").exists()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("learned_before", [False, True])
 def test_where_an_axis_trips_what_was_there_before_stays(
