@@ -125,9 +125,8 @@ def _init(
         "counter-bits": counter_bits,
     }
     axes = axes_told(names, drivers, {key: given or () for key, given in words.items()})
-    for each in axes:
-        if each.driver in looked:
-            looked[each.driver].tell(each)
+    for type_, there in looked.items():
+        there.tell([each for each in axes if each.driver == type_])
     _ask_what_is_missing(axes)
     machine_name = name or re.sub(r"[^A-Za-z0-9_.-]", "-", out.stem)
     found = {key: each.options for key, each in looked.items() if each.options is not None}

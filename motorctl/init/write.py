@@ -144,7 +144,7 @@ def _first(axis: AxisKnown, delay_s: float) -> FirstAxis:
 
 
 def _open_questions(known: MachineKnown, drivers: Mapping[str, FirstDriver]) -> list[str]:
-    """Return what the drivers guessed and nobody told."""
+    """Return what was guessed and nobody told."""
     questions = []
     for name, driver in drivers.items():
         given = known.driver_options.get(name, {})
@@ -152,6 +152,12 @@ def _open_questions(known: MachineKnown, drivers: Mapping[str, FirstDriver]) -> 
             path = words.partition(":")[0].split(".")
             if not _holds(given, path):
                 questions.append(f"drivers.{name}.{words}")
+    questions += [
+        f"axes.{axis.name}.encoder.direction: 1 where its counts rise with positive volts, -1 "
+        "where they fall: with the wrong one it runs away"
+        for axis in known.axes
+        if not drivers[axis.driver].cls.simulated
+    ]
     questions += [
         f"axes.{axis.name}.homing.home_position_m: where the switch or mark is"
         for axis in known.axes

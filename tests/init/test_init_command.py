@@ -150,6 +150,28 @@ def test_mass_and_force_constant_go_before_the_inertia_that_a_device_tells(tmp_p
     assert 0.2 in first  # 6 N / 30 N/V
 
 
+def channels(folder, *names):
+    out = folder / "found.yaml"
+    preset = "--driver-option=sim.preset=published_gantry"  # which tells x and y
+    words = [f"--axis={name}" for name in names]
+    run(out, "--from=devices", "--driver=sim", preset, *words, "--encoder=0.5um", FAST)
+    return {name: axis.channel for name, axis in load(out).axes.items()}
+
+
+@pytest.mark.parametrize("names", [("y", "z"), ("b", "x")])
+def test_no_channel_is_two_axes(tmp_path, names):
+    with pytest.raises(UsageError, match=r"axes \w and \w: both would be channel .*x on 0, y on 1"):
+        channels(tmp_path, *names)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("names", [("y", "x"), ("right", "left")])
+def test_axes_are_the_devices_of_their_names_or_in_order(tmp_path, names):
+    assert channels(tmp_path, *names) == (
+        {"y": 1, "x": 0} if "x" in names else {"right": 0, "left": 1}
+    )
+
+
 @pytest.mark.parametrize("driver", ["serial", "modbus", "can"])
 def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
     with pytest.raises(UsageError, match=f"devices of driver {driver} have no way to tell"):
