@@ -43,7 +43,8 @@ def _init(
         typer.Option("--from", metavar="devices", help="Ask the driver's devices what is there."),
     ] = None,
     driver: Annotated[
-        Words | None, _of_axes("Driver: sim, can, canopen, serial, modbus, or an own one.")
+        Words | None,
+        _of_axes("Driver: sim, can, canopen, serial, modbus, or an own one, package.module:Class."),
     ] = None,
     axis: Annotated[
         Words | None, typer.Option(help="Name of an axis; once for each.", metavar="NAME")

@@ -10,7 +10,7 @@ from motorctl.init.axis_numbers import (
     ROLLING_FRICTION,
     AxisNumbers,
 )
-from motorctl.init.known import AxisKnown
+from motorctl.init.known import AxisKnown, driver_key
 from motorctl.init.yaml_text import Path
 from motorctl.model import Effect, basic_effects, known_effects
 from motorctl.motion import Moves
@@ -36,7 +36,7 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     """Return the keys of an axis, and comments by their paths below the axis."""
     known, gains = numbers.known, numbers.gains
     keys: dict[str, Any] = {
-        "driver": known.driver,
+        "driver": driver_key(known.driver),
         "channel": known.channel,
         "encoder": {
             "resolution_m": known.resolution_m,

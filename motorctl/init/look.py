@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from motorctl.errors import RunError, UsageError
 from motorctl.hal import FoundAxis, driver_class
+from motorctl.init.known import driver_key
 from motorctl.init.told import USUAL_NAMES, AxisTold
 
 
@@ -98,7 +99,7 @@ def look(driver: str, options: Mapping[str, Any]) -> Looked:
         ) from error
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, (driver, *first["loc"])))
+        where = ".".join(map(str, (driver_key(driver), *first["loc"])))
         raise UsageError(f"--driver-option {where}: {first['msg']}") from error
     if not found.axes:
         raise RunError(f"--from devices: driver {driver} found nothing")

@@ -172,6 +172,22 @@ def test_axes_are_the_devices_of_their_names_or_in_order(tmp_path, names):
     )
 
 
+def test_a_driver_of_ones_own_is_named_by_its_class_and_called_by_a_plain_name(tmp_path):
+    out = tmp_path / "own.yaml"
+    run(
+        out, "--driver=config_bench:BenchDriver", "--axis=x", *STAGE, FAST, "--homing=absolute",
+        "--driver-option=bench_driver.baud=2000000",
+    )  # fmt: skip
+    driver = load(out).drivers["bench_driver"]
+    assert driver.type == "config_bench:BenchDriver"
+    assert driver.options.baud == 2_000_000
+    with pytest.raises(UsageError, match=r"--driver-option bench_driver\.buad: "):
+        run(
+            tmp_path / "other.yaml", "--driver=config_bench:BenchDriver", *STAGE, FAST,
+            "--homing=absolute", "--driver-option=bench_driver.buad=1",
+        )  # fmt: skip
+
+
 @pytest.mark.parametrize("driver", ["serial", "modbus", "can"])
 def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
     with pytest.raises(UsageError, match=f"devices of driver {driver} have no way to tell"):
