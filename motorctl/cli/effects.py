@@ -19,18 +19,13 @@ def _effects(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """List the effects that are built in or installed, and what was refused and why."""
-    from motorctl.model.catalog import built_in_effects, installed_effects
+    from motorctl.model.catalog import built_in_entries, installed_effects
 
     rows: list[dict[str, Any]] = [
-        {"name": name, "package": "motorctl", "version": None, "kind": cls.kind,
-         "title": cls.title, "error": None}
-        for name, cls in built_in_effects().items()
-    ]  # fmt: skip
-    rows += [
         {"name": entry.name, "package": entry.package, "version": entry.version,
          "kind": entry.effect.kind if entry.effect else None,
          "title": entry.effect.title if entry.effect else None, "error": entry.error}
-        for entry in installed_effects()
+        for entry in (*built_in_entries(), *installed_effects())
     ]  # fmt: skip
     if as_json:
         say(json.dumps({"effects": rows}, indent=2))

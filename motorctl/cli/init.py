@@ -43,7 +43,8 @@ def _init(
         typer.Option("--from", metavar="devices", help="Ask the driver's devices what is there."),
     ] = None,
     driver: Annotated[
-        Words | None, _of_axes("Driver: sim, can, canopen, serial, modbus, or an own one.")
+        Words | None,
+        _of_axes("Driver: sim, can, canopen, serial, modbus, or an own one, package.module:Class."),
     ] = None,
     axis: Annotated[
         Words | None, typer.Option(help="Name of an axis; once for each.", metavar="NAME")
@@ -125,9 +126,8 @@ def _init(
         "counter-bits": counter_bits,
     }
     axes = axes_told(names, drivers, {key: given or () for key, given in words.items()})
-    for each in axes:
-        if each.driver in looked:
-            looked[each.driver].tell(each)
+    for type_, there in looked.items():
+        there.tell([each for each in axes if each.driver == type_])
     _ask_what_is_missing(axes)
     machine_name = name or re.sub(r"[^A-Za-z0-9_.-]", "-", out.stem)
     found = {key: each.options for key, each in looked.items() if each.options is not None}

@@ -167,9 +167,12 @@ class _Wanted:
         from motorctl.close_loop.machine_rig import MachineRig
         from motorctl.daemon.client import Client
         from motorctl.daemon.running_machine import ended_in_order, machine_of_daemon
+        from motorctl.learn.what_is_added import require_same_file
 
         with ended_in_order(), Client(socket) as client:
             rig = MachineRig(client, machine_of_daemon(client), Consents(yes=yes).ask)
+            rig.insist(self.machine)
+            require_same_file(self.machine, self.axis, path, client.ask("status"))
             return self._repeated(self.machine, rig, path)
 
     def _repeated(self, machine: Machine, rig: Rig, place: Path) -> Learning:

@@ -81,6 +81,7 @@ class MachineRig:
         self.begun = 0
         self.motions = 0
         """Of those that were begun, how many were run whole."""
+        self.notes: tuple[str, ...] = ()
 
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where the daemon runs another machine, or an axis is not homed."""
@@ -109,6 +110,7 @@ class MachineRig:
         names = sorted({axis for program in programs for axis in program.axes})
         self._ask_for_consent(machine, programs, duration_s)
         self.begun += 1
+        self.notes = ()
         try:
             self._ready(names)
             self._take_on(machine)
@@ -226,6 +228,7 @@ class MachineRig:
         answer = self._client.ask(
             "program", axis=program.axes[0], name=program.name, document=document, files=files
         )
+        self.notes += tuple(answer.get("notes", ()))
         return float(answer["duration_s"])
 
     def _wait(self, names: list[str], seconds: float, progress: Share) -> None:

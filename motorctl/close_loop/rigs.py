@@ -31,6 +31,10 @@ class Rig(Protocol):
     goes_on: bool
     """Whether time and place go on from one motion to the next; virtual time begins anew."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Why what axes had learned was not used in the last motion, a sentence each."""
+
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where it cannot run this machine."""
 
@@ -67,13 +71,16 @@ class SimulatedRig:
     runs_on = "virtual time"
     goes_on = False
 
+    def __init__(self) -> None:
+        self.notes: tuple[str, ...] = ()
+
     def insist(self, machine: Machine) -> None:
         """Raise UsageError where a driver does not support virtual time."""
         require_virtual_time(machine)
 
     def run(self, machine: Machine, log: Path, duration_s: float | None, progress: Share) -> None:
         """Simulate the motion; as `Rig.run`."""
-        simulate(machine, log, duration_s=duration_s, progress=progress)
+        self.notes = simulate(machine, log, duration_s=duration_s, progress=progress).notes
 
     def keep(self, machine: Machine) -> None:
         """Do nothing: no machine runs on."""
@@ -96,6 +103,11 @@ class ResumedRig:
         self.verb = rig.verb
         self.runs_on = rig.runs_on
         self.goes_on = rig.goes_on
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """As the rig behind it."""
+        return self._rig.notes
 
     def insist(self, machine: Machine) -> None:
         """As the rig behind it."""

@@ -114,12 +114,13 @@ def require_repeating(program: Program) -> None:
 
 
 def loop_digest(machine: Machine, axis: str) -> str:
-    """Return what tells an axis' loop from any other: model, controller, gains, adaptation, rate.
+    """Return what tells an axis' loop from any other: its name, model, controller, gains, rate.
 
     What was learned with one is what that one does not explain.
     """
     own = machine.axes[axis]
     loop = {
+        "axis": axis,  # alike in everything, two axes still have errors of their own
         **model_of(machine, axis),
         "period_s": machine.period_of(axis),
         "encoder": own.encoder.model_dump(),

@@ -15,6 +15,7 @@ from motorctl.config.groups import check_groups
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
 from motorctl.config.heat_rules import check_heat
 from motorctl.config.keys import LoopSettings
+from motorctl.config.learning_rules import check_learning_files
 from motorctl.config.machine import DriverSetup, Machine
 from motorctl.config.machine_guard_rules import check_machine_guards
 from motorctl.config.named_code import AllowedCode, named_code, refused_code
@@ -148,6 +149,7 @@ def _build(
     problems += _check_spin(document, rate_hz)
     problems += check_claims(document)
     problems += check_groups(document)
+    problems += check_learning_files(document, directory)
     problems += check_machine_guards(document, rate_hz, divisors)
     problems += check_recording(document, _recording_rate(document, parts, rate_hz))
     drivers: dict[str, DriverSetup] = {}

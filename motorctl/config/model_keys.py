@@ -51,6 +51,21 @@ def other_keys_that_differ(
     return list(_differences("", machine.resolved, other))
 
 
+def models_that_differ(
+    machine: Machine, other: Machine, axis: str
+) -> list[tuple[str, object, object]]:
+    """Return every difference in MODEL_KEYS of an axis, with key and both values.
+
+    Parameters
+    ----------
+    machine, other
+        Two checked machines that have the axis.
+    axis
+        Its name.
+    """
+    return list(_differences("", model_of(machine, axis), model_of(other, axis)))
+
+
 def with_models_of(machine: Machine, other: Mapping[str, object]) -> dict[str, object]:
     """Return a machine's configuration with the MODEL_KEYS of another one's axes, as plain data.
 

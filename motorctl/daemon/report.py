@@ -48,6 +48,7 @@ class Report:
     def __init__(self, machine: Machine, memory: LoopMemory, socket: Path) -> None:
         self.machine = machine
         """What runs; another one once its models have changed."""
+        self._config = machine.source.absolute()  # what was begun with, wherever models come from
         self._memory = memory
         self._socket = socket
         self._started_at = time.monotonic()
@@ -152,7 +153,7 @@ class Report:
         return {
             "version": VERSION,
             "pid": os.getpid(),
-            "config": str(self.machine.source),
+            "config": str(self._config),
             "config_difference": self.config.difference if self.config else None,
             "socket": str(self._socket),
             "uptime_s": round(self.uptime_s, 3),

@@ -10,7 +10,7 @@ from motorctl.init.axis_numbers import (
     ROLLING_FRICTION,
     AxisNumbers,
 )
-from motorctl.init.known import AxisKnown
+from motorctl.init.known import AxisKnown, driver_key
 from motorctl.init.yaml_text import Path
 from motorctl.model import Effect, basic_effects, known_effects
 from motorctl.motion import Moves
@@ -36,9 +36,13 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     """Return the keys of an axis, and comments by their paths below the axis."""
     known, gains = numbers.known, numbers.gains
     keys: dict[str, Any] = {
-        "driver": known.driver,
+        "driver": driver_key(known.driver),
         "channel": known.channel,
-        "encoder": {"resolution_m": known.resolution_m, "counter_bits": known.counter_bits},
+        "encoder": {
+            "resolution_m": known.resolution_m,
+            "counter_bits": known.counter_bits,
+            "direction": 1,
+        },
         "limits": {
             "travel_m": list(known.travel_m),
             "max_velocity_m_s": known.max_velocity_m_s,
@@ -63,7 +67,7 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
         },
     }
     told: dict[Path, str] = {
-        ("encoder",): "metres a count",
+        ("encoder",): "metres a count; direction: 1 where counts rise with positive volts, else -1",
         ("limits", "travel_m"): "soft limits, in force once the axis is homed",
         ("limits", "max_velocity_m_s"): "1.2 times as much trips the axis",
         ("limits", "max_acceleration_m_s2"): _acceleration_words(numbers),

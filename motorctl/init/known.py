@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -65,6 +66,15 @@ class MachineKnown:
     def axes_of(self, driver: str) -> tuple[AxisKnown, ...]:
         """Return the axes of a driver."""
         return tuple(axis for axis in self.axes if axis.driver == driver)
+
+
+def driver_key(driver: str) -> str:
+    """Return the name of a driver in the configuration: its type, or its class in plain letters.
+
+    An own one, ``package.module:MotionBox``, is called ``motion_box``.
+    """
+    _, colon, own = driver.partition(":")
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", own).lower().strip("_") if colon else driver
 
 
 def force_of_torque(torque: float, screw_pitch_m: float) -> float:

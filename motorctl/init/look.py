@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from motorctl.errors import RunError, UsageError
 from motorctl.hal import FoundAxis, driver_class
+from motorctl.init.known import driver_key
 from motorctl.init.told import USUAL_NAMES, AxisTold
 
 
@@ -40,18 +41,35 @@ class Looked:
                 told.append(f"homing {axis.homing}")
             yield ", ".join([*told, *axis.remarks])
 
-    def tell(self, axis: AxisTold) -> None:
-        """Let an axis know what its device told: that of its name, else that of its place."""
-        found = self.axes.get(axis.name)
-        if found is None:
-            left = list(self.axes.values())
-            if axis.channel >= len(left):
+    def tell(self, axes: Sequence[AxisTold]) -> None:
+        """Let a driver's axes know what their devices told: those of their names, else in order.
+
+        Raises UsageError where there are too few, or one would be two axes.
+        """
+        owners: dict[int, str] = {}
+        for axis in axes:
+            found = self._of(axis)
+            owner = owners.setdefault(found.channel, axis.name)
+            if owner != axis.name:
+                there = ", ".join(f"{name} on {each.channel}" for name, each in self.axes.items())
                 raise UsageError(
-                    f"axis {axis.name}: driver {axis.driver} found {len(left)} channels, and this "
-                    f"is its {axis.channel + 1}th axis"
+                    f"axes {owner} and {axis.name}: both would be channel {found.channel} of "
+                    f"driver {axis.driver}, one by its name and one by its place; found: {there}: "
+                    "name all axes as they were found, or none of them"
                 )
-            found = left[axis.channel]
-        axis.found, axis.channel = found, found.channel
+            axis.take(found)
+
+    def _of(self, axis: AxisTold) -> FoundAxis:
+        found = self.axes.get(axis.name)
+        if found is not None:
+            return found
+        left = list(self.axes.values())
+        if axis.channel >= len(left):
+            raise UsageError(
+                f"axis {axis.name}: driver {axis.driver} found {len(left)} channels, and this "
+                f"is its {axis.channel + 1}th axis"
+            )
+        return left[axis.channel]
 
 
 def look(driver: str, options: Mapping[str, Any]) -> Looked:
@@ -81,7 +99,7 @@ def look(driver: str, options: Mapping[str, Any]) -> Looked:
         ) from error
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, (driver, *first["loc"])))
+        where = ".".join(map(str, (driver_key(driver), *first["loc"])))
         raise UsageError(f"--driver-option {where}: {first['msg']}") from error
     if not found.axes:
         raise RunError(f"--from devices: driver {driver} found nothing")

@@ -15,6 +15,7 @@ from motorctl.config.keys import LateSamples
 from motorctl.config.machine import DriverSetup
 from motorctl.errors import MotorctlError, UsageError
 from motorctl.hal import Channel, Driver, FirstAxis, FirstOptions, driver_class
+from motorctl.init.known import driver_key
 
 USUAL_HZ = (5000, 4000, 2500, 2000, 1000, 500, 400, 250, 200, 100, 50, 25, 20, 10)
 """Rates that are tried, the highest first. Five thousand is what the published gantry has."""
@@ -115,7 +116,7 @@ def _ask(
         read = cls.Options.model_validate(own, context={"directory": Path.cwd()})
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, (name, *first["loc"])))
+        where = ".".join(map(str, (driver_key(name), *first["loc"])))
         raise UsageError(f"{ABOUT} {where}: {first['msg']}") from error
     setup = DriverSetup(name, name, cls, read, LateSamples())
     channels = tuple(

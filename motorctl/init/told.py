@@ -13,7 +13,13 @@ from motorctl.config.axis_keys import HomingMethod
 from motorctl.errors import UsageError
 from motorctl.hal import FoundAxis, driver_class
 from motorctl.init import quantities as q
-from motorctl.init.known import AxisKnown, MachineKnown, force_of_torque, mass_of_rotor
+from motorctl.init.known import (
+    AxisKnown,
+    MachineKnown,
+    driver_key,
+    force_of_torque,
+    mass_of_rotor,
+)
 from motorctl.located_yaml import CoreLoader
 
 AXIS_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
@@ -40,6 +46,9 @@ AMPLIFIER = Question("amplifier", "amperes that the amplifier gives a volt", "2A
 TRAVEL = Question("travel", "travel between the soft limits", "-0.2..0.3")
 VELOCITY = Question("max-velocity", "top speed", "0.5m/s")
 HOME = Question("homing", f"how it finds its zero: {', '.join(HOMING)}", "absolute")
+IN_NEWTONS = (MASS.option, FORCE.option, AMPLIFIER.option, "rotor-inertia", "friction")
+"""What counts only where both mass and force constant are told: an inertia in V s^2/m, as devices
+tell it, says nothing of newtons and kilograms."""
 
 
 @dataclass
@@ -51,6 +60,18 @@ class AxisTold:
     channel: int
     words: dict[str, str] = field(default_factory=dict)
     found: FoundAxis | None = None
+
+    def take(self, found: FoundAxis) -> None:
+        """Take what the device told. Raises UsageError where words beside it would not be used."""
+        self.found, self.channel = found, found.channel
+        told = [f"--{option}" for option in IN_NEWTONS if option in self.words]
+        both = self._has(MASS) and self._has(FORCE)
+        if found.inertia_v_s2_m is not None and told and not both:
+            raise UsageError(
+                f"axis {self.name}: {', '.join(told)}: its device tells an inertia of "
+                f"{found.inertia_v_s2_m:g} V*s^2/m, and no newtons a volt: give both --mass and "
+                f"--force-constant, which then go before it, or leave {', '.join(told)} out"
+            )
 
     def missing(self) -> list[Question]:
         """Return what has still to be known, in the order in which people are asked."""
@@ -233,6 +254,13 @@ def axes_told(
         raise UsageError(f"--axis: {', '.join(names)}: each name may be there once")
     types = _by_axis("driver", drivers, names)
     axes, numbers = [], dict.fromkeys(types.values(), 0)
+    by_key: dict[str, str] = {}
+    for driver in numbers:
+        if (other := by_key.setdefault(driver_key(driver), driver)) != driver:
+            raise UsageError(
+                f"--driver {driver}: would be called {driver_key(driver)}, as {other} is: name one "
+                "of them, and add the other to the file"
+            )
     for name in names:
         driver = types[name]
         axes.append(AxisTold(name, driver, numbers[driver]))
@@ -259,11 +287,13 @@ def _by_axis(option: str, given: Iterable[str], names: Sequence[str]) -> dict[st
 
 
 def driver_options(given: Iterable[str], drivers: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Return options of drivers by their types, from ``TYPE.KEY=VALUE`` with dots in the key.
+    """Return options of drivers by their types, from ``NAME.KEY=VALUE`` with dots in the key.
+
+    NAME is the driver's in the configuration, as `driver_key` has it.
 
     Raises UsageError where one is told of no driver of the machine.
     """
-    known = list(dict.fromkeys(drivers))
+    known = {driver_key(driver): driver for driver in drivers}
     options: dict[str, dict[str, Any]] = {}
     for text in given:
         path, equals, value = text.partition("=")
@@ -271,9 +301,9 @@ def driver_options(given: Iterable[str], drivers: Iterable[str]) -> dict[str, di
         if not equals or not keys or driver not in known:
             raise UsageError(
                 f"--driver-option {text}: should be DRIVER.KEY=VALUE, as in "
-                f"{known[0]}.channel=can1; drivers: {', '.join(known)}"
+                f"{next(iter(known))}.channel=can1; drivers: {', '.join(known)}"
             )
-        part: dict[Any, Any] = options.setdefault(driver, {})
+        part: dict[Any, Any] = options.setdefault(known[driver], {})
         for key in keys[:-1]:
             part = part.setdefault(int(key) if key.isdecimal() else key, {})
         try:

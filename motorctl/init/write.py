@@ -14,7 +14,7 @@ from motorctl.identify.refine.written_beside import put_in_place, written_beside
 from motorctl.init import yaml_text
 from motorctl.init.axis_numbers import AxisNumbers, axis_numbers, mechanics
 from motorctl.init.axis_text import axis_keys, home_position_m, program, program_name
-from motorctl.init.known import AxisKnown, MachineKnown
+from motorctl.init.known import AxisKnown, MachineKnown, driver_key
 from motorctl.init.rates import FirstDriver, first_drivers
 from motorctl.replacing import refuse_what_is_there
 
@@ -144,14 +144,20 @@ def _first(axis: AxisKnown, delay_s: float) -> FirstAxis:
 
 
 def _open_questions(known: MachineKnown, drivers: Mapping[str, FirstDriver]) -> list[str]:
-    """Return what the drivers guessed and nobody told."""
+    """Return what was guessed and nobody told."""
     questions = []
     for name, driver in drivers.items():
         given = known.driver_options.get(name, {})
         for words in driver.first.to_be_set:
             path = words.partition(":")[0].split(".")
             if not _holds(given, path):
-                questions.append(f"drivers.{name}.{words}")
+                questions.append(f"drivers.{driver_key(name)}.{words}")
+    questions += [
+        f"axes.{axis.name}.encoder.direction: 1 where its counts rise with positive volts, -1 "
+        "where they fall: with the wrong one it runs away"
+        for axis in known.axes
+        if not drivers[axis.driver].cls.simulated
+    ]
     questions += [
         f"axes.{axis.name}.homing.home_position_m: where the switch or mark is"
         for axis in known.axes
@@ -180,19 +186,19 @@ def _text(
     loop_hz = max(driver.rate_hz for driver in drivers.values())
     told: dict[yaml_text.Path, str] = {("rate_hz",): _rate_words(known, loop_hz)}
     data: dict[str, Any] = {"name": known.name, "rate_hz": _plain(loop_hz), "drivers": {}}
-    for name, driver in drivers.items():
+    for key, driver in ((driver_key(name), driver) for name, driver in drivers.items()):
         own: dict[str, Any] = {"type": driver.name}
         if driver.rate_hz < loop_hz:
             own["rate_hz"] = _plain(driver.rate_hz)
-            told["drivers", name, "rate_hz"] = (
+            told["drivers", key, "rate_hz"] = (
                 f"it carries {driver.exchange.budget.max_rate_hz:.4g} Hz at most"
                 if driver.exchange.budget
                 else "as much as it carries"
             )
-        data["drivers"][name] = own | dict(driver.options)
+        data["drivers"][key] = own | dict(driver.options)
         for path, words in driver.first.told.items():
             if _holds(driver.options, [*path]):  # type: ignore[list-item]
-                told["drivers", name, *path] = words
+                told["drivers", key, *path] = words
     data["axes"], data["programs"] = {}, {}
     for name, axis in numbers.items():
         data["axes"][name], comments = axis_keys(axis)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,11 +23,14 @@ from motorctl.config.learned_file import (
     write_learned,
 )
 from motorctl.config.machine import Axis
+from motorctl.config.model_keys import models_that_differ
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.compare.measures import measure_axis
+from motorctl.identify.fit.declared_models import machine_of
 from motorctl.learn.cycles import MOST_MISSING, Repetition, cycles_of, require_learnable
 from motorctl.learn.robust_filter import LearningFilter, learning_filter
 from motorctl.learn.update import learnable_rms_m, next_voltage
+from motorctl.learn.what_is_added import require_added
 from motorctl.log import Recording, read_recording
 from motorctl.motion import Program
 from motorctl.response.measurement import Measurement
@@ -159,7 +162,7 @@ def learn_by_repeating(
     UsageError
         The machine or the program does not allow it.
     RunError
-        An axis trips.
+        An axis trips, or adds another voltage than was written for it.
     """
     axis, program, _ = require_learning(machine, name)
     rig.insist(machine)
@@ -174,12 +177,12 @@ def learn_by_repeating(
             told = f"{rig.verb} repetition {k + 1} of at most {repetitions}"
             try:
                 rig.run(machine, log, None, lambda share, told=told: progress(told, share))  # type: ignore[misc]
+                progress("learning from it", 0.0)
+                session.add(read_recording(log, gaps="keep"), rig.notes)
             except RunError as error:
                 raise RunError(
                     f"repetition {k + 1}: {error}; nothing was learned: what was there before stays"
                 ) from error
-            progress("learning from it", 0.0)
-            session.add(read_recording(log, gaps="keep"))
             if (ended := session.ended) or k + 1 == repetitions:
                 break
             session.write(place, session.volts)
@@ -223,11 +226,37 @@ def learn_from_log(
         The log does not tell what repeats.
     """
     axis, program, _ = require_learning(machine, name)
+    _require_same_loop(recording, machine, name)
     entry = None if anew else look_up(machine, name, program, place).entry
     session = _Session(machine, axis, program, entry, measured)
     session.add(recording)
     session.write(place, session.volts)
     return session.learning(None, "from one log, which the next run has to try out")
+
+
+def _require_same_loop(recording: Recording, machine: Machine, name: str) -> None:
+    """Insist that a log is of the loop that will add what is learned from it, its gains included.
+
+    A log that does not tell its loop is refused with what it does tell, by what reads it.
+    """
+    logged = machine_of(recording)
+    if logged is None or name not in logged.axes:
+        return
+    if loop_digest(logged, name) == loop_digest(machine, name):
+        return
+    differences = [
+        f"  {key}: {was}, here {now}" for key, was, now in models_that_differ(logged, machine, name)
+    ]
+    raise UsageError(
+        "\n".join(
+            [
+                f"{recording.source}: axis {name} was recorded with another loop than that of "
+                f"{machine.source}, which would add what is learned:",
+                *(differences or ["  its period, its encoder or limits.max_voltage_v"]),
+                "record its program with that configuration first",
+            ]
+        )
+    )
 
 
 class _Session:
@@ -252,9 +281,11 @@ class _Session:
         self.volts: Array = np.zeros(0)
         """What the next repetition shall add."""
 
-    def add(self, recording: Recording) -> None:
+    def add(self, recording: Recording, notes: Sequence[str] = ()) -> None:
         name = self._axis.name
         repetition = cycles_of(recording, name, self._program)
+        if self.trials:
+            require_added(repetition, self.volts, notes)
         if self._filters is None:
             self._loop = recorded_loop(recording, self._machine, name, most_missing=MOST_MISSING)
             self._filters = learning_filter(

@@ -68,6 +68,8 @@ class Succession:
         self._holding = np.zeros(len(before.axes), np.bool_)
         self._arguments = take_over_arguments(before, self._after, self._holding)
         self._take_over = unpacked(models.take_over, *self._arguments, 1, 0.0)
+        self._status = before.memory.status
+        self._learned_rows = before.memory.learned["models_row"]
         self._carried = [i for i in range(len(before.axes)) if i not in models.axes]
 
     def __call__(self, number: int) -> Tick:
@@ -78,10 +80,18 @@ class Succession:
         self.outcome.refused = refused
         if refused is None:
             after.go_on()
-            status = before.memory.status
-            status["models_row"] = status["ring_head"]
+            self._change_row()
         self.outcome.done = True
         return before if refused else after
+
+    def _change_row(self) -> None:
+        """Note from which row on the new models run, and what was learned with those that stay."""
+        row, head = self._status["models_row"], self._status["ring_head"]
+        for axis in self._carried:
+            for slot in (0, 1):
+                if self._learned_rows[axis, slot] == row[0]:
+                    self._learned_rows[axis, slot] = head[0]
+        row[0] = head[0]
 
     def set_windows(self, windows: Sequence[float]) -> None:
         """Let each axis have this part of its limits of following error."""

@@ -1,17 +1,20 @@
 """Find effects by name: built-in ones, installed ones, or ``package.module:Class``.
 
 Built in is every module in `motorctl.model.effects`. A package installs further ones through the
-entry-point group `motorctl.effects`; one that fails to load hurts no other.
+entry-point group `motorctl.effects`. One that fails to load, built in or not, hurts no other.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import pkgutil
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
 
 from pydantic import ValidationError
 
@@ -27,12 +30,14 @@ GROUP = "motorctl.effects"
 
 @dataclass(frozen=True)
 class EffectEntry:
-    """An installed effect: its name and version, and why it was refused if it was."""
+    """An effect that is there: its name and version, and why it was refused if it was."""
 
     name: str
+    """Its own; of a file that was refused, the file's."""
     target: str
+    """``package.module:Class``, or the file of a built-in one."""
     package: str
-    version: str
+    version: str | None
     effect: type[Effect] | None
     error: str | None
 
@@ -47,24 +52,82 @@ def known_effects() -> dict[str, type[Effect]]:
 @cache
 def built_in_effects() -> dict[str, type[Effect]]:
     """Return every effect that stands in the effects folder, by its name."""
-    found: dict[str, type[Effect]] = {}
+    return {entry.name: entry.effect for entry in built_in_entries() if entry.effect}
+
+
+@cache
+def built_in_entries() -> tuple[EffectEntry, ...]:
+    """Return what stands in the effects folder, file by file; of what was refused, why."""
+    entries: list[EffectEntry] = []
     for module in pkgutil.iter_modules(effects.__path__, effects.__name__ + "."):
-        for item in vars(importlib.import_module(module.name)).values():
-            if _is_effect(item) and item.__module__ == module.name:
-                found[item.name] = item
-    return found
+        entries += _of_file(module.name, {entry.name: entry.target for entry in entries})
+    return tuple(entries)
+
+
+def _of_file(module: str, before: Mapping[str, str]) -> list[EffectEntry]:
+    """Return the effects of a built-in module; before are those of others, with their files."""
+    stem = module.rpartition(".")[2]
+    spec = importlib.util.find_spec(module)
+    file = (spec.origin if spec else None) or module
+
+    def entry(name: str, cls: type[Effect] | None, error: str | None) -> EffectEntry:
+        return EffectEntry(name, file, "motorctl", None, cls, error)
+
+    try:
+        found = vars(_imported(module, f"effect '{stem}' ({file})")).values()
+    except UsageError as error:
+        return [entry(stem, None, str(error))]
+    classes = [item for item in found if _is_effect(item) and item.__module__ == module]
+    if not classes:
+        told = f"effect '{stem}' ({file}): no class derived from Effect has name = '{stem}'"
+        return [entry(stem, None, told)]
+    entries = []
+    for cls in classes:
+        who = f"effect '{cls.name}' ({file})"
+        if cls.name in before:
+            told = f"{who}: name is that of {before[cls.name]}; choose another"
+            entries.append(entry(stem, None, told))
+            continue
+        try:
+            check_class(cls, who)
+            if (form := sample_form(cls)) is not None:
+                check_effect(form, who)
+        except UsageError as error:
+            entries.append(entry(cls.name, None, str(error)))
+        else:
+            entries.append(entry(cls.name, cls, None))
+    return entries
+
+
+def _imported(module: str, who: str) -> ModuleType:
+    """Return a module. Raises UsageError where it fails to import, in whatever way."""
+    try:
+        return importlib.import_module(module)
+    except Exception as error:
+        cause = f"{type(error).__name__}: {error}"
+        raise UsageError(f"{who} failed to import: {cause}") from error
 
 
 def failed_effects() -> dict[str, str]:
-    """Return why installed effects could not be loaded, by the name of their entry point."""
-    return {entry.name: entry.error for entry in installed_effects() if entry.error}
+    """Return why effects that are there could not be loaded, by their names."""
+    entries = (*built_in_entries(), *installed_effects())
+    return {entry.name: entry.error for entry in entries if entry.error}
 
 
 @cache
 def basic_effects() -> dict[Signal, type[Effect]]:
-    """Return the basic effects by the signal that each one's column is: those of every machine."""
+    """Return the basic effects by the signal that each one's column is: those of every machine.
+
+    Raises UsageError where the file of one was refused.
+    """
     basic = {cls.proportional_to: cls for cls in built_in_effects().values()}
     order: tuple[Signal, ...] = ("acceleration", "velocity", "direction", "one")
+    for signal in order:
+        if signal not in basic:
+            refused = "; ".join(entry.error for entry in built_in_entries() if entry.error)
+            raise UsageError(
+                f"no effect has proportional_to = '{signal}', which every machine needs: {refused}"
+            )
     return {signal: basic[signal] for signal in order}
 
 
@@ -126,8 +189,9 @@ def effect_class(name: str, type_name: str | None = None) -> type[Effect]:
         raise UsageError(f"unknown effect '{name}'; known: {known} (or give its type)")
     who = f"effect '{name}' ({type_name})"
     module_name, _, attribute = type_name.partition(":")
+    module = _imported(module_name, who)
     try:
-        found = getattr(importlib.import_module(module_name), attribute)
+        found = getattr(module, attribute)
     except Exception as error:  # a user's module may fail in any way
         cause = f"{type(error).__name__}: {error}"
         raise UsageError(f"{who} failed to import: {cause}") from error
@@ -163,12 +227,12 @@ def sample_form(cls: type[Effect]) -> Effect | None:
 
 
 def check_form(effect: Effect) -> None:
-    """Check an effect from outside with the options that it was given.
+    """Check an effect with the options that it was given; of one from outside the kernels, too.
 
     Raises UsageError where with these it does not keep the contract of an effect.
     """
+    check_effect(effect, f"effect '{effect.name}'")
     if built_in_effects().get(effect.name) is not type(effect):
-        check_effect(effect, f"effect '{effect.name}'")
         run_kernels(effect, f"effect '{effect.name}'")
 
 

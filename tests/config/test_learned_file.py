@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from config_bench import machine as written
-from config_bench import problems
+from config_bench import problems, write
 
 from motorctl.config import Machine, load
 from motorctl.config.learned_file import (
@@ -146,3 +147,28 @@ def test_a_share_that_is_no_share_is_refused(tmp_path: Path) -> None:
     config["axes"]["x"]["learning"] = {"file": "a.json", "max_share": 0.5}
     (told,) = problems(tmp_path, config)
     assert told.key == "axes.x.learning.max_share"
+
+
+def twins(folder: Path, files: tuple[str, str]) -> dict[str, Any]:
+    """Return a configuration of two axes that are alike but for channel and learning file."""
+    config = written()
+    axis = config["axes"]["x"]
+    for channel, (name, file) in enumerate(zip("xy", files, strict=True)):
+        own = {"channel": channel, "program": None, "learning": {"file": file}}
+        config["axes"][name] = axis | own
+    return config
+
+
+@pytest.mark.parametrize("other", ["a.json", "./a.json", "sub/../a.json", "{folder}/a.json"])
+def test_two_axes_with_one_file_are_refused(tmp_path: Path, other: str) -> None:
+    (tmp_path / "sub").mkdir()
+    config = twins(tmp_path, ("a.json", other.format(folder=tmp_path)))
+    (told,) = problems(tmp_path, config)
+    assert told.key == "axes.y.learning.file"
+    assert told.line is not None
+    assert "the file of axis 'x'; should be one of its own, such as learned_y.json" in told.message
+
+
+def test_what_one_axis_learned_is_none_of_its_twins(tmp_path: Path) -> None:
+    machine = load(write(tmp_path, twins(tmp_path, ("a.json", "b.json"))))
+    assert loop_digest(machine, "x") != loop_digest(machine, "y")

@@ -119,6 +119,75 @@ def test_the_simulation_tells_what_is_there(tmp_path):
     assert machine.drivers["sim"].options.plant(0).cogging is not None  # as found, nothing less
 
 
+FOUND = [
+    "--from=devices", "--driver=sim", "--driver-option=sim.preset=small_stage", "--encoder=0.1um",
+    "--max-velocity=0.5m/s",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--friction=2N",),
+        ("--mass=20kg",),
+        ("--force-constant=30N/V", "--friction=2N"),
+        ("--rotor-inertia=1e-5kg*m^2", "--screw-pitch=5mm"),
+        ("--amplifier=2A/V",),
+    ],
+)
+def test_newtons_beside_a_device_that_tells_volts_are_refused_not_dropped(tmp_path, words):
+    option = words[0].partition("=")[0]
+    with pytest.raises(UsageError, match=rf"axis x: .*{option}.*give both --mass and --force-con"):
+        run(tmp_path / "found.yaml", *FOUND, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_mass_and_force_constant_go_before_the_inertia_that_a_device_tells(tmp_path):
+    out = tmp_path / "found.yaml"
+    run(out, *FOUND, "--mass=3kg", "--force-constant=30N/V", "--friction=6N")
+    first = [estimate.initial for estimate in load(out).axes["x"].estimates]
+    assert first[0] == 0.1
+    assert 0.2 in first  # 6 N / 30 N/V
+
+
+def channels(folder, *names):
+    out = folder / "found.yaml"
+    preset = "--driver-option=sim.preset=published_gantry"  # which tells x and y
+    words = [f"--axis={name}" for name in names]
+    run(out, "--from=devices", "--driver=sim", preset, *words, "--encoder=0.5um", FAST)
+    return {name: axis.channel for name, axis in load(out).axes.items()}
+
+
+@pytest.mark.parametrize("names", [("y", "z"), ("b", "x")])
+def test_no_channel_is_two_axes(tmp_path, names):
+    with pytest.raises(UsageError, match=r"axes \w and \w: both would be channel .*x on 0, y on 1"):
+        channels(tmp_path, *names)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("names", [("y", "x"), ("right", "left")])
+def test_axes_are_the_devices_of_their_names_or_in_order(tmp_path, names):
+    assert channels(tmp_path, *names) == (
+        {"y": 1, "x": 0} if "x" in names else {"right": 0, "left": 1}
+    )
+
+
+def test_a_driver_of_ones_own_is_named_by_its_class_and_called_by_a_plain_name(tmp_path):
+    out = tmp_path / "own.yaml"
+    run(
+        out, "--driver=config_bench:BenchDriver", "--axis=x", *STAGE, FAST, "--homing=absolute",
+        "--driver-option=bench_driver.baud=2000000",
+    )  # fmt: skip
+    driver = load(out).drivers["bench_driver"]
+    assert driver.type == "config_bench:BenchDriver"
+    assert driver.options.baud == 2_000_000
+    with pytest.raises(UsageError, match=r"--driver-option bench_driver\.buad: "):
+        run(
+            tmp_path / "other.yaml", "--driver=config_bench:BenchDriver", *STAGE, FAST,
+            "--homing=absolute", "--driver-option=bench_driver.buad=1",
+        )  # fmt: skip
+
+
 @pytest.mark.parametrize("driver", ["serial", "modbus", "can"])
 def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
     with pytest.raises(UsageError, match=f"devices of driver {driver} have no way to tell"):

@@ -104,12 +104,15 @@ def test_a_machine_on_a_bus_gets_the_rate_that_the_bus_carries_and_its_delay(tmp
     machine = load(first.path)
     assert 100 <= first.rate_hz <= 2500
     assert first.to_be_set  # nobody has told where the devices are
+    directions = [words for words in first.to_be_set if ".encoder.direction: 1 where" in words]
+    assert [words.split(".")[1] for words in directions] == ["x", "y"]
     notes = summarise(machine)["notes"]
     assert not [note for note in notes if "unstable" in note or "late" in note], notes
     known, delays_s = stand_in(MachineKnown("machine", tuple(axes)), first)
     other = write_configuration(
         known, tmp_path / "simulated.yaml", replace_file=False, delays_s=delays_s
     )
+    assert not [words for words in other.to_be_set if "direction" in words]
     simulated = load(other.path)
     assert {d.cls.simulated for d in simulated.drivers.values()} == {True}
     for name, axis in machine.axes.items():

@@ -15,6 +15,7 @@ from motorctl.config import load
 from motorctl.config.learned_file import learned_path, read_learned
 from motorctl.config.shipped import locate
 from motorctl.errors import DataError, MotorctlError, RunError, UsageError
+from motorctl.learn.learning import with_place
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
 from motorctl.tune.candidates import MarginsWanted
@@ -103,6 +104,41 @@ def test_a_log_of_each_run_does_as_well(tmp_path: Path) -> None:
     path = learned_path(load(config), "x")
     assert path is not None
     assert len(read_learned(path)["shuttle"].trials) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("ks_v_s_m: 25", "ks_v_s_m: 26"), r"gains\.ks_v_s_m: 25\.0, here 26\.0"),
+        (("forgetting_1_s: 0.5", "forgetting_1_s: 0.6"), r"adaptation\.forgetting_1_s: 0\.5, here"),
+    ],
+)
+def test_a_log_of_a_loop_with_other_gains_teaches_nothing(
+    tmp_path: Path, change: tuple[str, str], told: str
+) -> None:
+    log = tmp_path / "run.parquet"
+    simulate(load(stage(tmp_path)), log, duration_s=0.05)
+    assert change[0] in SHORT
+    config = stage(tmp_path, SHORT.replace(*change))
+    with pytest.raises(UsageError, match=f"recorded with another loop(.|\n)*{told}"):
+        learn("x", "--config", config, "--recording", log)
+    assert not (tmp_path / "learned.json").exists()
+
+
+@pytest.mark.slow
+def test_where_the_machine_does_not_add_what_was_written_it_ends_and_tells_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file disappears, as on a machine that reads another one."""
+    ran = SimulatedRig.run
+
+    def elsewhere(self: SimulatedRig, machine: Any, *rest: Any) -> None:
+        ran(self, with_place(machine, "x", tmp_path / "another.json"), *rest)
+
+    monkeypatch.setattr(SimulatedRig, "run", elsewhere)
+    with pytest.raises(RunError, match=r"repetition 2: axis x added 0 V rms, and not the"):
+        learn("x", "--config", stage(tmp_path), "--repetitions", 3)
+    assert not (tmp_path / "learned.json").exists()
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.config import load
+from motorctl.errors import UsageError
 
 pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
 
@@ -29,6 +30,17 @@ def test_it_learns_on_the_machine_and_another_model_drops_it_until_the_first_is_
     tmp_path: Path,
 ) -> None:
     with Daemon(tmp_path, yaml.safe_dump(config())) as daemon:
+        copy = tmp_path / "copy" / daemon.config.name
+        copy.parent.mkdir()
+        copy.write_text(daemon.config.read_text())
+        refused = CliRunner().invoke(
+            make_app(), ["learn", "x", "--config", str(copy), *daemon.at, "--yes"]
+        )
+        assert isinstance(refused.exception, UsageError)
+        assert f"the daemon reads {tmp_path}/learned.json" in str(refused.exception)
+        assert daemon.state("x") == "off"
+        assert [path.name for path in copy.parent.iterdir()] == [copy.name]
+
         words = ("learn", "x", "--config", daemon.config, *daemon.at, "--yes", "--json")
         arguments = [*map(str, words), "--repetitions", "2"]
         told = CliRunner().invoke(make_app(), arguments)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import inspect
 
 import numpy as np
@@ -154,6 +156,28 @@ def test_with_other_models_than_it_was_learned_with_nothing_is_added() -> None:
         follow(rig, np.full(100, 0.3), models_row=rig.memory.models_row + 1)
         rig.seconds(1.2)
         assert not rig.rows("x")["learned_v"].any()
+
+
+def with_other_gains(machine: Machine, name: str) -> Machine:
+    resolved = copy.deepcopy(dict(machine.resolved))
+    gains = resolved["axes"][name]["gains"]  # type: ignore[index]
+    gains["ks_v_s_m"] *= 0.9
+    changed = with_axes(machine, [name], gains={"ks_v_s_m": gains["ks_v_s_m"]})
+    return dataclasses.replace(changed, resolved=resolved)
+
+
+def test_another_model_of_an_axis_beside_leaves_what_a_running_one_has_learned() -> None:
+    machine = learner()
+    with Rig(machine) as rig:
+        rig.order(Verb.START, "y")
+        follow(rig, np.full(100, 0.3))
+        rig.seconds(0.3)
+        rig.chunks.clear()
+        assert rig.change_models(with_other_gains(machine, "y")) is None
+        rig.seconds(0.2)
+        rows = rig.rows("x")
+        assert (rows["state"] == AxisState.RUNNING).all()
+        np.testing.assert_allclose(rows["learned_v"], 0.3)
 
 
 def test_the_longest_cycle_fits_and_another_program_has_nothing_of_it() -> None:

@@ -39,10 +39,12 @@ def known_by_its_file():
     """Let the folder of effects hold one more file."""
     folder = str(Path(__file__).parent / "dropped_effects")
     effects.__path__.append(folder)
+    catalog.built_in_entries.cache_clear()
     catalog.built_in_effects.cache_clear()
     catalog.known_effects.cache_clear()
     yield
     effects.__path__.remove(folder)
+    catalog.built_in_entries.cache_clear()
     catalog.built_in_effects.cache_clear()
     catalog.known_effects.cache_clear()
     sys.modules.pop("motorctl.model.effects.tilted_way", None)

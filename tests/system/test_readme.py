@@ -48,10 +48,12 @@ def eddy_brake() -> Iterator[type]:
     """Let the folder of effects hold the README's example."""
     folder = str(ROOT / "docs")
     effects.__path__.append(folder)
+    catalog.built_in_entries.cache_clear()
     catalog.built_in_effects.cache_clear()
     catalog.known_effects.cache_clear()
     yield catalog.effect_class("eddy_brake")
     effects.__path__.remove(folder)
+    catalog.built_in_entries.cache_clear()
     catalog.built_in_effects.cache_clear()
     catalog.known_effects.cache_clear()
     sys.modules.pop("motorctl.model.effects.eddy_brake", None)
