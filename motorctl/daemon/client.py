@@ -46,6 +46,8 @@ class Client:
     def __init__(self, path: Path | None = None) -> None:
         self._socket, self.path = connected(path)
         self._count = 0
+        self._gone: str | None = None
+        """Why nothing more can be asked, or None."""
         self._lines = self._socket.makefile("rb")
 
     def __enter__(self) -> Self:
@@ -61,6 +63,10 @@ class Client:
 
     def close(self) -> None:
         """Hang up."""
+        self._hang_up(f"the connection to the daemon on {self.path} was closed here")
+
+    def _hang_up(self, why: str) -> None:
+        self._gone = self._gone or why
         self._lines.close()
         self._socket.close()
 
@@ -83,28 +89,50 @@ class Client:
         ------
         RunError
             Where the daemon does not answer within ANSWER_TIMEOUT_S (of a slow command
-            SLOW_TIMEOUT_S), or closes the connection.
+            SLOW_TIMEOUT_S), or closes the connection. It may still carry the request out. After
+            that, and after an exception that broke the wait off, nothing more is sent.
         DaemonRefusedError
             Where the daemon refuses the request.
         """
+        if self._gone is not None:
+            raise RunError(f"{self._gone}: nothing was sent; connect anew")
         self._count += 1
         line = request_line(self._count, do, arguments)
-        timeout_s = allowed_s(do)
+        try:
+            reply = self._reply_to(self._count, line, allowed_s(do))
+        except BaseException as error:  # Ctrl-C, too: the answer would be taken for the next one's
+            why = "a request was broken off before its answer came"
+            self._hang_up(str(error) if isinstance(error, MotorctlError) else why)
+            raise
+        return answered(reply)
+
+    def _reply_to(self, number: int, line: bytes, timeout_s: float) -> dict[str, Any]:
+        """Send a request and return the reply; raises MotorctlError where none to it comes."""
         self._socket.settimeout(timeout_s)
         try:
             # A daemon that refuses the client, or finds the request too long, answers unread.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 self._socket.sendall(line)
-            reply = self._lines.readline()
+            told = self._lines.readline()
         except TimeoutError:
             message = f"the daemon on {self.path} did not answer within {timeout_s:g} s"
             raise RunError(message) from None
         except OSError as error:
             message = f"the daemon on {self.path} closed the connection: {error.strerror}"
             raise RunError(message) from error
-        if not reply:
+        if not told:
             raise RunError(f"the daemon on {self.path} closed the connection without an answer")
-        return answered(json.loads(reply))
+        try:
+            reply: dict[str, Any] = json.loads(told)
+            answers = reply["id"]
+        except (ValueError, KeyError, TypeError) as error:
+            message = f"what answers on {self.path} is no daemon: its answers make no sense"
+            raise RunError(message) from error
+        if answers is None:  # nobody is heard on this connection
+            answered(reply)
+        if answers != number:
+            raise RunError(f"the daemon on {self.path} answered another request than the last one")
+        return reply
 
     def ask_when_ready(
         self, do: str, on_wait: Callable[[str], None], **arguments: Any
