@@ -109,10 +109,13 @@ class Subscription:
     def read(self) -> Samples:
         """Return the rows since the last call, at once; all are of the same models.
 
+        Where there are none, `ended` tells whether more may come.
+
         Raises RunError where the subscription is closed.
         """
         if self._connection is None:
             raise RunError("the subscription is closed")
+        self._look_for_end(0.0)  # before the rows: what comes before the end is read, too
         if self._held is None:
             ticks, rows, lost = self._ring.drain()
             self.lost += lost
@@ -144,7 +147,6 @@ class Subscription:
     async def __aiter__(self) -> AsyncIterator[Samples]:
         while True:
             await asyncio.sleep(self.period_s if self._held is None else 0.0)
-            self._look_for_end(0.0)
             if (samples := self.read()).rows:
                 yield samples
             elif self.ended:

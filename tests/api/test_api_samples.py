@@ -131,6 +131,18 @@ def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path:
             samples.close()
 
 
+def test_who_reads_without_iterating_is_told_of_the_end_after_the_last_row(tmp_path: Path) -> None:
+    with ring() as filled:
+        stage, to_read = Stage(filled), filled.memory.open_to_read
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            samples = subscribed(path)
+            assert (samples.read().rows, samples.ended) == (0, False)
+            filled.run(10)
+        assert (samples.read().rows, samples.ended) == (10, True)
+        assert (samples.read().rows, samples.ended) == (0, True)
+        samples.close()
+
+
 def test_a_daemon_of_another_version_is_not_misread(tmp_path: Path) -> None:
     with staged(tmp_path / "s") as (stage, path):
         stage.signature = "of other fields"
