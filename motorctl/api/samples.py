@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import select
 import socket
@@ -11,15 +10,15 @@ import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.api.signals import Array, Signals
-from motorctl.daemon.client import connected, request_line
+from motorctl.daemon.client import NoDaemonError, connected, reply_to, request_line
 from motorctl.daemon.conversation import answered
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import RunError
 from motorctl.log.columns import Column, LogAxis, log_columns
 from motorctl.loop.layout import signature
 from motorctl.loop.sample_ring import SampleRing
@@ -82,8 +81,9 @@ class Subscription:
 
     It looks into the memory that the loop writes, through a descriptor that cannot write: neither
     loop nor daemon notices. Rows stay there for about 8 s; who looks less often loses some, and is
-    told how many. It ends when the daemon does; with `restarts` it goes on with the next one.
-    Whoever leaves off before closes it, or uses it as a context manager.
+    told how many. It ends when the daemon does; with `restarts` it waits for the next one and goes
+    on with it, or raises MotorctlError where that one does not let it. Whoever leaves off before
+    closes it, or uses it as a context manager.
     """
 
     def __init__(self, path: Path, *, period_s: float, history_s: float, restarts: bool) -> None:
@@ -96,6 +96,8 @@ class Subscription:
         """Whether the daemon is gone."""
         self._restarts = restarts
         self._run = 0
+        self._kept_out = False
+        """Whether the next daemon's socket was there, and not to be connected to."""
         self._connection: socket.socket | None = None
         self._held: tuple[NDArray[np.void], NDArray[np.void], int] | None = None
         """Rows that were read and not handed on, and how many were lost before them."""
@@ -180,9 +182,7 @@ class Subscription:
         descriptor = None
         try:
             told, descriptor = self._ask()
-            if descriptor is None:
-                self._refuse_to_go_on()
-            self._must_mean_the_same(told)
+            self._must_mean_the_same(told, descriptor)
         except BaseException:
             self._connection.close()
             self._connection = None
@@ -198,23 +198,35 @@ class Subscription:
         self.ended = False
         self._take_models(told)
 
-    def _must_mean_the_same(self, told: Mapping[str, Any]) -> None:
-        if told["signature"] != signature(told["layout"]):
+    def _must_mean_the_same(self, told: Mapping[str, Any], descriptor: int | None) -> None:
+        if descriptor is None:
+            raise RunError(f"the daemon on {self.path} hands over no samples")
+        try:
+            same = told["signature"] == signature(told["layout"])
+        except (KeyError, TypeError):  # it tells other things of it
+            same = False
+        if not same:
             raise RunError(
                 f"the daemon on {self.path} runs another version of motorctl, whose memory is laid "
                 "out otherwise: read its samples with the version that it runs"
             )
 
-    def _refuse_to_go_on(self) -> NoReturn:
-        raise RunError(f"the daemon on {self.path} hands over no samples")
-
     def _open_again(self) -> bool:
-        """Try to go on with the next daemon, and return whether it is there."""
+        """Try to go on with the next daemon, and return whether it is there.
+
+        Raises MotorctlError where one is there that does not let go on.
+        """
         self.close()
+        kept_out, self._kept_out = self._kept_out, False
         try:
             self._open(0.0)
-        except MotorctlError:
+        except NoDaemonError:
             return False
+        except RunError as error:
+            self._kept_out = isinstance(error.__cause__, PermissionError)
+            if self._kept_out and not kept_out:  # for a moment it is, until its group is set
+                return False
+            raise
         self._run += 1
         return True
 
@@ -226,15 +238,13 @@ class Subscription:
         try:
             self._connection.sendall(request_line(self._count, "samples", {}))
             line = _line(self._connection, descriptors)
-            if not line:
-                self._refuse_to_go_on()
-            told = answered(json.loads(line))
+            told = answered(reply_to(self._count, line, self.path))
         except BaseException as error:
             for descriptor in descriptors:
                 os.close(descriptor)
             if isinstance(error, OSError):
                 message = f"the daemon on {self.path} does not answer: {error}"
-                raise RunError(message) from error
+                raise NoDaemonError(message) from error
             raise
         return told, descriptors[0] if descriptors else None
 
@@ -242,9 +252,12 @@ class Subscription:
         """Ask what the rows of other models are like, and return whether the daemon knows it."""
         try:
             told, _ = self._ask()
-        except RunError:
+        except NoDaemonError:
             self.ended = True
             return False
+        except BaseException:  # Ctrl-C, too: the answer would be taken for the next one's
+            self.close()
+            raise
         if told["models_row"] != change:
             return False
         self._take_models(told)
@@ -272,12 +285,12 @@ class Subscription:
 
 
 def _line(connection: socket.socket, descriptors: list[int]) -> bytes:
-    """Return a line, empty where the daemon has hung up, and add the descriptors beside it."""
+    """Return a line, and add the descriptors beside it; ConnectionError where none comes."""
     received = b""
     while not received.endswith(b"\n"):
         part, came, *_ = socket.recv_fds(connection, RECEIVED_BYTES, 1)
         descriptors += came
         received += part
         if not part:
-            return b""
+            raise ConnectionError("it hung up")
     return received

@@ -32,7 +32,19 @@ SLOW = ("apply", "revert")
 """Commands that compile before they do anything: minutes on a slow computer."""
 CONNECT_TIMEOUT_S = 5.0
 
-__all__ = ["Client", "DaemonRefusedError", "allowed_s", "connected", "request_line"]
+__all__ = [
+    "Client",
+    "DaemonRefusedError",
+    "NoDaemonError",
+    "allowed_s",
+    "connected",
+    "reply_to",
+    "request_line",
+]
+
+
+class NoDaemonError(RunError):
+    """Nobody answers on a socket, so far."""
 
 
 class Client:
@@ -122,17 +134,7 @@ class Client:
             raise RunError(message) from error
         if not told:
             raise RunError(f"the daemon on {self.path} closed the connection without an answer")
-        try:
-            reply: dict[str, Any] = json.loads(told)
-            answers = reply["id"]
-        except (ValueError, KeyError, TypeError) as error:
-            message = f"what answers on {self.path} is no daemon: its answers make no sense"
-            raise RunError(message) from error
-        if answers is None:  # nobody is heard on this connection
-            answered(reply)
-        if answers != number:
-            raise RunError(f"the daemon on {self.path} answered another request than the last one")
-        return reply
+        return reply_to(number, told, self.path)
 
     def ask_when_ready(
         self, do: str, on_wait: Callable[[str], None], **arguments: Any
@@ -235,6 +237,25 @@ def request_line(number: int, do: str, arguments: Mapping[str, Any]) -> bytes:
     return json.dumps({"id": number, "do": do, **given}).encode() + b"\n"
 
 
+def reply_to(number: int, line: bytes, path: Path) -> dict[str, Any]:
+    """Return the reply in a line, for `answered`.
+
+    Raises RunError where it is none to the request of that number, DaemonRefusedError where nobody
+    is heard on this connection.
+    """
+    try:
+        reply: dict[str, Any] = json.loads(line)
+        answers = reply["id"]
+    except (ValueError, KeyError, TypeError) as error:
+        message = f"what answers on {path} is no daemon: its answers make no sense"
+        raise RunError(message) from error
+    if answers is None:
+        answered(reply)
+    if answers != number:
+        raise RunError(f"the daemon on {path} answered another request than the last one")
+    return reply
+
+
 def allowed_s(do: str) -> float:
     """Return how long the answer to a request may take [s]."""
     return SLOW_TIMEOUT_S if do in SLOW else ANSWER_TIMEOUT_S
@@ -242,12 +263,12 @@ def allowed_s(do: str) -> float:
 
 def _unreachable(path: Path, error: OSError) -> MotorctlError:
     if isinstance(error, FileNotFoundError | ConnectionRefusedError):
-        return RunError(
+        return NoDaemonError(
             f"no daemon answers on {path}: start one with 'motorctl run CONFIG', "
             "or name its socket with --socket"
         )
     if isinstance(error, PermissionError):
         return RunError(f"{path}: permission denied: only root and the socket's group may connect")
     if isinstance(error, BlockingIOError):
-        return RunError(f"the daemon on {path} accepts nobody for {CONNECT_TIMEOUT_S:g} s")
+        return NoDaemonError(f"the daemon on {path} accepts nobody for {CONNECT_TIMEOUT_S:g} s")
     return UsageError(f"{path}: {error.strerror or error}")

@@ -20,6 +20,7 @@ from recorded_ring import AXES, Ring, ring
 from served_socket import served
 
 import motorctl
+from motorctl.api import samples as samples_module
 from motorctl.api.samples import Subscription
 from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client
@@ -141,6 +142,52 @@ def test_who_reads_without_iterating_is_told_of_the_end_after_the_last_row(tmp_p
         assert (samples.read().rows, samples.ended) == (10, True)
         assert (samples.read().rows, samples.ended) == (0, True)
         samples.close()
+
+
+def next_batch(samples: Subscription) -> list[BaseException | motorctl.Samples]:
+    """Return what comes next, an error too; nothing where it does not come in time."""
+    got: list[BaseException | motorctl.Samples] = []
+
+    def take() -> None:
+        try:
+            got.append(next(iter(samples)))
+        except motorctl.MotorctlError as error:
+            got.append(error)
+
+    taking = threading.Thread(target=take, daemon=True)
+    taking.start()
+    taking.join(3.0)
+    return got
+
+
+@pytest.mark.parametrize("hinders", ["version", "layout", "kept out", "permission"])
+def test_restarts_wait_for_a_daemon_and_not_for_one_that_hands_nothing_over(
+    hinders: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(samples_module, "AGAIN_S", 0.01)
+
+    def no_permission(_: Path) -> None:
+        raise motorctl.RunError("permission denied") from PermissionError()
+
+    with ring() as filled:
+        stage, to_read = Stage(filled), filled.memory.open_to_read
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            samples = subscribed(path, restarts=True)
+        role: list[Any] = [Role.OBSERVE]
+        why = "another version of motorctl"
+        if hinders == "version":
+            stage.signature = "of other fields"
+        elif hinders == "layout":
+            monkeypatch.setattr(samples_module, "signature", lambda layout: layout["unknown"])
+        elif hinders == "kept out":
+            role, why = [None], "group"
+        else:
+            why = "permission denied"
+            monkeypatch.setattr(samples_module, "connected", no_permission)
+        with served(tmp_path / "s", stage.handle, lambda: role[0], to_read):
+            (error,) = next_batch(samples)
+        assert isinstance(error, motorctl.MotorctlError)
+        assert why in str(error)
 
 
 def test_a_daemon_of_another_version_is_not_misread(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_after_ctrl_c_no_answer_is_taken_for_that_to_another_request(
         signal.signal(signal.SIGINT, before)
         answer_now.set()
     for ask in (machine.estop, machine.status):
-        with pytest.raises(motorctl.RunError, match="broken off.*nothing was sent; connect anew"):
+        with pytest.raises(motorctl.RunError, match=r"broken off.*nothing was sent; connect anew"):
             ask()
     peer.thread.join(5.0)
     assert peer.asked == ["start"]
