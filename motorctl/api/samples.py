@@ -99,8 +99,10 @@ class Subscription:
         self._kept_out = False
         """Whether the next daemon's socket was there, and not to be connected to."""
         self._connection: socket.socket | None = None
-        self._held: tuple[NDArray[np.void], NDArray[np.void], int] | None = None
-        """Rows that were read and not handed on, and how many were lost before them."""
+        self._held: tuple[NDArray[np.void], NDArray[np.void]] | None = None
+        """Rows that were read and not handed on."""
+        self._lost_before = 0
+        """How many were lost since the last that were handed on."""
         self._open(history_s)
 
     @property
@@ -118,21 +120,49 @@ class Subscription:
         if self._connection is None:
             raise RunError("the subscription is closed")
         self._look_for_end(0.0)  # before the rows: what comes before the end is read, too
-        if self._held is None:
-            ticks, rows, lost = self._ring.drain()
-            self.lost += lost
-            self._held = ticks, rows, lost
-        ticks, rows, lost = self._held
-        first = self._ring.drained - len(ticks)
-        change = self._ring.models_row
-        if change > self._models_row and change <= first and not self._learn_models(change):
-            return Samples(ticks[:0], rows[:0], self._columns, 0, self._run)
+        ticks, rows = self._unread()
+        first, change = self._ring.drained - len(ticks), self._ring.models_row
         cut = len(ticks)
-        if first < change < first + cut and change > self._models_row:
-            cut = change - first
-        rest = (ticks[cut:], rows[cut:], 0)
-        self._held = rest if cut < len(ticks) else None
+        if change > self._models_row:
+            if change > first:
+                cut = min(change - first, cut)
+            elif not self._learn_models(change):
+                cut = 0
+        self._held = (ticks[cut:], rows[cut:]) if cut < len(ticks) else None
+        lost = self._lost_before if cut else 0
+        self._lost_before -= lost
         return Samples(ticks[:cut], rows[:cut], self._columns, lost, self._run)
+
+    def _unread(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Return the rows that were held or else came, of models that are told."""
+        if self._held is None:
+            self._held = self._drain()
+        ticks, rows = self._held
+        while unknown := self._of_models_that_went(len(ticks)):
+            self._lose(unknown)
+            ticks, rows = ticks[unknown:], rows[unknown:]
+            if not len(ticks):
+                ticks, rows = self._drain()
+        return ticks, rows
+
+    def _of_models_that_went(self, rows: int) -> int:
+        """Return how many of the rows may be of models between those that were told and the last.
+
+        The daemon tells of the last ones alone, and the ring where those before them began.
+        """
+        before, change = self._ring.last_models_rows
+        if min(before, change) <= self._models_row:
+            return 0
+        return min(max(change - (self._ring.drained - rows), 0), rows)
+
+    def _drain(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        ticks, rows, lost = self._ring.drain()
+        self._lose(lost)
+        return ticks, rows
+
+    def _lose(self, rows: int) -> None:
+        self.lost += rows
+        self._lost_before += rows
 
     def __iter__(self) -> Iterator[Samples]:
         while True:
@@ -193,7 +223,7 @@ class Subscription:
         self._ring = SampleRing(descriptor, told["layout"])
         self._ring.skip(round(history_s * told["rate_hz"]))
         if self._held is not None:  # of models that the last daemon did not tell any more
-            self.lost += len(self._held[0])
+            self._lose(len(self._held[0]))
         self._held = None
         self.ended = False
         self._take_models(told)

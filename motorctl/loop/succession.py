@@ -79,6 +79,7 @@ class Succession:
         if refused is None:
             after.go_on()
             status = before.memory.status
+            status["models_row_before"] = status["models_row"]
             status["models_row"] = status["ring_head"]
         self.outcome.done = True
         return before if refused else after

@@ -111,6 +111,46 @@ def test_rows_of_other_models_come_apart_with_their_own_columns(tmp_path: Path) 
         assert "x.theta_hat_cogging_sin_1" in new
 
 
+def change_models(stage: Stage, theta: tuple[str, ...]) -> None:
+    """Let other models take over, as the loop notes it; the daemon tells of them at once."""
+    status = stage.filled.memory.status
+    status["models_row_before"] = status["models_row"]
+    status["models_row"] = stage.models_row = stage.filled.rows
+    stage.theta["x"] = theta
+
+
+def test_rows_between_two_changes_of_models_are_not_read_with_the_columns_of_others(
+    tmp_path: Path,
+) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        for rows, theta in ((100, ("inertia", "viscous")), (50, ("inertia", "cogging_sin_1"))):
+            stage.filled.run(rows)
+            change_models(stage, theta)
+        stage.filled.run(30)
+        read = samples.read()
+        assert (read["tick"][0], read.rows, read.lost, samples.lost) == (150, 30, 150, 150)
+        assert "x.theta_hat_cogging_sin_1" in read
+        change_models(stage, ("inertia", "offset"))
+        stage.filled.run(20)
+        assert [samples.read().rows for _ in range(2)] == [20, 0]
+        assert samples.lost == 150
+
+
+def test_rows_that_were_held_for_models_that_went_again_are_counted_as_lost(
+    tmp_path: Path,
+) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        stage.filled.run(100)
+        change_models(stage, ("inertia", "viscous"))
+        stage.filled.run(50)
+        assert samples.read().rows == 100
+        change_models(stage, ("inertia", "cogging_sin_1"))
+        stage.filled.run(30)
+        read = samples.read()
+        assert (read["tick"][0], read.rows, read.lost, samples.lost) == (150, 30, 50, 50)
+        assert "x.theta_hat_cogging_sin_1" in read
+
+
 def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path: Path) -> None:
     with ring() as filled:
         stage, to_read = Stage(filled), filled.memory.open_to_read
