@@ -1,13 +1,15 @@
 """Motions that could be run next, and the reach that they stay within."""
 
 import dataclasses
+import math
 
 import pytest
 
 from motorctl.config import load, load_resolved
+from motorctl.errors import UsageError
 from motorctl.experiment.candidates import LONGEST_S, SETTLED_S, candidates, probe
 from motorctl.experiment.reach import reach_in_envelope, reach_of
-from motorctl.motion import Moves, check_program
+from motorctl.motion import Moves, Points, check_program
 
 GANTRY = load("published_gantry")
 
@@ -45,6 +47,24 @@ def test_candidates_are_short_and_their_axes_begin_and_end_together():
         assert set(paths) == {"x", "y"}
         assert len({round(path.duration_s, 9) for path in paths.values()}) == 1
         assert 0.0 < paths["x"].duration_s - 2 * SETTLED_S <= LONGEST_S
+
+
+def test_an_envelope_that_lies_in_what_is_kept_free_is_refused_with_its_key():
+    axis = with_envelope(travel_m=[-0.05, -0.03]).axes["x"]
+    with pytest.raises(UsageError, match=r"axes\.x\.experiments\.travel_m: -0\.05 to -0\.03 m"):
+        reach_in_envelope(GANTRY, axis)
+
+
+def test_a_program_in_which_an_axis_stands_tells_nothing_of_its_reach(tmp_path):
+    place = GANTRY.axes["y"].limits.travel_m[0] + 0.1
+    times = [0.01 * k for k in range(201)]
+    rows = (f"{t},{0.05 * (1 - math.cos(math.pi * t)):.9f},{place}" for t in times)
+    (tmp_path / "line.csv").write_text("\n".join(["time_s,x_m,y_m", *rows]) + "\n")
+    line = Points(name="line", axes=("x", "y"), file=tmp_path / "line.csv")
+    alone = dataclasses.replace(GANTRY, programs={"line": line})
+    none = dataclasses.replace(GANTRY, programs={})
+    assert reach_of(alone, alone.axes["y"]) == reach_of(none, none.axes["y"])
+    assert reach_of(alone, alone.axes["x"]).speed < reach_of(none, none.axes["x"]).speed
 
 
 def test_a_declared_envelope_narrows_the_reach_and_none_widens_it():
