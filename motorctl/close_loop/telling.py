@@ -11,7 +11,7 @@ from motorctl.close_loop.motion import Motions, with_programs
 from motorctl.close_loop.rigs import Rig
 from motorctl.close_loop.trial import Progress, gentler_until_followed
 from motorctl.config import Machine, load
-from motorctl.errors import DataError
+from motorctl.errors import DataError, UsageError
 from motorctl.experiment.candidates import BEGINS, ROAMING, Candidate, probe
 from motorctl.experiment.reach import reach_in_envelope
 from motorctl.experiment.session import Experiment, Standing, next_experiment, standing
@@ -26,6 +26,9 @@ from motorctl.motion import Moves
 
 BETWEEN_S = 0.05
 """Rest between two motions [s]: the axes begin the next one together."""
+PROBE_SHARE = 0.5
+"""Of the time of all motions, what the first one may take. Larger leaves too little for those that
+are chosen by what it shows, smaller lets it show less of the travel on slow machines. By hand."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,8 @@ def record_telling(
     ------
     RunError
         Where the machine cannot follow, however gentle the motion.
+    UsageError
+        Where it is too slow to begin within that time.
     """
     machine = load(config)
     pieces = _Pieces(machine)
@@ -121,7 +126,12 @@ def record_telling(
     while True:
         reaches = _reaches(machine, motions)
         if chosen is None:
-            first = probe(reaches)
+            first = probe(reaches, PROBE_SHARE * motions.rich_s)
+            if first.lasts_s(reaches) > motions.rich_s:
+                raise UsageError(
+                    f"the shortest motion to begin with lasts {first.lasts_s(reaches):.3g} s, all "
+                    f"telling ones may last {motions.rich_s:g} s: take --motion own or rich"
+                )
             chosen = Experiment(first, first.lasts_s(reaches), ("what is there at all",))
         number += 1
         log = folder / f"telling_{number}.parquet"

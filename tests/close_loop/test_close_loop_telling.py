@@ -9,7 +9,7 @@ from motorctl.close_loop import telling
 from motorctl.close_loop.motion import Motions
 from motorctl.close_loop.telling import record_telling
 from motorctl.config.shipped import locate
-from motorctl.errors import RunError
+from motorctl.errors import RunError, UsageError
 from motorctl.experiment.candidates import Candidate
 from motorctl.experiment.session import Experiment, Standing
 from motorctl.identify.diagnose.report.motion_advice import Stroke
@@ -96,6 +96,13 @@ def test_a_machine_runs_only_what_is_new_and_its_recordings_are_joined(given, tm
     assert len(told.recording.time_s) == 300
     paths = [m.programs[m.axes["x"].program].trajectories()["x"] for m in rig.ran]
     assert {round(path.start_m, 9) for path in paths} == {round(path.end_m, 9) for path in paths}
+
+
+def test_nothing_is_run_where_even_the_first_motion_lasts_longer_than_all_may(given, tmp_path):
+    rig = GivenRig()
+    with pytest.raises(UsageError, match=r"lasts .* s, all telling ones may last 0\.5 s"):
+        record(tmp_path, rig, Motions(rich_s=0.5))
+    assert rig.ran == []
 
 
 def test_axes_begin_every_motion_together(given, tmp_path):
