@@ -120,9 +120,8 @@ class Subscription:
         if self._connection is None:
             raise RunError("the subscription is closed")
         self._look_for_end(0.0)  # before the rows: what comes before the end is read, too
-        ticks, rows = self._unread()
-        first, change = self._ring.drained - len(ticks), self._ring.models_row
-        cut = len(ticks)
+        ticks, rows, change = self._unread()
+        first, cut = self._ring.drained - len(ticks), len(ticks)
         if change > self._models_row:
             if change > first:
                 cut = min(change - first, cut)
@@ -133,27 +132,26 @@ class Subscription:
         self._lost_before -= lost
         return Samples(ticks[:cut], rows[:cut], self._columns, lost, self._run)
 
-    def _unread(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
-        """Return the rows that were held or else came, of models that are told."""
+    def _unread(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
+        """Return the rows that were held or else came, and which is the first of other models.
+
+        The daemon tells of the last models alone, and the ring where those before them began: where
+        others came and went since those that were told, the rows before the last are lost.
+        """
         if self._held is None:
             self._held = self._drain()
         ticks, rows = self._held
-        while unknown := self._of_models_that_went(len(ticks)):
+        while True:
+            before, change = self._ring.last_models_rows
+            if min(before, change) <= self._models_row:
+                return ticks, rows, change
+            unknown = min(max(change - (self._ring.drained - len(ticks)), 0), len(ticks))
+            if not unknown:
+                return ticks, rows, change
             self._lose(unknown)
             ticks, rows = ticks[unknown:], rows[unknown:]
             if not len(ticks):
                 ticks, rows = self._drain()
-        return ticks, rows
-
-    def _of_models_that_went(self, rows: int) -> int:
-        """Return how many of the rows may be of models between those that were told and the last.
-
-        The daemon tells of the last ones alone, and the ring where those before them began.
-        """
-        before, change = self._ring.last_models_rows
-        if min(before, change) <= self._models_row:
-            return 0
-        return min(max(change - (self._ring.drained - rows), 0), rows)
 
     def _drain(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
         ticks, rows, lost = self._ring.drain()
