@@ -30,7 +30,8 @@ class Connection(Client):
     - `AxisFaultError`: an axis that was waited for tripped; `cause` and message tell why, and what
       to do.
     - `NotReachedError`, which is a `TimeoutError`: the time is over.
-    - `RunError`: the daemon is gone.
+    - `RunError`: the daemon is gone, or did not answer in time. Nothing more is sent then, nor
+      after Ctrl-C while an answer was waited for: connect anew.
     """
 
     def status(self) -> MachineStatus:

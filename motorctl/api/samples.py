@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import select
 import socket
@@ -11,15 +10,15 @@ import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.api.signals import Array, Signals
-from motorctl.daemon.client import connected, request_line
+from motorctl.daemon.client import NoDaemonError, connected, reply_to, request_line
 from motorctl.daemon.conversation import answered
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import RunError
 from motorctl.log.columns import Column, LogAxis, log_columns
 from motorctl.loop.layout import signature
 from motorctl.loop.sample_ring import SampleRing
@@ -88,8 +87,9 @@ class Subscription:
 
     It looks into the memory that the loop writes, through a descriptor that cannot write: neither
     loop nor daemon notices. Rows stay there for about 8 s; who looks less often loses some, and is
-    told how many. It ends when the daemon does; with `restarts` it goes on with the next one.
-    Whoever leaves off before closes it, or uses it as a context manager.
+    told how many. It ends when the daemon does; with `restarts` it waits for the next one and goes
+    on with it, or raises MotorctlError where that one does not let it. Whoever leaves off before
+    closes it, or uses it as a context manager.
     """
 
     def __init__(self, path: Path, *, period_s: float, history_s: float, restarts: bool) -> None:
@@ -102,9 +102,13 @@ class Subscription:
         """Whether the daemon is gone."""
         self._restarts = restarts
         self._run = 0
+        self._kept_out = False
+        """Whether the next daemon's socket was there, and not to be connected to."""
         self._connection: socket.socket | None = None
-        self._held: tuple[NDArray[np.void], NDArray[np.void], int] | None = None
-        """Rows that were read and not handed on, and how many were lost before them."""
+        self._held: tuple[NDArray[np.void], NDArray[np.void]] | None = None
+        """Rows that were read and not handed on."""
+        self._lost_before = 0
+        """How many were lost since the last that were handed on."""
         self._open(history_s)
 
     @property
@@ -115,28 +119,57 @@ class Subscription:
     def read(self) -> Samples:
         """Return the rows since the last call, at once; all are of the same models.
 
+        Where there are none, `ended` tells whether more may come.
+
         Raises RunError where the subscription is closed.
         """
         if self._connection is None:
             raise RunError("the subscription is closed")
-        if self._held is None:
-            ticks, rows, lost = self._ring.drain()
-            self.lost += lost
-            self._held = ticks, rows, lost
-        ticks, rows, lost = self._held
-        first = self._ring.drained - len(ticks)
-        change = self._ring.models_row
-        if change > self._models_row and change <= first and not self._learn_models(change):
-            return self._samples(ticks[:0], rows[:0], 0)
-        cut = len(ticks)
-        if first < change < first + cut and change > self._models_row:
-            cut = change - first
-        rest = (ticks[cut:], rows[cut:], 0)
-        self._held = rest if cut < len(ticks) else None
+        self._look_for_end(0.0)  # before the rows: what comes before the end is read, too
+        ticks, rows, change = self._unread()
+        first, cut = self._ring.drained - len(ticks), len(ticks)
+        if change > self._models_row:
+            if change > first:
+                cut = min(change - first, cut)
+            elif not self._learn_models(change):
+                cut = 0
+        self._held = (ticks[cut:], rows[cut:]) if cut < len(ticks) else None
+        lost = self._lost_before if cut else 0
+        self._lost_before -= lost
         return self._samples(ticks[:cut], rows[:cut], lost)
 
     def _samples(self, ticks: NDArray[np.void], rows: NDArray[np.void], lost: int) -> Samples:
         return Samples(ticks, rows, self._columns, lost, self._run, self._axes, self._metadata)
+
+    def _unread(self) -> tuple[NDArray[np.void], NDArray[np.void], int]:
+        """Return the rows that were held or else came, and which is the first of other models.
+
+        The daemon tells of the last models alone, and the ring where those before them began: where
+        others came and went since those that were told, the rows before the last are lost.
+        """
+        if self._held is None:
+            self._held = self._drain()
+        ticks, rows = self._held
+        while True:
+            before, change = self._ring.last_models_rows
+            if min(before, change) <= self._models_row:
+                return ticks, rows, change
+            unknown = min(max(change - (self._ring.drained - len(ticks)), 0), len(ticks))
+            if not unknown:
+                return ticks, rows, change
+            self._lose(unknown)
+            ticks, rows = ticks[unknown:], rows[unknown:]
+            if not len(ticks):
+                ticks, rows = self._drain()
+
+    def _drain(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        ticks, rows, lost = self._ring.drain()
+        self._lose(lost)
+        return ticks, rows
+
+    def _lose(self, rows: int) -> None:
+        self.lost += rows
+        self._lost_before += rows
 
     def __iter__(self) -> Iterator[Samples]:
         while True:
@@ -153,7 +186,6 @@ class Subscription:
     async def __aiter__(self) -> AsyncIterator[Samples]:
         while True:
             await asyncio.sleep(self.period_s if self._held is None else 0.0)
-            self._look_for_end(0.0)
             if (samples := self.read()).rows:
                 yield samples
             elif self.ended:
@@ -187,9 +219,7 @@ class Subscription:
         descriptor = None
         try:
             told, descriptor = self._ask()
-            if descriptor is None:
-                self._refuse_to_go_on()
-            self._must_mean_the_same(told)
+            self._must_mean_the_same(told, descriptor)
         except BaseException:
             self._connection.close()
             self._connection = None
@@ -200,28 +230,40 @@ class Subscription:
         self._ring = SampleRing(descriptor, told["layout"])
         self._ring.skip(round(history_s * told["rate_hz"]))
         if self._held is not None:  # of models that the last daemon did not tell any more
-            self.lost += len(self._held[0])
+            self._lose(len(self._held[0]))
         self._held = None
         self.ended = False
         self._take_models(told)
 
-    def _must_mean_the_same(self, told: Mapping[str, Any]) -> None:
-        if told["signature"] != signature(told["layout"]):
+    def _must_mean_the_same(self, told: Mapping[str, Any], descriptor: int | None) -> None:
+        if descriptor is None:
+            raise RunError(f"the daemon on {self.path} hands over no samples")
+        try:
+            same = told["signature"] == signature(told["layout"])
+        except (KeyError, TypeError):  # it tells other things of it
+            same = False
+        if not same:
             raise RunError(
                 f"the daemon on {self.path} runs another version of motorctl, whose memory is laid "
                 "out otherwise: read its samples with the version that it runs"
             )
 
-    def _refuse_to_go_on(self) -> NoReturn:
-        raise RunError(f"the daemon on {self.path} hands over no samples")
-
     def _open_again(self) -> bool:
-        """Try to go on with the next daemon, and return whether it is there."""
+        """Try to go on with the next daemon, and return whether it is there.
+
+        Raises MotorctlError where one is there that does not let go on.
+        """
         self.close()
+        kept_out, self._kept_out = self._kept_out, False
         try:
             self._open(0.0)
-        except MotorctlError:
+        except NoDaemonError:
             return False
+        except RunError as error:
+            self._kept_out = isinstance(error.__cause__, PermissionError)
+            if self._kept_out and not kept_out:  # for a moment it is, until its group is set
+                return False
+            raise
         self._run += 1
         return True
 
@@ -233,15 +275,13 @@ class Subscription:
         try:
             self._connection.sendall(request_line(self._count, "samples", {}))
             line = _line(self._connection, descriptors)
-            if not line:
-                self._refuse_to_go_on()
-            told = answered(json.loads(line))
+            told = answered(reply_to(self._count, line, self.path))
         except BaseException as error:
             for descriptor in descriptors:
                 os.close(descriptor)
             if isinstance(error, OSError):
                 message = f"the daemon on {self.path} does not answer: {error}"
-                raise RunError(message) from error
+                raise NoDaemonError(message) from error
             raise
         return told, descriptors[0] if descriptors else None
 
@@ -249,9 +289,12 @@ class Subscription:
         """Ask what the rows of other models are like, and return whether the daemon knows it."""
         try:
             told, _ = self._ask()
-        except RunError:
+        except NoDaemonError:
             self.ended = True
             return False
+        except BaseException:  # Ctrl-C, too: the answer would be taken for the next one's
+            self.close()
+            raise
         if told["models_row"] != change:
             return False
         self._take_models(told)
@@ -280,12 +323,12 @@ class Subscription:
 
 
 def _line(connection: socket.socket, descriptors: list[int]) -> bytes:
-    """Return a line, empty where the daemon has hung up, and add the descriptors beside it."""
+    """Return a line, and add the descriptors beside it; ConnectionError where none comes."""
     received = b""
     while not received.endswith(b"\n"):
         part, came, *_ = socket.recv_fds(connection, RECEIVED_BYTES, 1)
         descriptors += came
         received += part
         if not part:
-            return b""
+            raise ConnectionError("it hung up")
     return received

@@ -141,6 +141,8 @@ class MachineRig:
     def leave(self) -> tuple[str, ...]:
         """Have the models run that were kept; return the axes that changed theirs for that.
 
+        As `stop`, over a connection of its own.
+
         Raises
         ------
         MotorctlError
@@ -148,9 +150,10 @@ class MachineRig:
         """
         if not self.begun:
             return ()
-        for name in sorted(self._led):
-            self._client.wait_for(name, _stands, STAND_S)
-        answer = self._client.ask("apply", **self._order_of(self._kept))
+        with Client(self._client.path) as own:
+            for name in sorted(self._led):
+                own.wait_for(name, _stands, STAND_S)
+            answer = own.ask("apply", **self._order_of(self._kept))
         return tuple(answer["axes"])
 
     def stop(self, names: Iterable[str] | None = None) -> tuple[str, ...]:

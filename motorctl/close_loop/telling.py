@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from motorctl.close_loop.motion import Motions, with_programs
 from motorctl.close_loop.rigs import Rig
 from motorctl.close_loop.trial import Progress, gentler_until_followed
 from motorctl.config import Machine, load
-from motorctl.errors import DataError
+from motorctl.errors import DataError, UsageError
 from motorctl.experiment.candidates import BEGINS, ROAMING, Candidate, probe
 from motorctl.experiment.reach import reach_in_envelope
 from motorctl.experiment.session import Experiment, Standing, next_experiment, standing
@@ -26,6 +26,9 @@ from motorctl.motion import Moves
 
 BETWEEN_S = 0.05
 """Rest between two motions [s]: the axes begin the next one together."""
+PROBE_SHARE = 0.5
+"""Of the time of all motions, what the first one may take. Larger leaves too little for those that
+are chosen by what it shows, smaller lets it show less of the travel on slow machines. By hand."""
 
 
 @dataclass(frozen=True)
@@ -111,40 +114,56 @@ def record_telling(
     ------
     RunError
         Where the machine cannot follow, however gentle the motion.
+    UsageError
+        Where it is too slow to begin within that time.
     """
     machine = load(config)
     pieces = _Pieces(machine)
     recordings: list[Recording] = []
     experiments: list[Experiment] = []
     used_s, number = 0.0, 0
-    chosen: Experiment | None = None
+    reaches = _reaches(machine, motions)
+    chosen = _beginning(reaches, motions)
     while True:
-        reaches = _reaches(machine, motions)
-        if chosen is None:
-            first = probe(reaches)
-            chosen = Experiment(first, first.lasts_s(reaches), ("what is there at all",))
         number += 1
         log = folder / f"telling_{number}.parquet"
         new, motions = _run(machine, pieces, chosen, log, motions, rig, progress)
+        reaches = _reaches(machine, motions)  # that may have been run more gently
+        ran = replace(chosen, duration_s=chosen.candidate.lasts_s(reaches))
         recordings = [*recordings, new] if rig.goes_on else [new]
-        used_s += chosen.duration_s
-        experiments.append(chosen)
+        used_s += ran.duration_s
+        experiments.append(ran)
         recording = joined(recordings)
         progress("weighing what is still open", 0.0)
         diagnosis = _diagnosed(recording, machine, progress, axes)
         further = list(machine.further_effects.values())
         now = standing(diagnosis, reaches, further, axes)
         fallback = _roaming(reaches, number)
-        chosen = next_experiment(now, reaches, fallback, [each.candidate for each in experiments])
+        following = next_experiment(
+            now, reaches, fallback, [each.candidate for each in experiments]
+        )
         ended = ""
         if now.settled:
             ended = "nothing is left that a motion within the envelope could settle"
-        elif chosen is None:
+        elif following is None:
             ended = "no motion within the envelope is expected to settle much of what is left"
-        elif used_s + chosen.duration_s > motions.rich_s:
+        elif used_s + following.duration_s > motions.rich_s:
             ended = f"the time is used up: {used_s:.3g} of {motions.rich_s:g} s"
-        if ended:
+        if ended or following is None:
             return Telling(recording, tuple(experiments), now, motions, diagnosis, ended)
+        chosen = following
+
+
+def _beginning(reaches: Mapping[str, Reach], motions: Motions) -> Experiment:
+    """Return what is run before anything is known; raises UsageError where it lasts too long."""
+    first = probe(reaches, PROBE_SHARE * motions.rich_s)
+    lasts_s = first.lasts_s(reaches)
+    if lasts_s > motions.rich_s:
+        raise UsageError(
+            f"the shortest motion to begin with lasts {lasts_s:.3g} s, all telling ones may last "
+            f"{motions.rich_s:g} s: take --motion own or rich"
+        )
+    return Experiment(first, lasts_s, ("what is there at all",))
 
 
 def _run(

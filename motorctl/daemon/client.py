@@ -32,7 +32,19 @@ SLOW = ("apply", "revert")
 """Commands that compile before they do anything: minutes on a slow computer."""
 CONNECT_TIMEOUT_S = 5.0
 
-__all__ = ["Client", "DaemonRefusedError", "allowed_s", "connected", "request_line"]
+__all__ = [
+    "Client",
+    "DaemonRefusedError",
+    "NoDaemonError",
+    "allowed_s",
+    "connected",
+    "reply_to",
+    "request_line",
+]
+
+
+class NoDaemonError(RunError):
+    """Nobody answers on a socket, so far."""
 
 
 class Client:
@@ -46,6 +58,8 @@ class Client:
     def __init__(self, path: Path | None = None) -> None:
         self._socket, self.path = connected(path)
         self._count = 0
+        self._gone: str | None = None
+        """Why nothing more can be asked, or None."""
         self._lines = self._socket.makefile("rb")
 
     def __enter__(self) -> Self:
@@ -61,6 +75,10 @@ class Client:
 
     def close(self) -> None:
         """Hang up."""
+        self._hang_up(f"the connection to the daemon on {self.path} was closed here")
+
+    def _hang_up(self, why: str) -> None:
+        self._gone = self._gone or why
         self._lines.close()
         self._socket.close()
 
@@ -83,28 +101,40 @@ class Client:
         ------
         RunError
             Where the daemon does not answer within ANSWER_TIMEOUT_S (of a slow command
-            SLOW_TIMEOUT_S), or closes the connection.
+            SLOW_TIMEOUT_S), or closes the connection. It may still carry the request out. After
+            that, and after an exception that broke the wait off, nothing more is sent.
         DaemonRefusedError
             Where the daemon refuses the request.
         """
+        if self._gone is not None:
+            raise RunError(f"{self._gone}: nothing was sent; connect anew")
         self._count += 1
         line = request_line(self._count, do, arguments)
-        timeout_s = allowed_s(do)
+        try:
+            reply = self._reply_to(self._count, line, allowed_s(do))
+        except BaseException as error:  # Ctrl-C, too: the answer would be taken for the next one's
+            why = "a request was broken off before its answer came"
+            self._hang_up(str(error) if isinstance(error, MotorctlError) else why)
+            raise
+        return answered(reply)
+
+    def _reply_to(self, number: int, line: bytes, timeout_s: float) -> dict[str, Any]:
+        """Send a request and return the reply; raises MotorctlError where none to it comes."""
         self._socket.settimeout(timeout_s)
         try:
             # A daemon that refuses the client, or finds the request too long, answers unread.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 self._socket.sendall(line)
-            reply = self._lines.readline()
+            told = self._lines.readline()
         except TimeoutError:
             message = f"the daemon on {self.path} did not answer within {timeout_s:g} s"
             raise RunError(message) from None
         except OSError as error:
             message = f"the daemon on {self.path} closed the connection: {error.strerror}"
             raise RunError(message) from error
-        if not reply:
+        if not told:
             raise RunError(f"the daemon on {self.path} closed the connection without an answer")
-        return answered(json.loads(reply))
+        return reply_to(number, told, self.path)
 
     def ask_when_ready(
         self, do: str, on_wait: Callable[[str], None], **arguments: Any
@@ -207,6 +237,25 @@ def request_line(number: int, do: str, arguments: Mapping[str, Any]) -> bytes:
     return json.dumps({"id": number, "do": do, **given}).encode() + b"\n"
 
 
+def reply_to(number: int, line: bytes, path: Path) -> dict[str, Any]:
+    """Return the reply in a line, for `answered`.
+
+    Raises RunError where it is none to the request of that number, DaemonRefusedError where nobody
+    is heard on this connection.
+    """
+    try:
+        reply: dict[str, Any] = json.loads(line)
+        answers = reply["id"]
+    except (ValueError, KeyError, TypeError) as error:
+        message = f"what answers on {path} is no daemon: its answers make no sense"
+        raise RunError(message) from error
+    if answers is None:
+        answered(reply)
+    if answers != number:
+        raise RunError(f"the daemon on {path} answered another request than the last one")
+    return reply
+
+
 def allowed_s(do: str) -> float:
     """Return how long the answer to a request may take [s]."""
     return SLOW_TIMEOUT_S if do in SLOW else ANSWER_TIMEOUT_S
@@ -214,12 +263,12 @@ def allowed_s(do: str) -> float:
 
 def _unreachable(path: Path, error: OSError) -> MotorctlError:
     if isinstance(error, FileNotFoundError | ConnectionRefusedError):
-        return RunError(
+        return NoDaemonError(
             f"no daemon answers on {path}: start one with 'motorctl run CONFIG', "
             "or name its socket with --socket"
         )
     if isinstance(error, PermissionError):
         return RunError(f"{path}: permission denied: only root and the socket's group may connect")
     if isinstance(error, BlockingIOError):
-        return RunError(f"the daemon on {path} accepts nobody for {CONNECT_TIMEOUT_S:g} s")
+        return NoDaemonError(f"the daemon on {path} accepts nobody for {CONNECT_TIMEOUT_S:g} s")
     return UsageError(f"{path}: {error.strerror or error}")

@@ -163,7 +163,8 @@ class Report:
     def _recording(self) -> dict[str, Any]:
         recorder = self.recorder
         return {
-            "file": str(recorder.path) if recorder else None,
+            # whoever reads it may have been started in another folder
+            "file": str(recorder.path.absolute()) if recorder else None,
             "rows": recorder.rows_written if recorder else 0,
             "rows_lost": recorder.rows_lost if recorder else 0,
             "failure": recorder.failure if recorder else None,

@@ -6,8 +6,9 @@ several places, speeds and accelerations, so that each can be weighed by itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from motorctl.identify.diagnose.report.motion_advice import (
     Reach,
@@ -36,11 +37,18 @@ GENTLE = 0.25
 ROAMING = 5
 """Moves at random in one candidate: about two seconds. By hand."""
 LONGEST_S = 6.0
-"""Longer motions are not weighed [s]: several short ones, each chosen anew, tell more. By hand."""
+"""Longer motions are not weighed [s], but for the shortest of each kind: several short ones, each
+chosen anew, tell more. By hand."""
+LONGEST_OF_ALL_S = 600.0
+"""Longer than this not even that one is [s]. Larger takes memory and minutes to weigh it, smaller
+leaves more open on slow machines. By hand."""
 PROBE_S = 2.0
 """Of such moves, in the motion to begin with [s]: cut to 3 s, the rich motion named most effects of
 simulated gantries. Larger moves for what is known already, smaller leaves the first diagnosis too
 few rows. By hand."""
+HALVED = 8
+"""How often the travel of these moves is halved at most, where they would last too long. More lets
+slower machines begin with moves of micrometres. By hand."""
 BEGINS = (0.11, 0.47, 0.83)
 """Of these moves: other places, speeds and accelerations each. By hand."""
 MANY = 100.0
@@ -88,7 +96,23 @@ class Candidate:
 
 
 def candidates(axis: str, reaches: Mapping[str, Reach]) -> list[Candidate]:
-    """Return motions that could tell something of an axis, within what each axis may use."""
+    """Return motions that could tell something of an axis, within what each axis may use.
+
+    Those that last no longer than LONGEST_S, and the shortest of each kind.
+    """
+    lasting = [(each.lasts_s(reaches), each) for each in _every(axis, reaches)]
+    shortest: dict[str, float] = {}
+    for seconds, each in lasting:
+        shortest[each.kind] = min(seconds, shortest.get(each.kind, LONGEST_OF_ALL_S))
+    return [each for seconds, each in lasting if seconds <= max(LONGEST_S, shortest[each.kind])]
+
+
+def kinds(axis: str, reaches: Mapping[str, Reach]) -> frozenset[str]:
+    """Return the kinds of motions that there are for an axis, however long they last."""
+    return frozenset(each.kind for each in _every(axis, reaches))
+
+
+def _every(axis: str, reaches: Mapping[str, Reach]) -> list[Candidate]:
     own = [
         Candidate(kind, words, {axis: tuple(strokes)})
         for kind, words, strokes in _of_one(reaches[axis])
@@ -102,20 +126,38 @@ def candidates(axis: str, reaches: Mapping[str, Reach]) -> list[Candidate]:
         slow = tuple(_to_and_fro(reaches[axis], 0.5, SLOW_SPEEDS[-1], REVERSALS))
         words += f"goes to and fro at {_speed(SLOW_SPEEDS[-1] * reaches[axis].speed)}"
         own.append(Candidate("other axis", words, {other: strokes, axis: slow}))
-    return [each for each in own if each.lasts_s(reaches) <= LONGEST_S]
+    return own
 
 
-def probe(reaches: Mapping[str, Reach]) -> Candidate:
-    """Return the motion to begin with, before anything is known: moves at random on every axis."""
+def probe(reaches: Mapping[str, Reach], most_s: float = math.inf) -> Candidate:
+    """Return the motion to begin with, before anything is known: moves at random on every axis.
+
+    Over less of the travel, where it would last longer than `most_s` otherwise.
+    """
+    found = _probe(reaches, 1.0)
+    for halved in range(1, HALVED + 1):
+        if found.lasts_s(reaches) <= most_s:
+            break
+        found = _probe(reaches, 0.5**halved)
+    return found
+
+
+def _probe(reaches: Mapping[str, Reach], part: float) -> Candidate:
+    """Return it over a part of the travel, around its middle."""
     strokes = {}
     for k, (axis, reach) in enumerate(reaches.items()):
         begin = BEGINS[k % len(BEGINS)]
         strokes[axis] = (
-            *_lasting(reach, list(roam(reach, ROAMING, begin)), PROBE_S),
+            *_lasting(reach, [_nearer(s, part) for s in roam(reach, ROAMING, begin)], PROBE_S),
             *_reversals(reach, 0.5, REVERSAL_SPEEDS[0], 1),
             *_to_and_fro(reach, 0.5, SLOW_SPEEDS[0], 1),
         )
     return Candidate("probe", "moves at random, fast and slow reversals, on every axis", strokes)
+
+
+def _nearer(stroke: Stroke, part: float) -> Stroke:
+    """Return a stroke to a place nearer to the middle of the travel."""
+    return replace(stroke, to=0.5 + part * (stroke.to - 0.5))
 
 
 def _lasting(reach: Reach, strokes: list[Stroke], seconds: float) -> list[Stroke]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from motorctl.experiment.candidates import Candidate, candidates
+from motorctl.experiment.candidates import Candidate, candidates, kinds
 from motorctl.experiment.information import Products, parted_by, products_on, products_with
 from motorctl.experiment.open_questions import Open, Question
 from motorctl.experiment.predicted import predicted
@@ -35,6 +35,8 @@ class Prospect:
     """Of what each question still needs, 0 to 1."""
     per_row: tuple[float, ...]
     """Log-likelihood a row; of "how much" NaN."""
+    weighed: bool = True
+    """False where it has too few rows in motion to be."""
 
     @property
     def rate(self) -> float:
@@ -95,8 +97,13 @@ def look_out(
         The motions; by default all that there are for this axis.
     """
     motions = candidates(known.axis, reaches) if tried is None else list(tried)
-    prospects = [p for p in (_prospect(known, each, reaches) for each in motions) if p is not None]
-    found = [_inseparable(question, i, prospects) for i, question in enumerate(known.questions)]
+    prospects = [_prospect(known, each, reaches) for each in motions]
+    unweighed = {each.kind for each in motions} if tried is not None else kinds(known.axis, reaches)
+    unweighed -= {each.candidate.kind for each in prospects if each.weighed}
+    found = [
+        _inseparable(question, i, prospects, all_weighed=not unweighed)
+        for i, question in enumerate(known.questions)
+    ]
     by_effects = {each.question.effects: each for each in reversed(found) if each is not None}
     inseparable = tuple(by_effects.values())
     lost = lost_questions(known.questions, inseparable)
@@ -136,17 +143,21 @@ def _without(prospect: Prospect, questions: Sequence[Question], lost: frozenset[
         0.0 if question.words in lost else share
         for question, share in zip(questions, prospect.shares, strict=True)
     )
-    told = (prospect.told, shares, prospect.per_row)
-    return Prospect(prospect.candidate, prospect.duration_s, *told)
+    return replace(prospect, shares=shares)
 
 
-def _inseparable(question: Question, i: int, prospects: Sequence[Prospect]) -> Inseparable | None:
-    """Return why a question of two names cannot be settled, or None where it can."""
+def _inseparable(
+    question: Question, i: int, prospects: Sequence[Prospect], *, all_weighed: bool
+) -> Inseparable | None:
+    """Return why a question of two names cannot be settled, or None where it can.
+
+    Nor is it said where some kind of motion was not weighed.
+    """
     if question.hopeless:
         return Inseparable(question, question.hopeless)
     # two are told apart by a part of what is left over, however long the recording is
     needed = question.needed_per_row
-    if not prospects or needed <= 0.0 or question.known >= question.needed:
+    if not prospects or not all_weighed or needed <= 0.0 or question.known >= question.needed:
         return None
     best = max(prospects, key=lambda each: each.per_row[i])
     if best.per_row[i] >= needed:
@@ -158,7 +169,7 @@ def _inseparable(question: Question, i: int, prospects: Sequence[Prospect]) -> I
     )
 
 
-def _prospect(known: Open, candidate: Candidate, reaches: Mapping[str, Reach]) -> Prospect | None:
+def _prospect(known: Open, candidate: Candidate, reaches: Mapping[str, Reach]) -> Prospect:
     paths = candidate.trajectories(reaches)
     data = known.best.regressors.signals.data
     begin_s = float(data.time_s[-1]) + APART_S
@@ -223,7 +234,7 @@ def _prospect(known: Open, candidate: Candidate, reaches: Mapping[str, Reach]) -
 def _nothing(candidate: Candidate, duration_s: float, known: Open) -> Prospect:
     """Return the prospect of a motion in which an axis all but stands."""
     zeros = tuple(0.0 for _ in known.questions)
-    return Prospect(candidate, duration_s, zeros, zeros, zeros)
+    return Prospect(candidate, duration_s, zeros, zeros, zeros, weighed=False)
 
 
 def _narrowed(known: Open, question: Question, more: Products) -> float:

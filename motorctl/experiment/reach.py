@@ -9,6 +9,7 @@ import numpy as np
 from motorctl.config.analysis import required_command
 from motorctl.config.experiment_envelope import allowed_travel_m
 from motorctl.config.machine import Axis, Machine
+from motorctl.errors import UsageError
 from motorctl.identify.diagnose.report.motion_advice import Reach
 
 CLEARANCE = 0.05
@@ -24,8 +25,8 @@ ACCELERATION_STEPS = 50
 def reach_of(machine: Machine, axis: Axis, effort: float = 1.0) -> Reach:
     """Return how far, fast and hard the axis may be driven.
 
-    No harder than by its own programs, which the machine is known to follow; where it has none,
-    as hard as a part of its voltage allows.
+    No harder than by its own programs, which the machine is known to follow; where it has none in
+    which it moves, as hard as a part of its voltage allows.
     """
     limits = axis.limits
     low, high = limits.travel_m
@@ -36,8 +37,10 @@ def reach_of(machine: Machine, axis: Axis, effort: float = 1.0) -> Reach:
         limits.max_jerk_m_s3,
     )
     own = [p for p in machine.programs.values() if axis.name in p.axes]
-    if own:
-        peaks = [program.trajectories()[axis.name].peaks() for program in own]
+    peaks = [program.trajectories()[axis.name].peaks() for program in own]
+    count_m = axis.encoder.resolution_m
+    peaks = [peak for peak in peaks if peak.range_m[1] - peak.range_m[0] > count_m]
+    if peaks:
         speed = min(speed, max(peak.max_velocity_m_s for peak in peaks))
         acceleration = min(acceleration, max(peak.max_acceleration_m_s2 for peak in peaks))
         jerk = min(jerk, max(peak.max_jerk_m_s3 for peak in peaks))
@@ -53,16 +56,26 @@ def reach_of(machine: Machine, axis: Axis, effort: float = 1.0) -> Reach:
 
 
 def reach_in_envelope(machine: Machine, axis: Axis, effort: float = 1.0) -> Reach:
-    """Return the same, and no more than axes.NAME.experiments allows where that is declared."""
+    """Return the same, and no more than axes.NAME.experiments allows where that is declared.
+
+    Raises UsageError where its travel leaves nothing of what may be used.
+    """
     reach = reach_of(machine, axis, effort)
     own = axis.experiments
     if own is None:
         return reach
-    low, high = allowed_travel_m(axis)
+    allowed = allowed_travel_m(axis)
+    low, high = max(reach.low, allowed[0]), min(reach.high, allowed[1])
+    if not low < high:
+        raise UsageError(
+            f"axes.{axis.name}.experiments.travel_m: {allowed[0]:g} to {allowed[1]:g} m leaves "
+            f"nothing of the {reach.low:g} to {reach.high:g} m in which motions are made: "
+            f"{100 * CLEARANCE:g} % of limits.travel_m are kept free at either end"
+        )
     return replace(
         reach,
-        low=max(reach.low, low),
-        high=min(reach.high, high),
+        low=low,
+        high=high,
         speed=min(reach.speed, own.max_velocity_share * axis.limits.max_velocity_m_s),
         acceleration=min(
             reach.acceleration, own.max_acceleration_share * axis.limits.max_acceleration_m_s2

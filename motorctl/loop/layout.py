@@ -50,6 +50,7 @@ LOOP_STATUS = np.dtype(
         ("models_refused", "i8"),  # 1: the old ones go on
         ("models_told", f"S{MODELS_TOLD_BYTES}"),  # why
         ("models_row", "i8"),  # rows written so far when the models last changed
+        ("models_row_before", "i8"),  # and at the change before that
     ],
     align=True,
 )

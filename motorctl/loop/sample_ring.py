@@ -116,6 +116,14 @@ class SampleRing:
         return int(self.status["models_row"][0])
 
     @property
+    def last_models_rows(self) -> tuple[int, int]:
+        """The first row of the models before those that run now, and `models_row`."""
+        while True:  # a change may come between
+            now, before = self.models_row, int(self.status["models_row_before"][0])
+            if now == self.models_row:
+                return before, now
+
+    @property
     def drained(self) -> int:
         """How many rows were drained so far."""
         return self._drained

@@ -91,6 +91,7 @@ class Succession:
             for slot in (0, 1):
                 if self._learned_rows[axis, slot] == row[0]:
                     self._learned_rows[axis, slot] = head[0]
+        self._status["models_row_before"] = row
         row[0] = head[0]
 
     def set_windows(self, windows: Sequence[float]) -> None:

@@ -82,6 +82,7 @@ class LiveMachine(Shown):
         self._watch: Watch | None = None
         self._due: _Due | None = None
         self.captured: list[Capture] = []
+        self._failure: str | None = None
         first = self._heard.read()
         deadline = time.monotonic() + 10.0
         while not first.rows and time.monotonic() < deadline:
@@ -127,20 +128,24 @@ class LiveMachine(Shown):
                 "run": self._history.run,
                 "columns": len(self._history.columns),
                 "lost": self._heard.lost,
-                "gone": self._heard.ended,
+                "gone": self._heard.ended or self._failure is not None,
+                "failure": self._failure,
                 "armed": watch.trigger.model_dump() if watch else None,
                 "captures": [capture.__dict__ for capture in self.captured[-5:]],
                 "captured": len(self.captured),
             }
 
     def _listen(self) -> None:
-        for samples in self._heard:
-            if self._leaves.is_set():
-                self._heard.close()
-                return
-            with self.lock:
-                self._hear(samples)
-                self._version += 1
+        try:
+            for samples in self._heard:
+                if self._leaves.is_set():
+                    self._heard.close()
+                    return
+                with self.lock:
+                    self._hear(samples)
+                    self._version += 1
+        except MotorctlError as error:  # as of a daemon of another version: the page tells it
+            self._failure = str(error)
 
     def _begin(self, samples: Samples) -> None:
         self._history = History(samples, KEPT_S)

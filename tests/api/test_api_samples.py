@@ -20,6 +20,7 @@ from recorded_ring import AXES, Ring, ring
 from served_socket import served
 
 import motorctl
+from motorctl.api import samples as samples_module
 from motorctl.api.samples import Subscription
 from motorctl.daemon.access import Role
 from motorctl.daemon.client import Client
@@ -110,6 +111,46 @@ def test_rows_of_other_models_come_apart_with_their_own_columns(tmp_path: Path) 
         assert "x.theta_hat_cogging_sin_1" in new
 
 
+def change_models(stage: Stage, theta: tuple[str, ...]) -> None:
+    """Let other models take over, as the loop notes it; the daemon tells of them at once."""
+    status = stage.filled.memory.status
+    status["models_row_before"] = status["models_row"]
+    status["models_row"] = stage.models_row = stage.filled.rows
+    stage.theta["x"] = theta
+
+
+def test_rows_between_two_changes_of_models_are_not_read_with_the_columns_of_others(
+    tmp_path: Path,
+) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        for rows, theta in ((100, ("inertia", "viscous")), (50, ("inertia", "cogging_sin_1"))):
+            stage.filled.run(rows)
+            change_models(stage, theta)
+        stage.filled.run(30)
+        read = samples.read()
+        assert (read["tick"][0], read.rows, read.lost, samples.lost) == (150, 30, 150, 150)
+        assert "x.theta_hat_cogging_sin_1" in read
+        change_models(stage, ("inertia", "offset"))
+        stage.filled.run(20)
+        assert [samples.read().rows for _ in range(2)] == [20, 0]
+        assert samples.lost == 150
+
+
+def test_rows_that_were_held_for_models_that_went_again_are_counted_as_lost(
+    tmp_path: Path,
+) -> None:
+    with staged(tmp_path / "s") as (stage, path), subscribed(path) as samples:
+        stage.filled.run(100)
+        change_models(stage, ("inertia", "viscous"))
+        stage.filled.run(50)
+        assert samples.read().rows == 100
+        change_models(stage, ("inertia", "cogging_sin_1"))
+        stage.filled.run(30)
+        read = samples.read()
+        assert (read["tick"][0], read.rows, read.lost, samples.lost) == (150, 30, 50, 50)
+        assert "x.theta_hat_cogging_sin_1" in read
+
+
 def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path: Path) -> None:
     with ring() as filled:
         stage, to_read = Stage(filled), filled.memory.open_to_read
@@ -129,6 +170,64 @@ def test_rows_of_models_that_nobody_tells_any_more_are_counted_as_lost(tmp_path:
             assert (batch.run, batch.rows, samples.lost) == (1, 7, 5)
             filling.join()
             samples.close()
+
+
+def test_who_reads_without_iterating_is_told_of_the_end_after_the_last_row(tmp_path: Path) -> None:
+    with ring() as filled:
+        stage, to_read = Stage(filled), filled.memory.open_to_read
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            samples = subscribed(path)
+            assert (samples.read().rows, samples.ended) == (0, False)
+            filled.run(10)
+        assert (samples.read().rows, samples.ended) == (10, True)
+        assert (samples.read().rows, samples.ended) == (0, True)
+        samples.close()
+
+
+def next_batch(samples: Subscription) -> list[BaseException | motorctl.Samples]:
+    """Return what comes next, an error too; nothing where it does not come in time."""
+    got: list[BaseException | motorctl.Samples] = []
+
+    def take() -> None:
+        try:
+            got.append(next(iter(samples)))
+        except motorctl.MotorctlError as error:
+            got.append(error)
+
+    taking = threading.Thread(target=take, daemon=True)
+    taking.start()
+    taking.join(3.0)
+    return got
+
+
+@pytest.mark.parametrize("hinders", ["version", "layout", "kept out", "permission"])
+def test_restarts_wait_for_a_daemon_and_not_for_one_that_hands_nothing_over(
+    hinders: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(samples_module, "AGAIN_S", 0.01)
+
+    def no_permission(_: Path) -> None:
+        raise motorctl.RunError("permission denied") from PermissionError()
+
+    with ring() as filled:
+        stage, to_read = Stage(filled), filled.memory.open_to_read
+        with served(tmp_path / "s", stage.handle, lambda: Role.OBSERVE, to_read) as path:
+            samples = subscribed(path, restarts=True)
+        role: list[Any] = [Role.OBSERVE]
+        why = "another version of motorctl"
+        if hinders == "version":
+            stage.signature = "of other fields"
+        elif hinders == "layout":
+            monkeypatch.setattr(samples_module, "signature", lambda layout: layout["unknown"])
+        elif hinders == "kept out":
+            role, why = [None], "group"
+        else:
+            why = "permission denied"
+            monkeypatch.setattr(samples_module, "connected", no_permission)
+        with served(tmp_path / "s", stage.handle, lambda: role[0], to_read):
+            (error,) = next_batch(samples)
+        assert isinstance(error, motorctl.MotorctlError)
+        assert why in str(error)
 
 
 def test_a_daemon_of_another_version_is_not_misread(tmp_path: Path) -> None:

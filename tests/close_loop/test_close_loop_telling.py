@@ -9,7 +9,7 @@ from motorctl.close_loop import telling
 from motorctl.close_loop.motion import Motions
 from motorctl.close_loop.telling import record_telling
 from motorctl.config.shipped import locate
-from motorctl.errors import RunError
+from motorctl.errors import RunError, UsageError
 from motorctl.experiment.candidates import Candidate
 from motorctl.experiment.session import Experiment, Standing
 from motorctl.identify.diagnose.report.motion_advice import Stroke
@@ -96,6 +96,36 @@ def test_a_machine_runs_only_what_is_new_and_its_recordings_are_joined(given, tm
     assert len(told.recording.time_s) == 300
     paths = [m.programs[m.axes["x"].program].trajectories()["x"] for m in rig.ran]
     assert {round(path.start_m, 9) for path in paths} == {round(path.end_m, 9) for path in paths}
+
+
+def test_after_a_gentler_run_everything_is_weighed_and_timed_as_it_can_be_run(
+    given, tmp_path, monkeypatch
+):
+    given[:] = [doubtful(), settled()]
+    weighed = []
+
+    def chosen(_standing, reaches, *_):
+        weighed.append(reaches)
+        return Experiment(TO_AND_FRO, TO_AND_FRO.lasts_s(reaches), ("x: what is asked",))
+
+    monkeypatch.setattr(telling, "next_experiment", chosen)
+    rig = GivenRig(goes_on=True, trips=1)
+    told = record(tmp_path, rig, Motions(rich_s=60.0))
+    fastest = {m.max_velocity_m_s for m in moves_of(rig.ran[0], "x")}
+    assert weighed[0]["x"].speed == pytest.approx(max(fastest), rel=0.05)
+    first, second = told.experiments
+    assert first.duration_s == pytest.approx(first.candidate.lasts_s(weighed[0]))
+    assert second.duration_s == pytest.approx(second.candidate.lasts_s(weighed[0]))
+    for each, machine in zip(told.experiments, rig.ran, strict=True):
+        ran_s = of_axes(machine)["x"].trajectories()["x"].duration_s
+        assert ran_s == pytest.approx(each.duration_s + telling.BETWEEN_S, abs=0.01)
+
+
+def test_nothing_is_run_where_even_the_first_motion_lasts_longer_than_all_may(given, tmp_path):
+    rig = GivenRig()
+    with pytest.raises(UsageError, match=r"lasts .* s, all telling ones may last 0\.5 s"):
+        record(tmp_path, rig, Motions(rich_s=0.5))
+    assert rig.ran == []
 
 
 def test_axes_begin_every_motion_together(given, tmp_path):

@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from daemon_rig import wait_until
+from daemon_rig import bench_config, wait_until
+from recorded_ring import ring
 
+from motorctl.config import load
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.report import Report
 from motorctl.errors import RunError
 from motorctl.log import LogAxis, LogWriter, recover
 from motorctl.loop import LoopMemory
@@ -66,6 +69,21 @@ def test_rows_are_on_disk_while_the_recording_goes_on(memory: LoopMemory, tmp_pa
     copy.write_bytes((tmp_path / "run.parquet.partial").read_bytes())
     assert recover(copy).rows == 300
     recording.finish(dict)
+
+
+def test_the_status_names_the_log_so_that_it_is_found_from_every_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    (tmp_path / "logs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    machine = load(Path("bench.yaml"))
+    with ring() as filled:
+        report = Report(machine, filled.memory, Path("s"))
+        report.recorder = recorder(filled.memory, Path("logs"))
+        told = report.document([], {})["recording"]["file"]
+        assert told == str(tmp_path / "logs" / "run.parquet")
+        report.recorder.finish(dict)
 
 
 def test_rows_that_were_overwritten_are_counted(memory: LoopMemory, tmp_path: Path) -> None:

@@ -1,13 +1,16 @@
 """Motions that could be run next, and the reach that they stay within."""
 
 import dataclasses
+import math
 
 import pytest
 
 from motorctl.config import load, load_resolved
-from motorctl.experiment.candidates import LONGEST_S, SETTLED_S, candidates, probe
+from motorctl.errors import UsageError
+from motorctl.experiment.candidates import LONGEST_S, SETTLED_S, candidates, kinds, probe
 from motorctl.experiment.reach import reach_in_envelope, reach_of
-from motorctl.motion import Moves, check_program
+from motorctl.identify.diagnose.report.motion_advice import Reach
+from motorctl.motion import Moves, Points, check_program
 
 GANTRY = load("published_gantry")
 
@@ -45,6 +48,47 @@ def test_candidates_are_short_and_their_axes_begin_and_end_together():
         assert set(paths) == {"x", "y"}
         assert len({round(path.duration_s, 9) for path in paths.values()}) == 1
         assert 0.0 < paths["x"].duration_s - 2 * SETTLED_S <= LONGEST_S
+
+
+SLOW = {"x": Reach(0.025, 0.475, 0.009, 0.4, 50.0)}
+
+
+def test_a_slow_axis_has_a_motion_of_every_kind_that_a_fast_one_has():
+    fast = {"x": Reach(0.025, 0.475, 0.9, 8.0, 500.0)}
+    few = candidates("x", SLOW)
+    assert {each.kind for each in few} == kinds("x", SLOW) == kinds("x", fast)
+    long = [each.kind for each in few if each.lasts_s(SLOW) > LONGEST_S]
+    assert long
+    assert len(long) == len(set(long)), "the shortest of each alone"
+    assert not any(each.lasts_s(fast) > LONGEST_S for each in candidates("x", fast))
+
+
+def test_a_slow_axis_begins_within_the_time_that_is_given():
+    assert probe(SLOW).lasts_s(SLOW) > 24.0
+    short = probe(SLOW, 12.0)
+    assert short.lasts_s(SLOW) <= 12.0
+    places = [stroke.to for stroke in short.strokes["x"]]
+    assert max(places) - min(places) > 0.01
+    quick = reaches_of(GANTRY)
+    assert probe(quick, 12.0) == probe(quick)
+
+
+def test_an_envelope_that_lies_in_what_is_kept_free_is_refused_with_its_key():
+    axis = with_envelope(travel_m=[-0.05, -0.03]).axes["x"]
+    with pytest.raises(UsageError, match=r"axes\.x\.experiments\.travel_m: -0\.05 to -0\.03 m"):
+        reach_in_envelope(GANTRY, axis)
+
+
+def test_a_program_in_which_an_axis_stands_tells_nothing_of_its_reach(tmp_path):
+    place = GANTRY.axes["y"].limits.travel_m[0] + 0.1
+    times = [0.01 * k for k in range(201)]
+    rows = (f"{t},{0.05 * (1 - math.cos(math.pi * t)):.9f},{place}" for t in times)
+    (tmp_path / "line.csv").write_text("\n".join(["time_s,x_m,y_m", *rows]) + "\n")
+    line = Points(name="line", axes=("x", "y"), file=tmp_path / "line.csv")
+    alone = dataclasses.replace(GANTRY, programs={"line": line})
+    none = dataclasses.replace(GANTRY, programs={})
+    assert reach_of(alone, alone.axes["y"]) == reach_of(none, none.axes["y"])
+    assert reach_of(alone, alone.axes["x"]).speed < reach_of(none, none.axes["x"]).speed
 
 
 def test_a_declared_envelope_narrows_the_reach_and_none_widens_it():

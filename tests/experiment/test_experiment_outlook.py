@@ -128,6 +128,22 @@ def test_what_no_motion_can_tell_apart_is_said_to_be_inseparable_with_the_number
     assert look.prospects[0].shares[place] == 0.0
 
 
+def test_nothing_is_called_inseparable_while_a_kind_of_motion_could_not_be_weighed():
+    known = ambiguous()
+    hard = [
+        dataclasses.replace(question, needed_per_row=1e9) if question.kind == "which" else question
+        for question in known.questions
+    ]
+    both = {**REACHES, "y": REACHES["x"]}
+    stands = Candidate("stands", "y alone moves", {"y": (Stroke(0.7),)})
+    look = look_out(dataclasses.replace(known, questions=tuple(hard)), both, [HARD, stands])
+    assert {each.candidate.kind: each.weighed for each in look.prospects} == {
+        "hard": True,
+        "stands": False,
+    }
+    assert look.inseparable == ()
+
+
 def test_a_delay_too_short_for_the_band_is_inseparable_from_a_lag_whatever_the_motion():
     axis = axis_diagnosis("input_delay", duration_s=6.0)
     delay = axis.effects[0]

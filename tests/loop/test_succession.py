@@ -200,6 +200,10 @@ def test_an_axis_that_is_off_starts_with_the_other_model(tmp_path: Path) -> None
         virtual.advance(500)
         virtual.raise_faults()
         assert virtual.machine.axes["x"].controller == "C1"
+        first = virtual.memory.models_row
+        assert virtual.change_models(machine) is None
+        before, last = virtual.memory.last_models_rows
+        assert before == first < last, "readers know of changes that they have not seen"
 
 
 def test_a_model_with_more_parameters_than_there_is_room_for_asks_for_a_restart(

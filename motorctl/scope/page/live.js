@@ -68,7 +68,7 @@ export class Live {
 
   tell(state) {
     const heard = document.getElementById("heard");
-    heard.textContent = state.gone ? "the daemon is gone: waiting for the next one" : `${shown(state.end_s, 7)} s · ${state.lost} rows lost`;
+    heard.textContent = state.failure ? `ended: ${state.failure}` : state.gone ? "the daemon is gone: waiting for the next one" : `${shown(state.end_s, 7)} s · ${state.lost} rows lost`;
     heard.dataset.lost = state.lost;
     heard.dataset.gone = state.gone;
     this.form.dataset.armed = state.armed !== null;
