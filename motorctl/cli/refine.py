@@ -54,9 +54,9 @@ def _refine(
     from motorctl import refine
     from motorctl.cli.progress import showing_stages
     from motorctl.identify.diagnose.report.page import write_report
-    from motorctl.replacing import refuse_what_is_there
+    from motorctl.replacing import is_in_place, refuse_what_is_there
 
-    refuse_what_is_there(out, replace=force)
+    refuse_what_is_there(out, replace=force or is_in_place(out, config))
     with showing_stages() as progress:
         refinement = refine(
             recording, config, out, axis=axis, whole_run=whole_run, progress=progress

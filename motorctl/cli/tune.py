@@ -85,7 +85,7 @@ def _tune(
     from motorctl.identify.refine.refinement import load_machine
     from motorctl.identify.refine.written_beside import put_in_place
     from motorctl.log import read_recording
-    from motorctl.replacing import refuse_what_is_there
+    from motorctl.replacing import is_in_place, refuse_what_is_there
     from motorctl.tune.document import tuning_document
     from motorctl.tune.margins_wanted import margins_wanted
     from motorctl.tune.picture import draw_tuning
@@ -96,7 +96,7 @@ def _tune(
         raise UsageError(f"{out}: there is no folder {out.parent}")
     if out.suffix.lower() not in (".yaml", ".yml") or out.is_dir():
         raise UsageError(f"{out}: a configuration is a .yaml file")
-    refuse_what_is_there(out, replace=force)
+    refuse_what_is_there(out, replace=force or is_in_place(out, config))
     machine, hardware = load_machine(config)
     require_tunable(machine, axis, out, hardware=hardware)
     with tempfile.TemporaryDirectory() as scratch, showing_stages(lines=True) as progress:

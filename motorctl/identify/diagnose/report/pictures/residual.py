@@ -189,7 +189,7 @@ def _noise_line(panel: Axes, axis: AxisSignals) -> None:
     repeated = max(0.5 * rate_hz / traces.band_hz, 1.0)
     rms = traces.noise_floor_rms * np.sqrt(repeated)
     level = position_noise(traces.position, rms, _highest_wave(axis))
-    if np.isfinite(level):
+    if np.isfinite(level) and level > 0.0:
         label = "99 % of noise is below"
         panel.axhline(level, color=NOISE, lw=1.3, ls="--", label=label)
         bottom, top = panel.get_ylim()
