@@ -114,7 +114,7 @@ def test_gains_that_trip_or_make_it_worse_are_not_written(config, log, tmp_path,
     out = tmp_path / "tuned.yaml"
     out.write_text("mine", encoding="utf-8")
     with pytest.raises(RunError, match="tripped" if why == "trips" else "so nothing was written"):
-        run("y", "--config", config, "--out", out, "--force")
+        run("y", "--config", config, "--out", out, "--force", "--margin", "20deg,3dB")
     assert len(runs) == 2
     assert out.read_text(encoding="utf-8") == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["tuned.yaml"]
