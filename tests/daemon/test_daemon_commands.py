@@ -32,13 +32,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 @pytest.fixture
 def idle(daemon: Daemon) -> Daemon:
     """Both axes enabled and holding."""
-    for axis in ("x", "y"):
-        if daemon.state(axis) == "fault":
-            daemon.ask_when_it_stands("reset", axis)
-        if daemon.state(axis) not in {"off", "idle"}:
-            daemon.ask("stop", axis=axis)
-            wait_until(lambda axis=axis: daemon.state(axis) == "off")
-        daemon.ask_when_it_stands("start", axis)
+    daemon.hold("x", "y")
     return daemon
 
 

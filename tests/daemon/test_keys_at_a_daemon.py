@@ -27,11 +27,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 @pytest.fixture
 def idle(daemon: Daemon) -> Daemon:
-    for axis in ("x", "y"):
-        if daemon.state(axis) == "fault":
-            daemon.ask_when_it_stands("reset", axis)
-        daemon.ask_when_it_stands("start", axis)
-        wait_until(lambda axis=axis: daemon.state(axis) == "idle")
+    daemon.hold("x", "y")
     return daemon
 
 

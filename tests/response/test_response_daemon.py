@@ -33,12 +33,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 @pytest.fixture
 def daemon(running: Daemon) -> Daemon:
     """Both axes without drive, whatever the test before left behind."""
-    for axis in ("x", "y"):
-        if running.state(axis) == "fault":
-            running.ask_when_it_stands("reset", axis)
-        if running.state(axis) != "off":
-            running.ask("stop", axis=axis)
-            wait_until(lambda axis=axis: running.state(axis) == "off")
+    running.switch_off("x", "y")
     return running
 
 

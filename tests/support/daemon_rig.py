@@ -160,6 +160,23 @@ class Daemon:
         with Client(self.socket) as client:
             return client.ask(do, **arguments)
 
+    def switch_off(self, *axes: str) -> None:
+        """Leave axes without drive, whatever a test before left behind."""
+        for axis in axes:
+            if self.state(axis) == "fault":
+                self.ask_when_it_stands("reset", axis)
+            if self.state(axis) != "off":
+                self.ask("stop", axis=axis)
+                wait_until(lambda axis=axis: self.state(axis) == "off")
+
+    def hold(self, *axes: str) -> None:
+        """Enable axes that hold, whatever a test before left behind."""
+        for axis in axes:
+            if self.state(axis) not in {"off", "idle"}:
+                self.switch_off(axis)
+            self.ask_when_it_stands("start", axis)
+            wait_until(lambda axis=axis: self.state(axis) == "idle")
+
     def ask_when_it_stands(self, do: str, axis: str, **arguments: Any) -> dict[str, Any]:
         """Command an axis without drive that may still coast."""
         answers: list[dict[str, Any]] = []
