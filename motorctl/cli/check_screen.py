@@ -19,7 +19,7 @@ from motorctl.cli.check_words import (
     number,
     wiring_words,
 )
-from motorctl.config.analysis import LoopMargins
+from motorctl.config.loop_cases import MarginsAt
 
 MORE = "--all: parameters, gains, guards, conditions, logs   --out DIR: Bode plots"
 
@@ -63,14 +63,10 @@ def _axis(axis: Part) -> Iterator[str]:
     yield limit_words(limits)
     yield f"trips at a following error of {following_error_words(limits['following_error'])}"
     yield escape(" ".join(axis["effects"]))
-    yield _margins([LoopMargins(**_of_loop(row)) for row in axis["margins"]])
+    yield _margins([MarginsAt(**row) for row in axis["margins"]])
 
 
-def _of_loop(row: Part) -> Part:
-    return {key: row[key] for key in LoopMargins.__dataclass_fields__}
-
-
-def _margins(rows: list[LoopMargins]) -> str:
+def _margins(rows: list[MarginsAt]) -> str:
     """Return the least margins of all rows: over the inertia's bounds, up to a period late."""
     if not all(row.stable for row in rows):
         return "[bold red]unstable[/bold red] within the bounds of its inertia: see the notes"

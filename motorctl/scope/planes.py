@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import UsageError
+from motorctl.identify.compare.error_across import error_across
 from motorctl.scope.shown import Shown
 from motorctl.scope.wire import Answer
 
@@ -83,7 +84,7 @@ def path(
     rx, vx, ex, ry, vy, ey = (
         shown.pyramid.rows(name, first, last).astype(float) for name in columns
     )
-    across, normal_x, normal_y = error_across(vx, vy, ex, ey)
+    across, normal_x, normal_y = error_across(vx, vy, ex, ey, LEAST_SPEED)
     if len(across):
         told = told | {
             "worst": float(np.max(np.abs(across))),
@@ -95,30 +96,6 @@ def path(
     return Answer(
         {**drawn.told, "reference_line": reference.told["line"]}, {**drawn.arrays, **arrays}
     )
-
-
-def error_across(vx: Array, vy: Array, ex: Array, ey: Array) -> tuple[Array, Array, Array]:
-    """Return the error across a path, and the direction across it.
-
-    Parameters
-    ----------
-    vx, vy
-        Velocity of the reference, shape (N,).
-    ex, ey
-        Position - reference, shape (N,).
-
-    Returns
-    -------
-    across
-        The part of the error to the left of the path, zero where the reference rests.
-    normal_x, normal_y
-        Unit vector to the left of it.
-    """
-    speed = np.hypot(vx, vy)
-    moving = speed > LEAST_SPEED
-    safe = np.where(moving, speed, 1.0)
-    normal_x, normal_y = np.where(moving, -vy / safe, 0.0), np.where(moving, vx / safe, 0.0)
-    return ex * normal_x + ey * normal_y, normal_x, normal_y
 
 
 def _rows(shown: Shown, begin_s: float, end_s: float) -> tuple[int, int, dict[str, Any]]:

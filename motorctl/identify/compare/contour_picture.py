@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.compare.error_across import error_across
 from motorctl.identify.compare.runs import ComparedRun, Comparison
 from motorctl.picture_style import colour, panels_in_file
 
@@ -72,10 +73,10 @@ def contour_of(run: ComparedRun, pair: tuple[str, str]) -> Contour:
     x, y = (np.asarray(r, dtype=np.float64)[rows] for r in references if r is not None)
     ex, ey = (record.position[rows] - r for record, r in zip(records, (x, y), strict=True))
     vx, vy = np.gradient(x, edge_order=2), np.gradient(y, edge_order=2)
-    speed = np.hypot(vx, vy)
-    moves = (speed > SLOW_SHARE * np.max(speed, initial=0.0)) & np.isfinite(ex) & np.isfinite(ey)
-    nx, ny = -vy[moves] / speed[moves], vx[moves] / speed[moves]
-    return Contour((x[moves], y[moves]), (nx, ny), ex[moves] * nx + ey[moves] * ny)
+    slowest = SLOW_SHARE * float(np.max(np.hypot(vx, vy), initial=0.0))
+    across, nx, ny = error_across(vx, vy, ex, ey, slowest)
+    kept = ((nx != 0.0) | (ny != 0.0)) & np.isfinite(across)
+    return Contour((x[kept], y[kept]), (nx[kept], ny[kept]), across[kept])
 
 
 def pairs_of(comparison: Comparison) -> list[tuple[str, str]]:
