@@ -47,7 +47,8 @@ def _is_word(tokens: list[str], i: int) -> bool:
     """Return whether a token is English; a single a between words is an article."""
     token = tokens[i]
     if token == "a":
-        around = [t for t in (*tokens[max(i - 2, 0) : i], *tokens[i + 1 : i + 3]) if not t.isspace()]
+        beside = (*tokens[max(i - 2, 0) : i], *tokens[i + 1 : i + 3])
+        around = [t for t in beside if not t.isspace()]
         return len(around) == 2 and all(_is_english(t) for t in around)
     return _is_english(token)
 

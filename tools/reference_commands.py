@@ -1,4 +1,4 @@
-"""The reference page of commands: what `motorctl COMMAND --help` tells of each, from the same source."""
+"""The reference page of commands, from what `motorctl COMMAND --help` is made of."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def commands_page(made_by: str) -> str:
         "",
         made_by,
         "",
-        "What `motorctl --help` and `motorctl COMMAND --help` tell. A bad input ends a command with "
-        "one message and exit status 2; `--json`, where a command has it, prints one document for "
-        "programs.",
+        "What `motorctl --help` and `motorctl COMMAND --help` tell. A bad input ends a command "
+        "with one message and exit status 2; `--json`, where a command has it, prints one document "
+        "for programs.",
     ]
     for title, told in sections.items():
         lines += ["", f"## {title}"]

@@ -26,7 +26,9 @@ CHAPTERS = {
 }
 """Below the first page. A page that stands nowhere comes under "More"."""
 BELOW = {
-    "buses": [f"drivers/{name}" for name in ("can", "canopen", "serial", "modbus", "gantry_device")],
+    "buses": [
+        f"drivers/{name}" for name in ("can", "canopen", "serial", "modbus", "gantry_device")
+    ],
     "decisions/README": ["decisions/0*"],
 }
 """Pages that stand below another one; a star stands for all of these names."""

@@ -15,6 +15,7 @@ import yaml
 
 from motorctl.cli import make_app
 from motorctl.config import config_schema
+from motorctl.located_yaml import CoreLoader
 from motorctl.log.sample import FaultCause
 from motorctl.loop.faults import fault_message
 from motorctl.loop.realtime import REASONS
@@ -86,7 +87,7 @@ def test_every_part_of_a_configuration_that_a_page_shows_has_keys_that_there_are
     page: Path,
 ) -> None:
     for block in blocks(page, "yaml"):
-        part = yaml.safe_load(block)
+        part = yaml.load(block, CoreLoader)  # numbers as motorctl reads them: 5e-6 is one
         if not isinstance(part, dict) or not set(part) <= set(SCHEMA["properties"]):
             continue  # a device, a recording, or a part of a part
         problems = [f"{list(e.absolute_path)}: {e.message}" for e in PART.iter_errors(part)]
