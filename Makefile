@@ -51,7 +51,7 @@ campaign: $(STAMP)
 
 # The documentation as a site that needs neither network nor server: out/site/index.html.
 docs: $(STAMP)
-	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -d out/site-cache docs out/site
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --fresh-env --write-all -d out/site-cache docs out/site
 	@echo "out/site/index.html"
 
 lint: $(STAMP)

@@ -7,13 +7,16 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_site"))
 
 project = "motorctl"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "navigation"]
+extensions = [
+    *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"),
+    *("mathml", "navigation", "plain_attributes"),  # in _site/
+]
 exclude_patterns = ["_site", "drivers/example"]
 
 # Markdown as the repository's pages have it, with links to headings as GitHub makes them.
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
-myst_fence_as_directive: list[str] = []
+highlight_language = "none"  # what a terminal shows, where a block names no language
 
 # The Python API, from its docstrings.
 default_role = "code"

@@ -34,12 +34,14 @@ def formula_tex(formula: str) -> str:
     out = ""
     for i, token in enumerate(tokens):
         if told[i]:
-            out += rf"\text{{ {token} }}"
+            before = " " if i and tokens[i - 1].isspace() else ""
+            after = " " if i + 1 < len(tokens) and tokens[i + 1].isspace() else ""
+            out += rf"\text{{{before}{token}{after}}}"
         elif token == ",  ":
             out += r",\quad "
         else:
             out += RELATIONS.get(token) or (" " if token.isspace() else _symbol(token))
-    out = re.sub(r" \}\s*\\text\{ ", " ", out)  # words that follow each other
+    out = re.sub(r" \}\s*\\text\{ ?", " ", out)  # words that follow each other
     return re.sub(r" +", " ", out).strip()
 
 

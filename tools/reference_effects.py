@@ -13,8 +13,8 @@ from motorctl.model.catalog import basic_effects, built_in_effects
 from motorctl.model.effect import EffectOptions
 
 KINDS = {
-    "state": "a force that depends on the motion",
-    "input": "what becomes of the command on its way to a force",
+    "state": "a force that depends on the motion: its formula is what it asks of the command",
+    "input": "what becomes of the command on its way to a force, the map v(u)",
     "command": "what happens to the command before it acts",
     "measurement": "an error of the measured position",
 }
@@ -33,13 +33,14 @@ def effects_page(made_by: str) -> str:
         "",
         made_by,
         "",
-        "An axis' model is a list of effects, in volts of command. Of a *state* effect the formula "
-        "is what it asks of the command; of an *input* effect it is the map from the command u to "
-        "what acts, v(u). Symbols: x, v and a are position, velocity and acceleration, u the "
-        "command, t the time; Sf is a smooth sign. The first six make the controllers' own models "
-        "(C1: the first four); all others may be added to any axis. `motorctl check --all` tells "
-        "whether the controller's conditions still hold, and which effects they leave out. "
-        "[How to write one](../own_effect.md).",
+        "An axis' model is a list of effects, in volts of command. x, v and a are position, "
+        "velocity and acceleration, u the command, t the time; Sf is a smooth sign.",
+        "",
+        *(f"- {_a(kind).capitalize()} effect: {words}." for kind, words in KINDS.items()),
+        "",
+        "The first six make the controllers' own models (C1: the first four); all others may be "
+        "added to any axis. `motorctl check --all` tells whether the controller's conditions still "
+        "hold, and which effects they leave out. [How to write one](../own_effect.md).",
         "",
         "| effect | what it is | how it is compensated |",
         "|---|---|---|",
@@ -63,7 +64,7 @@ def ordered() -> list[type[Effect]]:
 
 def _section(cls: type[Effect]) -> Iterator[str]:
     yield from (f"## {cls.name}", "")
-    yield f"{cls.title}: {KINDS[cls.kind]}."
+    yield f"{cls.title}, {_a(cls.kind)} effect."
     yield from ("", "$$", formula_tex(cls.formula), "$$", "")
     for paragraph in (inspect.getdoc(cls) or "").split("\n\n"):
         if _letters(paragraph) in _letters(cls.formula):
@@ -75,6 +76,10 @@ def _section(cls: type[Effect]) -> Iterator[str]:
     if options := _own_options(cls):
         names = ", ".join(f"`{name}`" for name in options)
         yield f"- Nonlinear: {names} ([keys](keys.md#axesnamemodel{cls.name}))."
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} *{kind}*"
 
 
 def _letters(text: str) -> str:
