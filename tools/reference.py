@@ -18,6 +18,7 @@ import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ MADE_BY = "<!-- made by tools/reference.py -->"
 Schema = dict[str, Any]
 
 
+@cache
 def pages() -> dict[Path, str]:
     """Return each page's text by its place below the repository."""
     return {
