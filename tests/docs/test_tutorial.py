@@ -1,19 +1,14 @@
-"""The tutorial tells what happens: its commands run one after the other, as a reader types them."""
+"""The tutorial tells what happens: its commands in virtual time, as a reader types them."""
 
 from __future__ import annotations
 
 import os
 import re
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from daemon_rig import wait_until
-
-from motorctl.daemon.client import Client
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "tutorial.md").read_text()
@@ -75,43 +70,3 @@ def test_the_tutorial_finds_adds_and_gains_what_it_tells(tmp_path: Path) -> None
     )
     final = [values[1] for axis, values in found if axis == "y"]
     assert final[:2] == pytest.approx([before, after], rel=CLOSE)
-
-
-@pytest.fixture
-def daemon(tmp_path: Path) -> Iterator[Path]:
-    """Run the tutorial's machine as it says, without what it has found; return its socket."""
-    (start,) = (block for block in COMMANDS if block.startswith("motorctl run "))
-    socket = tmp_path / "m.sock"
-    line = start.replace("refined.yaml", "published_gantry").replace("/tmp/m.sock", str(socket))
-    running = subprocess.Popen(
-        line.split(),
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        wait_until(lambda: socket.exists() and answers(socket), 240.0)
-        yield socket
-    finally:
-        running.send_signal(signal.SIGINT)
-        running.wait(60.0)
-
-
-def answers(socket: Path) -> bool:
-    try:
-        with Client(socket) as client:
-            return bool(client.ask("status"))
-    except Exception:
-        return False
-
-
-@pytest.mark.wall_clock(lanes=2)
-def test_the_daemon_of_the_tutorial_starts_moves_and_stops_as_it_tells(
-    daemon: Path, tmp_path: Path
-) -> None:
-    (block,) = (block for block in COMMANDS if block.startswith("motorctl start "))
-    said = typed(block.replace("/tmp/m.sock", str(daemon)), tmp_path)
-    assert "axis y: to 100.0000 mm" in said
-    assert "axis y: off" in said
-    assert [*(tmp_path / "logs").iterdir()]
