@@ -12,8 +12,9 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "tutorial.md").read_text()
-COMMANDS = re.findall(r"^```sh\n(.*?)^```", TEXT, re.M | re.S)
-SHOWN = "\n".join(re.findall(r"^```\n(.*?)^```", TEXT, re.M | re.S))
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.M | re.S)
+COMMANDS = [block for language, block in BLOCKS if language == "sh"]
+SHOWN = "\n".join(block for language, block in BLOCKS if not language)
 ERRORS = re.compile(r"([xy]): eM µm ([\d.]+), eF µm ([\d.]+), L2\[e\] µm ([\d.]+), uM V ([\d.]+)")
 CLOSE = 0.05
 """Of a figure: processors round differently, and the adaptation goes on from there."""
