@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # Tests start hundreds of interpreters: without bytecode each would compile every source again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-long vm arm campaign lint setup clean
+.PHONY: demo test test-slow test-long vm arm campaign docs lint setup clean
 
 setup: $(STAMP)
 
@@ -49,6 +49,11 @@ SIZE ?= small
 campaign: $(STAMP)
 	@$(BIN)/motorctl bench campaign --size $(SIZE)
 
+# The documentation as a site that needs neither network nor server: out/site/index.html.
+docs: $(STAMP)
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --fresh-env --write-all -d out/site-cache docs out/site
+	@echo "out/site/index.html"
+
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -57,7 +62,6 @@ lint: $(STAMP)
 	$(BIN)/python tools/effects_quoted.py
 	$(BIN)/python tools/constants_told.py
 	$(BIN)/python tools/docstrings_return.py
-	$(BIN)/python tools/effects_table.py --check
 	$(BIN)/python tools/draw_states.py --check
 	$(BIN)/python tools/reference.py --check
 

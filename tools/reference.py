@@ -1,11 +1,11 @@
-"""Write the reference pages `docs/reference/keys.md` and `docs/reference/log_columns.md`.
+"""Write the reference pages of keys, log columns, commands and effects, in `docs/reference/`.
 
-    python tools/reference.py           # writes both
+    python tools/reference.py           # writes all
     python tools/reference.py --check   # exits with 1 where one of them is behind
 
 The keys come from the schema that configurations are checked by, the columns from the sample that
-the loop records, and the codes from the enumerations that it writes, so that a page can only say
-what the program does.
+the loop records, the codes from the enumerations that it writes, the commands from their own help
+and the effects from their files, so that a page can only say what the program does.
 """
 
 from __future__ import annotations
@@ -18,8 +18,12 @@ import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from reference_commands import commands_page
+from reference_effects import effects_page
 
 from motorctl.config import config_schema
 from motorctl.hal import Status
@@ -35,14 +39,22 @@ from motorctl.log.sample import (
 ROOT = Path(__file__).parents[1]
 KEYS = Path("docs") / "reference" / "keys.md"
 COLUMNS = Path("docs") / "reference" / "log_columns.md"
+COMMANDS = Path("docs") / "reference" / "commands.md"
+EFFECTS = Path("docs") / "reference" / "effects.md"
 MADE_BY = "<!-- made by tools/reference.py -->"
 
 Schema = dict[str, Any]
 
 
+@cache
 def pages() -> dict[Path, str]:
     """Return each page's text by its place below the repository."""
-    return {KEYS: keys_page(config_schema()), COLUMNS: columns_page()}
+    return {
+        KEYS: keys_page(config_schema()),
+        COLUMNS: columns_page(),
+        COMMANDS: commands_page(MADE_BY),
+        EFFECTS: effects_page(MADE_BY),
+    }
 
 
 # The keys.

@@ -31,6 +31,7 @@ CODE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 PARTS = ["Context", "Decision", "Consequences", "What would make us change it"]
 LONGEST_LINES, LONGEST_WORDS = 45, 450
 """A page."""
+LARGEST_PICTURE_BYTES = 300_000
 
 
 def prose(page: Path) -> str:
@@ -64,6 +65,12 @@ def test_a_link_to_a_file_or_heading_that_is_not_there_is_found(tmp_path: Path) 
     page = tmp_path / "page.md"
     page.write_text("# One more\n[a](b.md) [c](#one-more) [d](#two) [e](https://example.org)\n")
     assert broken_links(page) == ["b.md", "#two"]
+
+
+def test_pictures_are_small_enough_for_a_slow_line() -> None:
+    pictures = [*(ROOT / "docs").glob("*.png")]
+    assert len(pictures) > 5
+    assert not [picture for picture in pictures if picture.stat().st_size >= LARGEST_PICTURE_BYTES]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

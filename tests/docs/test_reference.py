@@ -5,12 +5,15 @@ from enum import IntEnum
 
 import pytest
 import reference
-from reference import COLUMNS, KEYS, ROOT, described_members, main, pages
+from formula_tex import formula_tex
+from latex2mathml.converter import convert
+from reference import COLUMNS, COMMANDS, EFFECTS, KEYS, ROOT, described_members, main, pages
 
 from motorctl.hal.registry import installed_drivers
 from motorctl.log import LogAxis
 from motorctl.log.columns import log_columns
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.model.catalog import built_in_effects
 
 
 def test_the_pages_are_up_to_date():
@@ -52,3 +55,45 @@ def test_a_code_that_nothing_tells_is_refused():
 
     with pytest.raises(SystemExit, match=r"Told.TWO has no string"):
         described_members(Told)
+
+
+def test_every_effect_is_told_in_its_own_words_with_its_formula():
+    page = (ROOT / EFFECTS).read_text()
+    for name, effect in built_in_effects().items():
+        assert f"| [`{name}`](#{name}) | {effect.title} | {effect.compensated} |" in page
+        assert f"\n## {name}\n" in page
+        assert formula_tex(effect.formula) in page
+
+
+@pytest.mark.parametrize("effect", built_in_effects().values(), ids=lambda effect: effect.name)
+def test_every_formula_can_be_set(effect):
+    shown = convert(formula_tex(effect.formula))
+    assert "\\" not in shown  # nothing that the browser would show as TeX
+
+
+@pytest.mark.parametrize(
+    ("plain", "tex"),
+    [
+        ("theta5 * u|u|", r"\theta_{5} \, u|u|"),
+        ("sum of S_k sin(2 pi k x/P)", r"\sum S_{k} \sin (2 \pi k x/P)"),
+        ("tau di/dt = u - i, with i in the place of u",
+         r"\tau \frac{di}{dt} = u - i, \text{ with } i \text{ in the place of } u"),
+        ("m * a,  t >= t_0", r"m \, a,\quad t \ge t_{0}"),
+        ("u with a play of k", r"u \text{ with a play of } k"),
+    ],
+)  # fmt: skip
+def test_a_formula_of_plain_text_is_set_as_mathematics(plain, tex):
+    assert formula_tex(plain) == tex
+
+
+def test_every_command_is_told_with_its_options():
+    page = (ROOT / COMMANDS).read_text()
+    for command, option in (
+        ("move", "--velocity"),
+        ("log export", "--to"),
+        ("service install", "--dry-run"),
+        ("bench", "--seed"),
+        ("gantry-device", "--link"),
+    ):
+        section = page.partition(f"\n### motorctl {command}\n")[2].partition("\n### ")[0]
+        assert f"| `{option}" in section, command
