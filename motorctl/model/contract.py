@@ -16,7 +16,7 @@ from typing import Any, get_args
 from numba.core.dispatcher import Dispatcher
 
 from motorctl.errors import UsageError
-from motorctl.model.effect import Effect, EffectOptions, End, Kind
+from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import (
     CarriedOver,
     Group,
@@ -28,6 +28,7 @@ from motorctl.model.knowledge import (
 )
 from motorctl.model.parameter import Parameter
 from motorctl.model.pitch import PitchOptions
+from motorctl.model.sought import End, Kind
 
 TEXTS = ("title", "formula", "compensated", "identified", "visible_in")
 FLAGS = (
