@@ -129,8 +129,8 @@ def bench(
     machines and buses, each judged by what the guards promise, and hours of motion without a fault.
 
     socket: a daemon at 5 kHz, left alone, under 200 clients of which some send 10 million fuzzed
-    bytes, while logs are made, and beside busy programs, in turn: late ticks of each, and what the
-    clients were told.
+    bytes, watched by five viewers of the scope and a sixth that never reads, while logs are made,
+    and beside busy programs, in turn: late ticks of each, and what the clients were told.
 
     tuning: gains that `tune` chooses for the shipped gantry and for plants that are drawn, run
     beside a grid of gains, every one of which is run.

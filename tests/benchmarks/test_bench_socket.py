@@ -31,6 +31,7 @@ from motorctl_benchmarks.control_socket.session import (
     CROWD,
     CROWD_MAIN,
     QUIET,
+    WATCHED,
     Session,
     SocketOptions,
     Spell,
@@ -108,7 +109,8 @@ def session(**changes: Any) -> Session:
         lateness_s[:late] = 150e-6
         return Spell(kind, lateness_s)
 
-    spells = (spell(QUIET, 10), spell(CROWD, 10), spell(CONVERTING, 15), spell(BUSY, 20))
+    kinds = {QUIET: 10, CROWD: 10, WATCHED: 9, CONVERTING: 15, BUSY: 20}
+    spells = tuple(spell(kind, late) for kind, late in kinds.items())
     told = Told(connections=200, most_at_once=200, answers=9, fuzzed_bytes=10_000_000)
     return replace(Session(spells * 2, told, 2e-4, 0, ()), **changes)
 
@@ -123,13 +125,14 @@ def test_what_quiet_spells_differ_in_is_no_fault_of_a_crowd() -> None:
         share(11),
         share(6, CROWD),
         share(10, CROWD),
+        share(8, WATCHED),
         share(8, CONVERTING),
         share(9, BUSY),
     )
     figure = findings_of(Session(apart, told, 2e-4, 0, ()), SocketOptions()).figures[0]
     assert (figure.value, figure.peer_value) == pytest.approx((0.8, 0.6 + 0.5))
     assert figure.met is True
-    alike = (share(6), share(6), share(8, CROWD), share(8, CONVERTING), share(9, BUSY))
+    alike = (share(6), share(6), share(8, CROWD), *apart[4:])
     figure = findings_of(Session(alike, told, 2e-4, 0, ()), SocketOptions()).figures[0]
     assert figure.ratio == pytest.approx(0.75)
     assert figure.met is False
@@ -143,7 +146,8 @@ def test_a_crowd_that_nobody_noticed_meets_the_target() -> None:
     rows = {row[0]: row for row in found.tables[0].rows}
     assert rows[QUIET][1:5] == ("2,000", "1.000", "1.000, 1.000", "0.000")
     assert rows[BUSY][2] == "2.000"
-    logs = found.figures[1]
+    scope, logs = found.figures[1:3]
+    assert (scope.value, scope.met) == (pytest.approx(0.9), True)
     assert (logs.value, logs.peer_value, logs.met) == (1.5, 1.0, False)
 
 
@@ -189,5 +193,7 @@ def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the
     assert shown.told.fuzzed_bytes >= 200_000
     assert len(shown.stops_s) > 2
     assert shown.logs_made > 0
-    assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, CONVERTING, BUSY]
+    assert shown.watched.drawings > 10
+    assert shown.watched.rows_lost == 0
+    assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, WATCHED, CONVERTING, BUSY]
     assert all(len(spell.lateness_s) > 5000 for spell in shown.spells)

@@ -125,3 +125,10 @@ def test_a_log_knows_between_what_its_columns_lie(path: Path, truth: np.ndarray)
     assert known.begins.tolist() == [0, 65_536, 131_072, 196_608]
     assert known.high[1] == truth[65_536:131_072].max()
     assert known.low[3] == truth[196_608:].min()
+
+
+def test_a_log_of_several_parts_begins_with_its_first_row_and_ends_with_its_last(
+    path: Path,
+) -> None:
+    opened = OpenedLog(path)
+    assert (opened.begin_s(), opened.end_s()) == pytest.approx((0.0, (ROWS - 1) / RATE_HZ))

@@ -15,10 +15,12 @@ from motorctl_benchmarks.control_socket.session import (
     CROWD,
     KINDS,
     QUIET,
+    WATCHED,
     Session,
     SocketOptions,
     run_session,
 )
+from motorctl_benchmarks.control_socket.viewers import VIEWERS
 from motorctl_benchmarks.findings import Findings, TextTable
 
 LATE_S = 100e-6
@@ -37,6 +39,7 @@ def findings_of(session: Session, options: SocketOptions) -> Findings:
     """Return figures, table and failures of a session."""
     figures = (
         _figure("late_crowd", "ticks later than 100 us under the crowd", session, CROWD),
+        _figure("late_scope", "ticks later than 100 us, scope with viewers", session, WATCHED),
         _figure("late_logs", "ticks later than 100 us while logs are made", session, CONVERTING),
         Figure("answer_median", "answer to an asker: median", _wait_ms(session, 50), "ms"),
         Figure("answer_p99", "answer to an asker: p99", _wait_ms(session, 99), "ms"),
@@ -48,6 +51,8 @@ def findings_of(session: Session, options: SocketOptions) -> Findings:
         f"{options.rounds} rounds of {options.spell_s:g} s each, in turn; the daemon runs "
         f"{options.config}, both axes on their programs.",
         f"While logs are made: {session.logs_made} of all that was recorded so far, in a row.",
+        f"The scope: {VIEWERS} viewers drew {session.watched.drawings} times, one asked and never "
+        f"read; {session.watched.rows_lost} rows were lost to it, to the log {session.rows_lost}.",
         "A share says how the computer is as much as how motorctl is: compare within a run only. "
         "That of the quiet spells has their standard error added.",
     )

@@ -1,8 +1,8 @@
 """A daemon with the simulated gantry in motion: left alone, and with what may disturb its loop.
 
-That is a crowd on its socket, the making of logs, and busy programs. The four are taken in turn, so
-that whatever else this computer does meets all of them. Last comes one more crowd, into which
-emergency stops are called.
+That is a crowd on its socket, a scope with viewers, the making of logs, and busy programs. They are
+taken in turn, so that whatever else this computer does meets all of them. Last comes one more
+crowd, into which emergency stops are called.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from motorctl.log import background
 from motorctl.log.folder import stored_logs
 from motorctl.log.partial import SUFFIX
 from motorctl_benchmarks.control_socket.crowd import Crowd, Told
+from motorctl_benchmarks.control_socket.viewers import Watched, watching
 from motorctl_benchmarks.running_daemon import END_S, running_daemon
 
 CONFIG = "published_gantry"
@@ -39,8 +41,8 @@ SETTLE_S = 1.0
 BETWEEN_STOPS_S = 0.05
 BUSY_PROGRAMS = 2
 QUIET, CROWD, BUSY = "left alone", "under the crowd", "beside busy programs"
-CONVERTING = "while logs are made"
-KINDS = (QUIET, CROWD, CONVERTING, BUSY)
+CONVERTING, WATCHED = "while logs are made", "watched by the scope"
+KINDS = (QUIET, CROWD, WATCHED, CONVERTING, BUSY)
 CROWD_MAIN = "from motorctl_benchmarks.control_socket.crowd import main; main()"
 SPIN = "while True: pass"
 
@@ -85,6 +87,8 @@ class Session:
     """From connecting to the answer of each emergency stop that was called into a crowd."""
     logs_made: int = 0
     """How often a log was made of what was recorded so far."""
+    watched: Watched = field(default_factory=Watched)
+    """What the scope's viewers were told, of all spells."""
 
 
 def run_session(options: SocketOptions, progress: Progress) -> Session:
@@ -96,7 +100,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         Where the daemon does not start.
     """
     marks: list[tuple[str, int, int]] = []
-    told, troubles, logs_made = Told(), [], 0
+    told, watched, troubles, logs_made = Told(), Watched(), [], 0
     with tempfile.TemporaryDirectory(prefix="motorctl-") as name:
         folder = Path(name)
         folder.chmod(0o711)  # made-up users have to reach the socket
@@ -108,15 +112,16 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
                 kind = KINDS[number % len(KINDS)]
                 _keep_moving(client)
                 recorded = _copy_of_recording(folder) if kind == CONVERTING else None
-                time.sleep(SETTLE_S)
-                first = _ticks(client)
-                if kind == CROWD:
-                    told.add(_crowd(options, folder, number), at_once=False)
-                elif recorded is not None:
-                    logs_made += _make_logs(options.spell_s, recorded, before["loop"]["pid"])
-                else:
-                    _wait(options.spell_s, busy=kind == BUSY)
-                marks.append((kind, first, _ticks(client)))
+                with _viewers(kind, folder, watched):
+                    time.sleep(SETTLE_S)
+                    first = _ticks(client)
+                    if kind == CROWD:
+                        told.add(_crowd(options, folder, number), at_once=False)
+                    elif recorded is not None:
+                        logs_made += _make_logs(options.spell_s, recorded, before["loop"]["pid"])
+                    else:
+                        _wait(options.spell_s, busy=kind == BUSY)
+                    marks.append((kind, first, _ticks(client)))
                 troubles += _troubles(client, before, kind)
                 progress((number + 1) / (len(KINDS) * options.rounds + 1))
             _keep_moving(client)
@@ -137,10 +142,11 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         troubles.append(f"{asked} fuzzed bytes were taken in time")
     if told.mistakes:
         troubles.append(f"{told.mistakes} answers told of a mistake of the daemon's own")
+    troubles += [f"the scope: {said}" for said in watched.failed[:1]]
     lost = status["recording"]["rows_lost"]
     period_s = 1.0 / before["loop"]["rate_hz"]
     wrong = tuple(dict.fromkeys(troubles))
-    return Session(spells, told, period_s, lost, wrong, stops_s, logs_made)
+    return Session(spells, told, period_s, lost, wrong, stops_s, logs_made, watched)
 
 
 def _keep_moving(client: Client) -> None:
@@ -149,6 +155,12 @@ def _keep_moving(client: Client) -> None:
         if axis["state"] == "idle":
             client.ask("stop", axis=name)
             client.ask_when_ready("start", lambda _: None, axis=name)
+
+
+def _viewers(kind: str, folder: Path, watched: Watched) -> AbstractContextManager[None]:
+    """Return a scope with its viewers where the spell is theirs."""
+    socket = folder / "motorctl.sock"
+    return watching(socket, folder / "captures", watched) if kind == WATCHED else nullcontext()
 
 
 def _ticks(client: Client) -> int:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiers import few_of
 
+from motorctl.identify.diagnose.report.pictures import residual
 from motorctl.identify.diagnose.report.pictures.all import DRAWERS, plot_diagnosis
 from motorctl.identify.diagnose.report.pictures.frequency_response import (
     bridge_rests,
@@ -76,6 +77,19 @@ def test_an_effect_is_drawn_beside_residual_and_spectrum_axis_by_axis(tmp_path, 
     for axis, picture in [*(("x", p) for p in of_x), *(("y", p) for p in of_y)]:
         assert picture.path == tmp_path / f"{axis}_{picture.about}.png"
         assert_is_a_picture(picture.path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "marked"), [("periodic_disturbance", True), ("cogging", False)])
+def test_a_line_over_time_is_marked_in_the_spectrum_and_a_wave_over_position_is_not(
+    tmp_path, monkeypatch, name, marked
+):
+    marks = []
+    monkeypatch.setattr(residual, "mark_frequency", lambda panel, at, words: marks.append(at))
+    axis = bench.axis_diagnosis(name)
+    plot_diagnosis(bench.recording(x=axis), tmp_path)
+    assert marks == (list(axis.effects[0].effect.lines) if marked else [])
+    assert bool(marks) == marked
 
 
 @pytest.mark.slow
