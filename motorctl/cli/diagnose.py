@@ -13,8 +13,8 @@ from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
-    "Example: motorctl diagnose run.parquet --out report    or: "
-    "motorctl diagnose emps.yaml --evaluate pulses.yaml --out report"
+    "Example: motorctl diagnose run.parquet --out report\n\n"
+    "Example: motorctl diagnose emps.yaml --evaluate pulses.yaml --out report"
 )
 
 

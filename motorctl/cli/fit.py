@@ -13,8 +13,8 @@ from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal
 
 EXAMPLE = (
-    "Example: motorctl fit run.parquet --model C2    or: "
-    "motorctl fit emps.yaml --model C1 --settings janot2019 --evaluate pulses.yaml"
+    "Example: motorctl fit run.parquet --model C2\n\n"
+    "Example: motorctl fit emps.yaml --model C1 --settings janot2019 --evaluate pulses.yaml"
 )
 
 

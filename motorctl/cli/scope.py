@@ -18,8 +18,8 @@ def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
     app.command(
         "scope",
-        epilog="Examples: motorctl scope before.parquet after.parquet; motorctl scope, beside a "
-        "running daemon",
+        epilog="Example: motorctl scope before.parquet after.parquet\n\n"
+        "Example: motorctl scope --captures captures",
     )(_scope)
 
 

@@ -24,7 +24,7 @@ ENVIRONMENT = {
     "COLUMNS": "80",
 }
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def typed(block: str, folder: Path) -> str:
