@@ -14,7 +14,7 @@ from typing import Any
 from motorctl.api.connection import connect
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
-from motorctl.errors import MotorctlError
+from motorctl.errors import MotorctlError, RunError
 from motorctl.scope.history import History
 from motorctl.scope.shown import Shown
 from motorctl.scope.trigger import LONGEST_S, Trigger, Watch
@@ -27,6 +27,10 @@ LOOK_S = 0.05
 lags."""
 BEGUN_WITH_S = 5.0
 """What the page begins with of what was before [s]."""
+FIRST_ROWS_S = 120.0
+"""How long a loop may compile before its first row comes [s], as other clients wait."""
+LEAVES_S = 1.0
+"""How long the end of the scope waits for the listening to end [s]: many looks."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class LiveMachine(Shown):
     Raises
     ------
     MotorctlError
-        Where no daemon answers.
+        Where no daemon answers, or its loop writes no row.
     """
 
     live = True
@@ -83,11 +87,7 @@ class LiveMachine(Shown):
         self._due: _Due | None = None
         self.captured: list[Capture] = []
         self._failure: str | None = None
-        first = self._heard.read()
-        deadline = time.monotonic() + 10.0
-        while not first.rows and time.monotonic() < deadline:
-            time.sleep(LOOK_S)
-            first = self._heard.read()
+        first = self._first_rows()
         self._begin(first)
         self._hear(first)
         self._version, self._shown_version = 0, -1
@@ -97,12 +97,9 @@ class LiveMachine(Shown):
         self._listening.start()
 
     def close(self) -> None:
-        """Leave the machine with the next rows that come."""
+        """Leave the machine; a capture whose seconds are not all there is written as it is."""
         self._leaves.set()
-
-    def join(self) -> None:
-        """Wait until it was left."""
-        self._listening.join()
+        self._listening.join(LEAVES_S)
 
     def refresh(self) -> None:
         """Show the rows that came since."""
@@ -135,25 +132,50 @@ class LiveMachine(Shown):
                 "captured": len(self.captured),
             }
 
+    def _first_rows(self) -> Samples:
+        first = self._heard.read()
+        deadline = time.monotonic() + FIRST_ROWS_S
+        while not first.rows:
+            if self._heard.ended or time.monotonic() > deadline:
+                gone = "its daemon has ended" if self._heard.ended else f"in {FIRST_ROWS_S:g} s"
+                self._heard.close()
+                raise RunError(
+                    f"{self.name}: its loop has written no row, {gone}: `motorctl status` tells "
+                    "whether it ticks"
+                )
+            time.sleep(LOOK_S)
+            first = self._heard.read()
+        return first
+
     def _listen(self) -> None:
         try:
-            for samples in self._heard:
-                if self._leaves.is_set():
-                    self._heard.close()
-                    return
-                with self.lock:
-                    self._hear(samples)
-                    self._version += 1
+            while not self._leaves.is_set():
+                samples = self._heard.read()
+                if not samples.rows and self._heard.ended:
+                    with self.lock:  # the seconds after it never come
+                        self._write_due()
+                    samples = next(iter(self._heard))  # of the next daemon, once there is one
+                if samples.rows:
+                    with self.lock:
+                        self._hear(samples)
+                        self._version += 1
+                else:
+                    self._leaves.wait(LOOK_S)
         except MotorctlError as error:  # as of a daemon of another version: the page tells it
             self._failure = str(error)
+        except Exception as error:  # a mistake of ours is no machine that stands still
+            self._failure = f"{type(error).__name__}: {error}"
+        finally:
+            with self.lock:
+                self._write_due()
+            self._heard.close()
 
     def _begin(self, samples: Samples) -> None:
         self._history = History(samples, KEPT_S)
 
     def _hear(self, samples: Samples) -> None:
         if not self._history.takes(samples):
-            if self._due is not None:
-                self._write(self._due)
+            self._write_due()
             self._begin(samples)
             self._follow_on(samples)
         self._last = samples
@@ -172,9 +194,14 @@ class LiveMachine(Shown):
         """Go on to wait for the same after a restart, or with other models."""
         if self._watch is not None:
             try:
-                self._watch = Watch(self._watch.trigger, samples)
+                self._watch = Watch(self._watch.trigger, samples, begins=True)
             except MotorctlError:  # what it waited for is not there any more
                 self._watch = None
+
+    def _write_due(self) -> None:
+        """Write what waits for rows that will not come any more, as far as it is there."""
+        if self._due is not None:
+            self._write(self._due)
 
     def _write(self, due: _Due) -> None:
         self._due = None

@@ -51,9 +51,11 @@ class Watch:
         What is looked for.
     like
         The rows right before the first that are looked at; none of them triggers.
+    begins
+        `like` are the first that are looked at themselves: there are none before them.
     """
 
-    def __init__(self, trigger: Trigger, like: Samples) -> None:
+    def __init__(self, trigger: Trigger, like: Samples, *, begins: bool = False) -> None:
         self.trigger = trigger
         axes = like.axes if trigger.axis is None else (trigger.axis,)
         if unknown := [axis for axis in axes if axis not in like.axes]:
@@ -63,7 +65,8 @@ class Watch:
         self._axes = axes
         self._before: dict[str, float] = {}
         self._ready = False
-        self.find(like)
+        if not begins:
+            self.find(like)
 
     def find(self, samples: Samples) -> int | None:
         """Return the first row that triggers, of rows that follow those before; None: none does.

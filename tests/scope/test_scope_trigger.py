@@ -123,3 +123,11 @@ def test_the_newest_rows_are_kept_in_their_order(sizes: list[int]) -> None:
         assert (
             history.part("y.position_m", 0, 1000) == rows[1]["position_m"][done - kept : done, 1]
         ).all()
+
+
+def test_rows_that_are_the_first_of_all_trigger_only_where_something_changes_in_them() -> None:
+    ticks, rows = make_rows(20)
+    rows["state"][:10] = AxisState.OFF
+    rows["state"][10:] = AxisState.IDLE
+    first = samples((ticks, rows))
+    assert Watch(Trigger(kind="state"), first, begins=True).find(first) == 10
