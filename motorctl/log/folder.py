@@ -200,6 +200,7 @@ def remove_outdated(
         Where a log cannot be removed; those before it are.
     """
     logs = stored_logs(folder, machine)
+    changed_s = _believable_times(logs, now_s)
     total = sum(log.size_bytes for log in logs)
     newest = next((log.path for log in reversed(logs) if not log.partial), None)
     removed: list[Removed] = []
@@ -208,7 +209,7 @@ def remove_outdated(
         free = math.inf
         if retention.min_free_bytes is not None and log.path != newest:
             free = max(free_bytes(), free_at_first + gone_bytes)
-        reason = _outdated(log, retention, now_s, total, free)
+        reason = _outdated(now_s - changed_s[log.path], retention, total, free)
         if reason is None:
             break  # those after it are younger
         if _remove(log):
@@ -218,14 +219,22 @@ def remove_outdated(
     return removed
 
 
-def _outdated(
-    log: StoredLog,
-    retention: Retention,
-    now_s: float,
-    total: float,
-    free_bytes: float,
-) -> Reason | None:
-    if retention.max_age_s is not None and now_s - log.changed_s > retention.max_age_s:
+def _believable_times(logs: list[StoredLog], now_s: float) -> dict[Path, float]:
+    """Return when each log was last written, as far as that can be.
+
+    One of a time that is yet to come, from before the clock was set back, was written no later than
+    the next one: else its age would keep it, and all after it, for ever.
+    """
+    times, later_s = {}, math.inf
+    for log in reversed(logs):
+        if log.changed_s <= now_s:
+            later_s = log.changed_s
+        times[log.path] = later_s
+    return times
+
+
+def _outdated(age_s: float, retention: Retention, total: float, free_bytes: float) -> Reason | None:
+    if retention.max_age_s is not None and age_s > retention.max_age_s:
         return "age"
     if retention.max_total_bytes is not None and total > retention.max_total_bytes:
         return "total size"

@@ -15,6 +15,7 @@ from motorctl.api.connection import connect
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
 from motorctl.errors import MotorctlError, RunError
+from motorctl.log.partial import SUFFIX
 from motorctl.scope.history import History
 from motorctl.scope.shown import Shown
 from motorctl.scope.trigger import LONGEST_S, Trigger, Watch
@@ -85,6 +86,8 @@ class LiveMachine(Shown):
         self.name = status.machine
         self._watch: Watch | None = None
         self._due: _Due | None = None
+        self._writing = threading.Lock()
+        """One capture after the other, so that no two of a second take one name."""
         self.captured: list[Capture] = []
         self._failure: str | None = None
         first = self._first_rows()
@@ -226,7 +229,8 @@ class LiveMachine(Shown):
         def write() -> None:
             path, failure = None, None
             try:
-                path = str(save_columns(self._free_path(trigger), columns, axes, metadata))
+                with self._writing:
+                    path = str(save_columns(self._free_path(trigger), columns, axes, metadata))
             except (MotorctlError, OSError) as error:
                 failure = str(error)
             self.captured.append(Capture(due.time_s, begin_s, end_s, path, failure))
@@ -237,7 +241,7 @@ class LiveMachine(Shown):
     def _free_path(self, trigger: Trigger) -> Path:
         stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{self.name}-{trigger.kind}"
         path, count = self._folder / f"{stem}.parquet", 1
-        while path.exists():
+        while path.exists() or path.with_name(path.name + SUFFIX).exists():
             count += 1
             path = self._folder / f"{stem}-{count}.parquet"
         return path

@@ -74,6 +74,16 @@ def test_age_is_that_of_the_last_row_not_of_the_first(tmp_path: Path) -> None:
     assert removed(tmp_path, max_age_s=30 * DAY_S) == [day(1)]
 
 
+def test_a_log_of_a_time_to_come_is_as_old_as_the_next_one_and_keeps_none(tmp_path: Path) -> None:
+    first = file(tmp_path, day(1), age_s=-20_000 * DAY_S)  # then the clock was set back
+    second = file(tmp_path, day(2), age_s=40 * DAY_S)
+    file(tmp_path, day(3), age_s=20 * DAY_S)
+    assert removed(tmp_path, max_age_s=30 * DAY_S) == [first.name, second.name]
+    file(tmp_path, day(4), age_s=-DAY_S)
+    assert removed(tmp_path, max_age_s=30 * DAY_S) == []
+    assert removed(tmp_path, max_age_s=10 * DAY_S) == [day(3)]
+
+
 def test_the_total_counts_unfinished_logs_too(tmp_path: Path) -> None:
     for number in (1, 2, 3):
         file(tmp_path, day(number), 1000)

@@ -18,6 +18,7 @@ import motorctl
 from motorctl.daemon.access import Role
 from motorctl.daemon.protocol import Request
 from motorctl.errors import RunError
+from motorctl.log.convert import convert
 from motorctl.log.sample import AxisState
 from motorctl.loop.layout import signature
 from motorctl.scope.live_machine import LiveMachine
@@ -125,6 +126,25 @@ def test_a_normal_trigger_captures_again_and_again(stage: Any) -> None:
     assert machine.state()["armed"]["kind"] == "program"
     machine.arm(None)
     assert machine.state()["armed"] is None
+
+
+def test_captures_of_one_second_are_all_written_though_the_disk_is_slow(
+    stage: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(*given: Any) -> Any:
+        time.sleep(0.2)
+        return convert(*given)
+
+    monkeypatch.setattr("motorctl.log.writer.convert", slowly)
+    filled, machine = stage
+    machine.arm(Trigger(kind="state", mode="normal", pre_s=0.01, post_s=0.0))
+    for state in (AxisState.IDLE, AxisState.RUNNING, AxisState.IDLE):
+        filled.run(20, state)
+        time.sleep(0.08)
+    until(lambda: machine.state()["captured"] == 3)
+    captures = machine.state()["captures"]
+    assert [capture["failure"] for capture in captures] == [None] * 3
+    assert len({capture["path"] for capture in captures}) == 3
 
 
 def test_a_capture_that_the_disk_refuses_is_told(stage: Any, tmp_path: Path) -> None:
