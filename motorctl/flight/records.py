@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from motorctl.errors import DataError, UsageError
 from motorctl.log.axis_names import insist_on_names
 from motorctl.log.convert import load_metadata
+from motorctl.log.folder import is_time
 from motorctl.log.partial import SUFFIX
 
 FOLDER = "faults"
@@ -293,7 +294,11 @@ def remove_oldest(folder: Path, keep: int, max_bytes: float) -> list[Path]:
 
 def _newest_first(folder: Path) -> Iterable[Path]:
     """Return the files called like a record: by the time in the name, then by when it changed."""
-    found = [path for path in folder.glob("*.parquet") if _NAME.fullmatch(path.name)]
+    found = [
+        path
+        for path in folder.glob("*.parquet")
+        if _NAME.fullmatch(path.name) and is_time(path.name[:16])
+    ]
     return sorted(found, key=lambda path: (path.name[:16], _changed(path)), reverse=True)
 
 

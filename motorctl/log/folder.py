@@ -104,7 +104,7 @@ def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> P
     stamp = f"{when or datetime.now(UTC):{_STAMP}}"
     name = _name_of(machine)
     names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    matches = [match for match in map(name.fullmatch, names) if match]
+    matches = [match for match in map(name.fullmatch, names) if match and is_time(match[2])]
     stamp = max([stamp, *(match[2] for match in matches)])
     # A number that became free again would put the log before those that it follows.
     last = max((_number(match) for match in matches if match[2] == stamp), default=0)
@@ -116,6 +116,15 @@ def time_in_name(path: Path) -> datetime:
     """Return the time in a log's name, in UTC, as `free_log_path` wrote it."""
     stamps = re.findall(r"\d{8}T\d{6}Z", path.name)
     return datetime.strptime(stamps[-1], _STAMP).replace(tzinfo=UTC)
+
+
+def is_time(stamp: str) -> bool:
+    """Tell whether digits in a file's name are a time: others may call files as they like."""
+    try:
+        datetime.strptime(stamp, _STAMP)
+    except ValueError:
+        return False
+    return True
 
 
 def _name_of(machine: str) -> re.Pattern[str]:
@@ -144,6 +153,8 @@ def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
         for entry in entries:
             match = name.fullmatch(entry.name)
             if match is None or match[4] not in (None, SUFFIX, DRAFT_SUFFIX):
+                continue
+            if not is_time(match[2]):
                 continue
             try:
                 if not entry.is_file(follow_symlinks=False):

@@ -17,6 +17,7 @@ from motorctl.errors import DataError, UsageError
 from motorctl.flight import (
     find_record,
     free_record_path,
+    later_than_all,
     list_records,
     load_record,
     remove_oldest,
@@ -205,3 +206,9 @@ def test_a_record_whose_axis_leads_a_picture_elsewhere_is_refused(tmp_path: Path
     path = write_record(tmp_path / "faults", second_axis="../y")
     with pytest.raises(DataError, match="part of file names"):
         load_record(path)
+
+
+def test_digits_that_are_no_time_keep_no_record_from_being_written(tmp_path: Path) -> None:
+    (tmp_path / "99999999T999999Z-x-estop.parquet").write_text("of somebody")
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    assert later_than_all(tmp_path, noon) == noon

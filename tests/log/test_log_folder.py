@@ -27,6 +27,7 @@ FOREIGN = (
     "bench-2-20260101T000000Z.parquet",
     "BENCH-20260101T000000Z.parquet",
     "bench-20260101T000000Z-copy.parquet",
+    "bench-99999999T999999Z.parquet",
 )
 
 
@@ -151,6 +152,12 @@ def test_a_name_that_became_free_is_not_given_to_a_later_log(tmp_path: Path) -> 
     first.unlink()
     third = written(tmp_path, when)
     assert [log.path for log in stored_logs(tmp_path, "bench")] == [second, third]
+
+
+def test_digits_that_are_no_time_are_in_no_later_name(tmp_path: Path) -> None:
+    file(tmp_path, "bench-99999999T999999Z.parquet")
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    assert free_log_path(tmp_path, "bench", noon).name == "bench-20260101T120000Z.parquet"
 
 
 def written(folder: Path, when: datetime) -> Path:
