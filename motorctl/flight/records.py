@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -225,8 +226,27 @@ def load_record(path: Path) -> FlightRecord:
     needed = ("faults", "cause", "message", "time_s", "written_utc")
     if not isinstance(own, dict) or any(key not in own for key in needed):
         raise DataError(f"{path}: is a log, but no flight record; motorctl log info {path}")
+    if unsound := _unsound(metadata):
+        raise DataError(f"{path}: is damaged: {unsound} is not what a recorder writes")
     insist_on_names(str(path), metadata.get("axes", {}))
     return FlightRecord(path, rows, size, metadata)
+
+
+def _unsound(metadata: Mapping[str, Any]) -> str | None:
+    """Return what of a record's metadata is nothing that a recorder writes, or None."""
+    own = metadata[METADATA]
+    for key in ("cause", "message", "written_utc"):
+        if not isinstance(own[key], str):
+            return key
+    time_s = own["time_s"]
+    if not isinstance(time_s, int | float) or not math.isfinite(time_s):
+        return "time_s"
+    faults = own["faults"]
+    told = faults.values() if isinstance(faults, dict) else [faults]
+    if not all(isinstance(fault, dict) and {"cause", "message"} <= fault.keys() for fault in told):
+        return "faults"
+    maps = ("states", "flags")
+    return next((key for key in maps if not isinstance(metadata.get(key), dict)), None)
 
 
 def find_record(listing: Listing, wanted: str | None) -> FlightRecord:
@@ -251,7 +271,10 @@ def find_record(listing: Listing, wanted: str | None) -> FlightRecord:
     """
     records = listing.records
     if not records:
-        raise UsageError(f"{listing.folder}: no flight records: no axis has tripped")
+        why = "no axis has tripped"
+        if listing.broken:
+            why = "none that can be read:\n" + "\n".join(listing.broken)
+        raise UsageError(f"{listing.folder}: no flight records: {why}")
     if wanted is None:
         return records[0]
     fitting = [record for record in records if record.id == wanted]

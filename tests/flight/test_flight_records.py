@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
@@ -127,6 +128,23 @@ def test_what_cannot_be_read_is_told_and_hides_no_other_record(tmp_path: Path) -
     assert "cannot be read as a log" in listing.broken[0]
     assert "motorctl log recover" in listing.broken[1]
     assert listing.broken[0] in run("list", "--log-dir", str(tmp_path)).stdout
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("time_s", "soon"), ("time_s", None), ("message", None), ("faults", []), ("faults", {"x": 1})],
+)
+def test_a_record_that_says_nonsense_of_itself_is_told_in_words(
+    tmp_path: Path, key: str, value: Any
+) -> None:
+    path = write_record(tmp_path, 1)
+    table = pq.read_table(path)
+    metadata = json.loads(table.schema.metadata[b"motorctl"])
+    metadata["flight_record"][key] = value
+    pq.write_table(table.replace_schema_metadata({b"motorctl": json.dumps(metadata)}), path)
+    shown = run("show", "--log-dir", str(tmp_path))
+    assert isinstance(shown.exception, UsageError)
+    assert f"{key} is not what a recorder writes" in str(shown.exception)
 
 
 def test_an_ordinary_log_is_no_flight_record(tmp_path: Path) -> None:
