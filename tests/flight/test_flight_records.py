@@ -145,6 +145,7 @@ def test_a_record_that_says_nonsense_of_itself_is_told_in_words(
     shown = run("show", "--log-dir", str(tmp_path))
     assert isinstance(shown.exception, UsageError)
     assert f"{key} is not what a recorder writes" in str(shown.exception)
+    assert "no axis has tripped" not in run("list", "--log-dir", str(tmp_path)).stdout
 
 
 def test_an_ordinary_log_is_no_flight_record(tmp_path: Path) -> None:
