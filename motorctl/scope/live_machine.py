@@ -183,15 +183,21 @@ class LiveMachine(Shown):
             self._follow_on(samples)
         self._last = samples
         self._history.add(samples)
-        if self._watch is not None:
-            row = self._watch.find(samples)
-            if row is not None and self._due is None:
-                self._due = _Due(float(samples["time_s"][row]), self._watch.trigger)
-        if self._due is not None and samples.rows:
-            half_s = 0.5 / self._history.sample_rate_hz
-            enough_s = self._due.time_s + self._due.trigger.post_s - half_s
-            if samples["time_s"][-1] >= enough_s:
-                self._write(self._due)
+        for row in () if self._watch is None else self._watch.find(samples):
+            self._meet(float(samples["time_s"][row]))
+        if self._due is not None and samples["time_s"][-1] >= self._ends_s(self._due):
+            self._write(self._due)
+
+    def _meet(self, time_s: float) -> None:
+        """Take note of a trigger that was met, unless its seconds are in a capture that is due."""
+        if self._due is not None and time_s > self._ends_s(self._due):  # many rows came at once
+            self._write(self._due)
+        if self._due is None and self._watch is not None:
+            self._due = _Due(time_s, self._watch.trigger)
+
+    def _ends_s(self, due: _Due) -> float:
+        """Return from when on a capture is whole; times that are sums are a little off."""
+        return due.time_s + due.trigger.post_s - 0.5 / self._history.sample_rate_hz
 
     def _follow_on(self, samples: Samples) -> None:
         """Go on to wait for the same after a restart, or with other models."""

@@ -147,6 +147,17 @@ def test_captures_of_one_second_are_all_written_though_the_disk_is_slow(
     assert len({capture["path"] for capture in captures}) == 3
 
 
+def test_what_triggers_again_among_rows_that_come_at_once_is_captured_too(stage: Any) -> None:
+    filled, machine = stage
+    machine.arm(Trigger(kind="fault", mode="normal", pre_s=0.01, post_s=0.05))
+    with machine.lock:  # as a page that holds it up
+        for _ in range(2):
+            filled.run(100, AxisState.FAULT)
+            filled.run(100, AxisState.IDLE)
+    until(lambda: machine.state()["captured"] == 2)
+    assert [c["time_s"] for c in machine.state()["captures"]] == pytest.approx([0.5, 0.7])
+
+
 def test_a_capture_that_the_disk_refuses_is_told(stage: Any, tmp_path: Path) -> None:
     filled, machine = stage
     (tmp_path / "captures").write_text("a file where the folder should be")
