@@ -19,6 +19,9 @@ from motorctl.log.table import Table
 from motorctl.log.table_parquet import ParquetTable
 
 Array = NDArray[Any]
+MOST_HELD = 64
+"""Logs of a run that are held open. More use up the files that a process may have open, of which
+1024 are usual; fewer cannot be read on while retention removes them. By hand."""
 
 
 class Columns(Protocol):
@@ -63,7 +66,8 @@ class LogColumns:
 
     @cached_property
     def _pieces(self) -> list[ParquetPieces]:
-        return [ParquetPieces(part.path) for part in self._parts]
+        held = len(self._parts) <= MOST_HELD
+        return [ParquetPieces(part.path, held=held) for part in self._parts]
 
     @property
     def begins(self) -> NDArray[np.int64]:

@@ -9,8 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.api.status import AxisStatus, MachineStatus
-from motorctl.daemon.conversation import Ask, Conversation, until, when_ready
-from motorctl.errors import RunError
+from motorctl.daemon.conversation import (
+    Ask,
+    AxisFaultError,
+    Conversation,
+    DaemonRefusedError,
+    NotReachedError,
+    until,
+    when_ready,
+)
+from motorctl.errors import MotorctlError, RunError
 
 REACHED_TIMEOUT_S = 5.0
 """How long an axis may take to hold after the daemon said that it was enabled [s]."""
@@ -93,13 +101,27 @@ def stop(axis: str, timeout_s: float, on_wait: OnWait | None) -> Conversation[Ax
 
 
 def stop_all(timeout_s: float, on_wait: OnWait | None) -> Conversation[tuple[str, ...]]:
-    """Ramp every enabled axis down, all at once, and wait until each is off."""
+    """Ramp every enabled axis down, all at once, and wait until each is off.
+
+    One that trips meanwhile takes no order to stop: it is told once the others are off.
+    """
     axes = (yield Ask("status"))["axes"]
     enabled = tuple(name for name, told in axes.items() if told["state"] not in ("off", "fault"))
+    failures: list[MotorctlError] = []
+    stopping = []
     for axis in enabled:
-        yield from when_ready("stop", {"axis": axis}, on_wait)
-    for axis in enabled:
-        yield from until(axis, _in(("off",)), timeout_s)
+        try:
+            yield from when_ready("stop", {"axis": axis}, on_wait)
+            stopping.append(axis)
+        except DaemonRefusedError as no:
+            failures.append(no)
+    for axis in stopping:
+        try:
+            yield from until(axis, _in(("off",)), timeout_s)
+        except (AxisFaultError, NotReachedError) as failure:
+            failures.append(failure)
+    if failures:
+        raise failures[0]
     return enabled
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter, ValidationError
 from rich.table import Table
 
 from motorctl.cli.asking import insist_on_yes
@@ -15,6 +16,8 @@ from motorctl.config.experiment_envelope import beyond_envelope
 from motorctl.config.machine import Axis, Machine
 from motorctl.errors import UsageError
 from motorctl.motion import Peaks
+
+_Minutes = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class Consents:
@@ -38,7 +41,7 @@ class Consents:
         self.questions = 0
         """How often a person was asked."""
         if resume and kept and kept.is_file():
-            self._minutes = TypeAdapter(dict[str, float]).validate_json(kept.read_bytes())
+            self._minutes = _read(kept)
 
     @property
     def minutes(self) -> dict[str, float]:
@@ -77,8 +80,13 @@ class Consents:
     def _note(self) -> None:
         if self._kept is None:
             return
-        self._kept.parent.mkdir(parents=True, exist_ok=True)
-        self._kept.write_text(json.dumps(self._minutes))
+        draft = self._kept.with_name(f"{self._kept.name}.tmp")
+        try:
+            self._kept.parent.mkdir(parents=True, exist_ok=True)
+            draft.write_text(json.dumps(self._minutes))
+            draft.replace(self._kept)  # whoever is killed meanwhile leaves the old one
+        except OSError as error:
+            raise UsageError(f"{self._kept}: cannot be written: {error.strerror}") from error
 
     def _hold_against_envelopes(
         self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]
@@ -118,6 +126,17 @@ class Consents:
             names = ", ".join(motion.other_models)
             told = f"  axis {names}: with other models than ran when this began"
             console.print(told, markup=False, highlight=False)
+
+
+def _read(kept: Path) -> dict[str, float]:
+    """Return the minutes that were noted; what cannot be read allows nothing."""
+    try:
+        return TypeAdapter(dict[str, _Minutes]).validate_json(kept.read_bytes())
+    except (ValidationError, OSError) as error:
+        raise UsageError(
+            f"{kept}: is damaged: it should tell how many minutes each axis has been moved for, as "
+            '{"x": 1.5}; write it anew, or leave --resume out and begin anew'
+        ) from error
 
 
 def _row(axis: Axis, peaks: Peaks) -> tuple[str, ...]:

@@ -62,7 +62,7 @@ def _list(
             )
         )
         return
-    if not listing.records:
+    if not (listing.records or listing.broken):
         say(f"{listing.folder}: no flight records: no axis has tripped")
     shown = listing.records if every else listing.records[:MOST_LISTED]
     for record in shown:

@@ -21,6 +21,8 @@ SHORTEST_STEP_M, LONGEST_STEP_M = 1e-6, 0.1
 """Between these a key changes the step [m]. Shorter: nothing is seen of it; longer: `move` says
 what it will do before it does it."""
 SHOWN_S = 0.05
+RAMP = "s"
+"""The key that ramps the axis down and disables it."""
 HINT = "← → step  ↑ ↓ its length  s: ramp down  space: emergency stop  q: leave"
 
 
@@ -43,7 +45,7 @@ def jog(
     Example: motorctl jog x --step 100um
     """
     from motorctl import connect
-    from motorctl.cli.keys import single_keys
+    from motorctl.cli.keys import LEAVE, single_keys
     from motorctl.cli.lengths import length_m, velocity_m_s
     from motorctl.errors import UsageError
 
@@ -54,7 +56,7 @@ def jog(
     with (
         connect(socket) as machine,
         connect(socket) as other,
-        single_keys(other.estop) as keys,
+        single_keys(other.estop, LEAVE + RAMP) as keys,
     ):
         if keys is None:
             raise UsageError("jog needs a terminal; elsewhere: motorctl move AXIS --by 1mm")
@@ -104,7 +106,7 @@ class _Jogging:
             self.ended = f"fault: {status.fault}"
         elif key == LEAVE:
             self.ended = _left(status)
-        elif key == "s":
+        elif key == RAMP:
             self._machine.stop(self._axis)
             self.ended = "off"
         elif key in ("up", "down"):

@@ -102,7 +102,7 @@ def _learn(
         except OSError as error:
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
         with showing_stages(lines=True, bar=socket is None) as progress:
-            measured = response_from(response, axis, progress)
+            measured = response_from(response, machine, axis, progress)
             wanted = _Wanted(machine, axis, folder, repetitions, anew, measured, progress)
             if recording:
                 learning = wanted.from_log(recording, path, whole_run=whole_run)

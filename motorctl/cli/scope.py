@@ -37,7 +37,9 @@ def _scope(
     captures: Annotated[
         Path, typer.Option(metavar="DIR", help="Where captures of a running machine go.")
     ] = Path("captures"),
-    port: Annotated[int, typer.Option(help="The page's port; 0: any that is free.")] = 0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="The page's port; 0: any that is free.")
+    ] = 0,
     address: Annotated[
         str,
         typer.Option(help="Where the page is served; any but 127.0.0.1 asks for a token."),
@@ -54,6 +56,8 @@ def _scope(
 
     if logs and socket is not None:
         raise UsageError("scope: name logs, or the socket of a running daemon, not both")
+    if not address:
+        raise UsageError("--address: is empty: name one, as 127.0.0.1, or 0.0.0.0 for all")
     shown = Logs.of(logs) if logs else Logs.of_machine(socket, captures)
     for why in shown.refused.values():
         say(f"motorctl: not shown: {why}", err=True)
@@ -61,5 +65,8 @@ def _scope(
     def ready(url: str) -> None:
         say(f"{url}  (Ctrl-C ends)")
 
-    with suppress(KeyboardInterrupt):
-        asyncio.run(serve(shown, address, port, ready))
+    try:
+        with suppress(KeyboardInterrupt):
+            asyncio.run(serve(shown, address, port, ready))
+    finally:
+        shown.close()

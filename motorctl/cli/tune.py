@@ -105,7 +105,7 @@ def _tune(
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"{folder}: cannot be written: {error.strerror}") from error
-        measured = response_from(response, axis, progress)
+        measured = response_from(response, machine, axis, progress)
         if recording:
             read = read_recording(recording, gaps="keep", whole_run=whole_run)
         else:

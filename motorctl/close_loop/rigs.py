@@ -10,6 +10,7 @@ from typing import Protocol
 
 from motorctl.config import Machine
 from motorctl.errors import MotorctlError
+from motorctl.log.folder import StoredLog, in_use
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
 
@@ -117,15 +118,23 @@ class ResumedRig:
         """Run it where that was not done before; what tripped or was broken off was not."""
         note = log.with_suffix(".run")
         asked = _digest(self.runs_on, machine, duration_s)
-        if self._reuse and log.is_file() and note.is_file() and note.read_text() == asked:
+        if self._reuse and log.is_file() and note.is_file() and note.read_bytes() == asked.encode():
             return
         note.unlink(missing_ok=True)
+        _remove_unfinished(log)
         self._rig.run(machine, log, duration_s, progress)
         note.write_text(asked)
 
     def keep(self, machine: Machine) -> None:
         """As the rig behind it."""
         self._rig.keep(machine)
+
+
+def _remove_unfinished(log: Path) -> None:
+    """Remove what a run that was killed left of a log, unless another one is at it."""
+    left = StoredLog(log, 0, 0.0, partial=True)
+    if not in_use(left):
+        left.partial_path.unlink(missing_ok=True)
 
 
 def _digest(runs_on: str, machine: Machine, duration_s: float | None) -> str:

@@ -101,7 +101,9 @@ class Commander:
         self._stopping: int | None = None
         """Number of the last emergency stop that was ordered."""
         self._stops = Stops(self._names)
-        self.excitations = Excitations(machine, memory, self._refusals, self._stops, self._order)
+        self.excitations = Excitations(
+            machine, memory, self._refusals, self._stops, self._order, self._take_back
+        )
         # A trajectory is written into the slot that is not in use: one writer at a time.
         self._ordering = asyncio.Lock()
 
@@ -389,7 +391,7 @@ class Commander:
         self._history.append({"axes": list(plan.trajectories), **vars(started)})
 
     async def _take_back(self, names: Iterable[str]) -> None:
-        """Stop axes that were ordered to follow a program, or may have been.
+        """Stop axes that were ordered to follow a program or were excited, or may have been.
 
         While the mailbox has no room it is tried again, for as long as a reply may take.
         """

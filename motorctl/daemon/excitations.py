@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 
 import numpy as np
 
@@ -18,7 +18,11 @@ _log = logging.getLogger("motorctl")
 
 
 class Excitations:
-    """Has the loop excite axes; `order` posts a verb for an axis and raises what is refused."""
+    """Has the loop excite axes.
+
+    `order` posts a verb for an axis and raises what is refused; `take_back` stops axes of which it
+    is not known whether the loop obeys.
+    """
 
     def __init__(
         self,
@@ -27,12 +31,14 @@ class Excitations:
         refusals: Refusals,
         stops: Stops,
         order: Callable[[Verb, str], Awaitable[None]],
+        take_back: Callable[[Iterable[str]], Awaitable[None]],
     ) -> None:
         self._memory = memory
         self._names = list(machine.axes)
         self._refusals = refusals
         self._stops = stops
         self._order = order
+        self._take_back = take_back
         self._begun_by: dict[str, ExciteCommand] = {}
         """What has excited each axis last."""
 
@@ -66,7 +72,12 @@ class Excitations:
             raise self._refusals.of(Verb.EXCITE, name, Reply.EXCITED)
         self._memory.load_excitation(index, excitation)
         self._begun_by[name] = request
-        await self._order(Verb.EXCITE, name)
+        try:
+            await self._order(Verb.EXCITE, name)
+        except RefusedError as no:
+            if no.code is Code.LOOP_SILENT:  # it may take the order yet, and nobody waits for it
+                await self._take_back([name])
+            raise
         return excitation.total_ticks * period_s
 
     async def leave(self, request: ExciteCommand) -> None:

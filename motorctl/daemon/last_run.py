@@ -134,7 +134,7 @@ class LastRun:
         if not run.loop_tells:
             return "its supervisor was killed"
         try:
-            stopped = self._note_path.read_text() == run.process
+            stopped = self._note_path.read_bytes() == run.process.encode()
         except OSError:
             stopped = False
         if stopped:
@@ -172,7 +172,7 @@ def _process(pid: int) -> str:
 
 
 def _lives(process: str) -> bool:
-    pid = process.split(maxsplit=1)[0]
+    pid = process.partition(" ")[0]
     return pid.isdecimal() and _process(int(pid)) == process
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -16,6 +17,7 @@ import pyarrow.parquet as pq
 from motorctl.errors import DataError, UsageError
 from motorctl.log.axis_names import insist_on_names
 from motorctl.log.convert import load_metadata
+from motorctl.log.folder import is_time
 from motorctl.log.partial import SUFFIX
 
 FOLDER = "faults"
@@ -224,8 +226,27 @@ def load_record(path: Path) -> FlightRecord:
     needed = ("faults", "cause", "message", "time_s", "written_utc")
     if not isinstance(own, dict) or any(key not in own for key in needed):
         raise DataError(f"{path}: is a log, but no flight record; motorctl log info {path}")
+    if unsound := _unsound(metadata):
+        raise DataError(f"{path}: is damaged: {unsound} is not what a recorder writes")
     insist_on_names(str(path), metadata.get("axes", {}))
     return FlightRecord(path, rows, size, metadata)
+
+
+def _unsound(metadata: Mapping[str, Any]) -> str | None:
+    """Return what of a record's metadata is nothing that a recorder writes, or None."""
+    own = metadata[METADATA]
+    for key in ("cause", "message", "written_utc"):
+        if not isinstance(own[key], str):
+            return key
+    time_s = own["time_s"]
+    if not isinstance(time_s, int | float) or not math.isfinite(time_s):
+        return "time_s"
+    faults = own["faults"]
+    told = faults.values() if isinstance(faults, dict) else [faults]
+    if not all(isinstance(fault, dict) and {"cause", "message"} <= fault.keys() for fault in told):
+        return "faults"
+    maps = ("states", "flags")
+    return next((key for key in maps if not isinstance(metadata.get(key), dict)), None)
 
 
 def find_record(listing: Listing, wanted: str | None) -> FlightRecord:
@@ -250,7 +271,10 @@ def find_record(listing: Listing, wanted: str | None) -> FlightRecord:
     """
     records = listing.records
     if not records:
-        raise UsageError(f"{listing.folder}: no flight records: no axis has tripped")
+        why = "no axis has tripped"
+        if listing.broken:
+            why = "none that can be read:\n" + "\n".join(listing.broken)
+        raise UsageError(f"{listing.folder}: no flight records: {why}")
     if wanted is None:
         return records[0]
     fitting = [record for record in records if record.id == wanted]
@@ -293,7 +317,11 @@ def remove_oldest(folder: Path, keep: int, max_bytes: float) -> list[Path]:
 
 def _newest_first(folder: Path) -> Iterable[Path]:
     """Return the files called like a record: by the time in the name, then by when it changed."""
-    found = [path for path in folder.glob("*.parquet") if _NAME.fullmatch(path.name)]
+    found = [
+        path
+        for path in folder.glob("*.parquet")
+        if _NAME.fullmatch(path.name) and is_time(path.name[:16])
+    ]
     return sorted(found, key=lambda path: (path.name[:16], _changed(path)), reverse=True)
 
 

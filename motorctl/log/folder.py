@@ -104,7 +104,7 @@ def free_log_path(folder: Path, machine: str, when: datetime | None = None) -> P
     stamp = f"{when or datetime.now(UTC):{_STAMP}}"
     name = _name_of(machine)
     names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    matches = [match for match in map(name.fullmatch, names) if match]
+    matches = [match for match in map(name.fullmatch, names) if match and is_time(match[2])]
     stamp = max([stamp, *(match[2] for match in matches)])
     # A number that became free again would put the log before those that it follows.
     last = max((_number(match) for match in matches if match[2] == stamp), default=0)
@@ -116,6 +116,15 @@ def time_in_name(path: Path) -> datetime:
     """Return the time in a log's name, in UTC, as `free_log_path` wrote it."""
     stamps = re.findall(r"\d{8}T\d{6}Z", path.name)
     return datetime.strptime(stamps[-1], _STAMP).replace(tzinfo=UTC)
+
+
+def is_time(stamp: str) -> bool:
+    """Tell whether digits in a file's name are a time: others may call files as they like."""
+    try:
+        datetime.strptime(stamp, _STAMP)
+    except ValueError:
+        return False
+    return True
 
 
 def _name_of(machine: str) -> re.Pattern[str]:
@@ -144,6 +153,8 @@ def stored_logs(folder: Path, machine: str) -> list[StoredLog]:
         for entry in entries:
             match = name.fullmatch(entry.name)
             if match is None or match[4] not in (None, SUFFIX, DRAFT_SUFFIX):
+                continue
+            if not is_time(match[2]):
                 continue
             try:
                 if not entry.is_file(follow_symlinks=False):
@@ -200,6 +211,7 @@ def remove_outdated(
         Where a log cannot be removed; those before it are.
     """
     logs = stored_logs(folder, machine)
+    changed_s = _believable_times(logs, now_s)
     total = sum(log.size_bytes for log in logs)
     newest = next((log.path for log in reversed(logs) if not log.partial), None)
     removed: list[Removed] = []
@@ -208,7 +220,7 @@ def remove_outdated(
         free = math.inf
         if retention.min_free_bytes is not None and log.path != newest:
             free = max(free_bytes(), free_at_first + gone_bytes)
-        reason = _outdated(log, retention, now_s, total, free)
+        reason = _outdated(now_s - changed_s[log.path], retention, total, free)
         if reason is None:
             break  # those after it are younger
         if _remove(log):
@@ -218,14 +230,22 @@ def remove_outdated(
     return removed
 
 
-def _outdated(
-    log: StoredLog,
-    retention: Retention,
-    now_s: float,
-    total: float,
-    free_bytes: float,
-) -> Reason | None:
-    if retention.max_age_s is not None and now_s - log.changed_s > retention.max_age_s:
+def _believable_times(logs: list[StoredLog], now_s: float) -> dict[Path, float]:
+    """Return when each log was last written, as far as that can be.
+
+    One of a time that is yet to come, from before the clock was set back, was written no later than
+    the next one: else its age would keep it, and all after it, for ever.
+    """
+    times, later_s = {}, math.inf
+    for log in reversed(logs):
+        if log.changed_s <= now_s:
+            later_s = log.changed_s
+        times[log.path] = later_s
+    return times
+
+
+def _outdated(age_s: float, retention: Retention, total: float, free_bytes: float) -> Reason | None:
+    if retention.max_age_s is not None and age_s > retention.max_age_s:
         return "age"
     if retention.max_total_bytes is not None and total > retention.max_total_bytes:
         return "total size"

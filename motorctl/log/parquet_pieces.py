@@ -11,23 +11,39 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from motorctl.errors import DataError
 from motorctl.log.table_parquet import damaged
 
 
 class ParquetPieces:
-    """A finished Parquet file, held open.
+    """A finished Parquet file.
 
     Raises DataError where it is damaged, at once or when a piece is read.
+
+    Parameters
+    ----------
+    path
+        The file.
+    held
+        Whether it is held open, so that it can be read though it is removed meanwhile. A run of
+        many logs would use up what a process may have open.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, held: bool = True) -> None:
         self.path = path
+        self._file: pq.ParquetFile | None = None
         try:
-            self._file = pq.ParquetFile(path)
-            groups = range(self._file.metadata.num_row_groups)
-            counts = [self._file.metadata.row_group(k).num_rows for k in groups]
+            self._mark = _mark(path)
+            file = pq.ParquetFile(path)
+            self._metadata = file.metadata
+            groups = range(self._metadata.num_row_groups)
+            counts = [self._metadata.row_group(k).num_rows for k in groups]
         except (pa.ArrowException, OSError, ValueError) as error:
             raise damaged(path, error) from error
+        if held:
+            self._file = file
+        else:
+            file.close()
         self.begins: NDArray[np.int64] = np.concatenate(
             ([0], np.cumsum(np.array(counts, np.int64)))
         )[:-1]
@@ -38,7 +54,7 @@ class ParquetPieces:
     def _places(self) -> dict[str, int]:
         if not len(self.begins):
             return {}
-        group = self._file.metadata.row_group(0)
+        group = self._metadata.row_group(0)
         return {group.column(k).path_in_schema: k for k in range(group.num_columns)}
 
     def extremes(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -57,7 +73,7 @@ class ParquetPieces:
         low, high = np.full((2, len(self.begins)), np.nan)
         place = self._places[name]
         for k in range(len(self.begins)):
-            told = self._file.metadata.row_group(k).column(place).statistics
+            told = self._metadata.row_group(k).column(place).statistics
             if told is not None and told.has_min_max:
                 low[k], high[k] = told.min, told.max
         return low, high
@@ -66,9 +82,25 @@ class ParquetPieces:
         """Return the rows from `first` to before `last` of a column. Raises DataError."""
         from_group = max(0, int(np.searchsorted(self.begins, first, side="right")) - 1)
         to_group = int(np.searchsorted(self.begins, last, side="left"))
+        groups = [*range(from_group, to_group)]
         try:
-            table = self._file.read_row_groups([*range(from_group, to_group)], columns=[name])
+            if self._file is not None:
+                table = self._file.read_row_groups(groups, columns=[name])
+            else:
+                table = self._read_anew(groups, name)
         except (pa.ArrowException, OSError, ValueError) as error:
             raise damaged(self.path, error) from error
         begin = first - int(self.begins[from_group]) if len(self.begins) else 0
         return np.asarray(table.column(name).slice(begin, last - first).to_numpy())
+
+    def _read_anew(self, groups: list[int], name: str) -> pa.Table:
+        if _mark(self.path) != self._mark:
+            raise DataError(f"{self.path}: is another file than when it was opened: open it anew")
+        with pq.ParquetFile(self.path, metadata=self._metadata) as file:
+            return file.read_row_groups(groups, columns=[name])
+
+
+def _mark(path: Path) -> tuple[int, int, int]:
+    """Return what tells a file from one that was put in its place."""
+    found = path.stat()
+    return found.st_ino, found.st_size, found.st_mtime_ns

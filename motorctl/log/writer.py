@@ -85,6 +85,11 @@ class LogWriter:
         self._sync()
 
     @property
+    def rows_taken(self) -> int:
+        """Those that were appended and not lost, written or not."""
+        return self.rows + self._staged
+
+    @property
     def size_bytes(self) -> int:
         """Size of the partial file."""
         return self._whole_bytes

@@ -58,8 +58,10 @@ def with_seed(machine: Machine, seed: int) -> Machine:
     Raises
     ------
     UsageError
-        Where no driver has a seed.
+        Where no driver has a seed, or this is none.
     """
+    if seed < 0:
+        raise UsageError(f"--seed {seed}: should be 0 or above")
     seeded = False
     drivers = dict(machine.drivers)
     resolved: dict[str, Any] = copy.deepcopy(dict(machine.resolved))
@@ -140,5 +142,8 @@ def simulate(
             if result.notes:
                 extra["notes"] = list(result.notes)
     finally:
-        writer.close(extra)
+        if writer.rows_taken:
+            writer.close(extra)
+        else:  # nothing has ticked: what stands under that name stays
+            writer.discard()
     return result

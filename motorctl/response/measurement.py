@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config import Machine
-from motorctl.config.machine import Axis
 from motorctl.errors import UsageError
 from motorctl.identify.fit.declared_models import machine_of
 from motorctl.log import Recording, read_recording
@@ -40,6 +39,8 @@ SIGNALS = (
 class Measurement:
     """A measured response beside that of the axis' own model."""
 
+    machine: Machine
+    """As the log's own configuration describes it."""
     response: Response
     model: ModelResponse
     """Of the configuration, at the same lines."""
@@ -74,7 +75,8 @@ def measure_response(logs: Sequence[Path], name: str, *, whole_run: bool = False
         Where the axis was not excited, or too little of it is coherent.
     """
     recording = read_recording(list(logs), gaps="keep", whole_run=whole_run, signals=SIGNALS)
-    axis, period_s = _axis(recording, name)
+    machine = _machine(recording, name)
+    axis, period_s = machine.axes[name], machine.period_of(name)
     windows = excited_windows(recording, name, axis.divisor)
     response = estimate_response(windows, name, recording.source)
     peak_v = float(np.abs(windows.excitation).max())
@@ -87,6 +89,7 @@ def measure_response(logs: Sequence[Path], name: str, *, whole_run: bool = False
     dense = model_response(axis, period_s, dense_hz)
     fitted_loop: ComplexArray = fitted.response(dense_hz, period_s) * dense.loop / dense.plant
     return Measurement(
+        machine=machine,
         response=response,
         model=model,
         margins=measured_margins(lines[good], response.loop[good]),
@@ -98,7 +101,7 @@ def measure_response(logs: Sequence[Path], name: str, *, whole_run: bool = False
     )
 
 
-def _axis(recording: Recording, name: str) -> tuple[Axis, float]:
+def _machine(recording: Recording, name: str) -> Machine:
     machine: Machine | None = machine_of(recording)
     if machine is None or name not in machine.axes:
         known = ", ".join(recording.axes)
@@ -106,7 +109,7 @@ def _axis(recording: Recording, name: str) -> tuple[Axis, float]:
             f"{recording.source}: its configuration does not tell of an axis '{name}': a response "
             f"needs a log that motorctl wrote; there are: {known}"
         )
-    return machine.axes[name], machine.period_of(name)
+    return machine
 
 
 def _notes(response: Response) -> list[str]:

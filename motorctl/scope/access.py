@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import secrets
 import socket
 from dataclasses import dataclass
@@ -11,7 +12,10 @@ from urllib.parse import urlsplit
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
+from motorctl.printable import one_line
+
 COOKIE = "motorctl_scope"
+"""How the name of the cookie begins; the port follows."""
 TOKEN_PARAMETER = "token"
 CHANGED = ("/api/trigger",)
 """What is changed by a request, of the scope itself; a machine is by none."""
@@ -36,30 +40,32 @@ class Access:
     """Where it listens."""
     token: str | None
     """What a request has to show, in a cookie or once in its address; None: nothing."""
+    names: frozenset[str] = frozenset()
+    """Of this computer, as others may know it; asked for once, as a name server may be slow."""
 
     def refusal(self, request: web.Request) -> str | None:
         """Return why a request is refused, in words; None where it is not."""
         host = request.headers.get("Host", "")
         if not self._is_own(_name(host)):
             return (
-                f"the page was asked for under the name '{host[:80]}', which is none of this "
+                f"the page was asked for under the name '{_shown(host)}', which is none of this "
                 "server's: open the address that motorctl scope printed"
             )
         origin = request.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != host:
-            return f"a page from '{origin[:80]}' asked: only the scope's own page may"
+        if origin is not None and _place(origin) != host:
+            return f"a page from '{_shown(origin)}' asked: only the scope's own page may"
         if request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site") and not _leads_here(
             request
         ):
             return "another page asked: only the scope's own page may"
-        if self.token is not None and not self.knows(request.cookies.get(COOKIE)):
+        if self.token is not None and not self.knows(request.cookies.get(cookie_of(host))):
             return "the token is missing or wrong: open the address that motorctl scope printed"
         return None
 
     def knows(self, token: str | None) -> bool:
         """Tell whether this is the token."""
         return self.token is not None and secrets.compare_digest(
-            (token or "").encode(), self.token.encode()
+            (token or "").encode(errors="surrogateescape"), self.token.encode()
         )
 
     def _is_own(self, name: str) -> bool:
@@ -68,10 +74,7 @@ class Access:
             return True
         if self.token is None:
             return name in ("127.0.0.1", "::1")
-        return _is_address(name) or name.lower() in (
-            socket.gethostname().lower(),
-            socket.getfqdn().lower(),
-        )
+        return _is_address(name) or name.lower() in self.names
 
 
 def guarded(access: Access) -> Middleware:
@@ -83,7 +86,8 @@ def guarded(access: Access) -> Middleware:
         if TOKEN_PARAMETER in request.query and access.knows(request.query[TOKEN_PARAMETER]):
             # The token leaves the address at once: addresses are copied, cookies are not.
             response = web.Response(status=302, headers={"Location": "/"})
-            response.set_cookie(COOKIE, access.token or "", httponly=True, samesite="Strict")
+            name = cookie_of(request.headers.get("Host", ""))
+            response.set_cookie(name, access.token or "", httponly=True, samesite="Strict")
         elif refusal := access.refusal(request):
             response = web.Response(status=403, text=f"refused: {refusal}\n")
         elif request.method not in ("GET", "HEAD") and request.path not in CHANGED:
@@ -109,6 +113,17 @@ def needs_token(address: str) -> bool:
     return address not in ("localhost", "127.0.0.1", "::1")
 
 
+def own_names() -> frozenset[str]:
+    """Return the names of this computer; may wait for a name server."""
+    return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
+
+
+def cookie_of(host: str) -> str:
+    """Return the cookie's name for a Host header: a browser tells no cookies apart by port."""
+    port = re.search(r":(\d{1,5})$", host)
+    return f"{COOKIE}_{port[1]}" if port else COOKIE
+
+
 def new_token() -> str:
     """Return a token that nobody guesses."""
     return secrets.token_urlsafe(24)
@@ -117,6 +132,19 @@ def new_token() -> str:
 def _leads_here(request: web.Request) -> bool:
     """Tell whether a person followed a link from elsewhere to the page itself."""
     return request.path == "/" and request.headers.get("Sec-Fetch-Mode") == "navigate"
+
+
+def _place(origin: str) -> str | None:
+    """Return the host and port of an Origin header; None where it has none."""
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:  # a bracket that is not closed
+        return None
+
+
+def _shown(header: str) -> str:
+    """Return a header as an answer may tell it: whatever bytes came, it is text."""
+    return one_line(header[:80])
 
 
 def _name(host: str) -> str:

@@ -14,7 +14,8 @@ from typing import Any
 from motorctl.api.connection import connect
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
-from motorctl.errors import MotorctlError
+from motorctl.errors import MotorctlError, RunError
+from motorctl.log.partial import SUFFIX
 from motorctl.scope.history import History
 from motorctl.scope.shown import Shown
 from motorctl.scope.trigger import LONGEST_S, Trigger, Watch
@@ -27,6 +28,10 @@ LOOK_S = 0.05
 lags."""
 BEGUN_WITH_S = 5.0
 """What the page begins with of what was before [s]."""
+FIRST_ROWS_S = 120.0
+"""How long a loop may compile before its first row comes [s], as other clients wait."""
+LEAVES_S = 1.0
+"""How long the end of the scope waits for the listening to end [s]: many looks."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class LiveMachine(Shown):
     Raises
     ------
     MotorctlError
-        Where no daemon answers.
+        Where no daemon answers, or its loop writes no row.
     """
 
     live = True
@@ -81,13 +86,11 @@ class LiveMachine(Shown):
         self.name = status.machine
         self._watch: Watch | None = None
         self._due: _Due | None = None
+        self._writing = threading.Lock()
+        """One capture after the other, so that no two of a second take one name."""
         self.captured: list[Capture] = []
         self._failure: str | None = None
-        first = self._heard.read()
-        deadline = time.monotonic() + 10.0
-        while not first.rows and time.monotonic() < deadline:
-            time.sleep(LOOK_S)
-            first = self._heard.read()
+        first = self._first_rows()
         self._begin(first)
         self._hear(first)
         self._version, self._shown_version = 0, -1
@@ -97,12 +100,9 @@ class LiveMachine(Shown):
         self._listening.start()
 
     def close(self) -> None:
-        """Leave the machine with the next rows that come."""
+        """Leave the machine; a capture whose seconds are not all there is written as it is."""
         self._leaves.set()
-
-    def join(self) -> None:
-        """Wait until it was left."""
-        self._listening.join()
+        self._listening.join(LEAVES_S)
 
     def refresh(self) -> None:
         """Show the rows that came since."""
@@ -135,46 +135,82 @@ class LiveMachine(Shown):
                 "captured": len(self.captured),
             }
 
+    def _first_rows(self) -> Samples:
+        first = self._heard.read()
+        deadline = time.monotonic() + FIRST_ROWS_S
+        while not first.rows:
+            if self._heard.ended or time.monotonic() > deadline:
+                gone = "its daemon has ended" if self._heard.ended else f"in {FIRST_ROWS_S:g} s"
+                self._heard.close()
+                raise RunError(
+                    f"{self.name}: its loop has written no row, {gone}: `motorctl status` tells "
+                    "whether it ticks"
+                )
+            time.sleep(LOOK_S)
+            first = self._heard.read()
+        return first
+
     def _listen(self) -> None:
         try:
-            for samples in self._heard:
-                if self._leaves.is_set():
-                    self._heard.close()
-                    return
-                with self.lock:
-                    self._hear(samples)
-                    self._version += 1
+            while not self._leaves.is_set():
+                samples = self._heard.read()
+                if not samples.rows and self._heard.ended:
+                    with self.lock:  # the seconds after it never come
+                        self._write_due()
+                    samples = next(iter(self._heard))  # of the next daemon, once there is one
+                if samples.rows:
+                    with self.lock:
+                        self._hear(samples)
+                        self._version += 1
+                else:
+                    self._leaves.wait(LOOK_S)
         except MotorctlError as error:  # as of a daemon of another version: the page tells it
             self._failure = str(error)
+        except Exception as error:  # a mistake of ours is no machine that stands still
+            self._failure = f"{type(error).__name__}: {error}"
+        finally:
+            with self.lock:
+                self._write_due()
+            self._heard.close()
 
     def _begin(self, samples: Samples) -> None:
         self._history = History(samples, KEPT_S)
 
     def _hear(self, samples: Samples) -> None:
         if not self._history.takes(samples):
-            if self._due is not None:
-                self._write(self._due)
+            self._write_due()
             self._begin(samples)
             self._follow_on(samples)
         self._last = samples
         self._history.add(samples)
-        if self._watch is not None:
-            row = self._watch.find(samples)
-            if row is not None and self._due is None:
-                self._due = _Due(float(samples["time_s"][row]), self._watch.trigger)
-        if self._due is not None and samples.rows:
-            half_s = 0.5 / self._history.sample_rate_hz
-            enough_s = self._due.time_s + self._due.trigger.post_s - half_s
-            if samples["time_s"][-1] >= enough_s:
-                self._write(self._due)
+        for row in () if self._watch is None else self._watch.find(samples):
+            self._meet(float(samples["time_s"][row]))
+        if self._due is not None and samples["time_s"][-1] >= self._ends_s(self._due):
+            self._write(self._due)
+
+    def _meet(self, time_s: float) -> None:
+        """Take note of a trigger that was met, unless its seconds are in a capture that is due."""
+        if self._due is not None and time_s > self._ends_s(self._due):  # many rows came at once
+            self._write(self._due)
+        if self._due is None and self._watch is not None:
+            self._due = _Due(time_s, self._watch.trigger)
+
+    def _ends_s(self, due: _Due) -> float:
+        """Return from when on a capture is whole; times that are sums are a little off."""
+        return due.time_s + due.trigger.post_s - 0.5 / self._history.sample_rate_hz
 
     def _follow_on(self, samples: Samples) -> None:
         """Go on to wait for the same after a restart, or with other models."""
         if self._watch is not None:
             try:
-                self._watch = Watch(self._watch.trigger, samples)
+                self._watch = Watch(self._watch.trigger, samples, begins=True)
             except MotorctlError:  # what it waited for is not there any more
                 self._watch = None
+
+    def _write_due(self) -> None:
+        """Write what waits for rows that will not come any more, as far as it is there."""
+        if self._due is not None:
+            self._write(self._due)
 
     def _write(self, due: _Due) -> None:
         self._due = None
@@ -199,7 +235,8 @@ class LiveMachine(Shown):
         def write() -> None:
             path, failure = None, None
             try:
-                path = str(save_columns(self._free_path(trigger), columns, axes, metadata))
+                with self._writing:
+                    path = str(save_columns(self._free_path(trigger), columns, axes, metadata))
             except (MotorctlError, OSError) as error:
                 failure = str(error)
             self.captured.append(Capture(due.time_s, begin_s, end_s, path, failure))
@@ -210,7 +247,7 @@ class LiveMachine(Shown):
     def _free_path(self, trigger: Trigger) -> Path:
         stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{self.name}-{trigger.kind}"
         path, count = self._folder / f"{stem}.parquet", 1
-        while path.exists():
+        while path.exists() or path.with_name(path.name + SUFFIX).exists():
             count += 1
             path = self._folder / f"{stem}-{count}.parquet"
         return path

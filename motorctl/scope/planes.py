@@ -85,10 +85,11 @@ def path(
         shown.pyramid.rows(name, first, last).astype(float) for name in columns
     )
     across, normal_x, normal_y = error_across(vx, vy, ex, ey, LEAST_SPEED)
-    if len(across):
+    known = across[np.isfinite(across)]
+    if len(known):
         told = told | {
-            "worst": float(np.max(np.abs(across))),
-            "rms": float(np.sqrt(np.mean(across**2))),
+            "worst": float(np.max(np.abs(known))),
+            "rms": float(np.sqrt(np.mean(known**2))),
         }
     drawn = _points(rx + magnified * across * normal_x, ry + magnified * across * normal_y, told)
     reference = _points(rx, ry, {})

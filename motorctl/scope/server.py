@@ -7,7 +7,9 @@ import math
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,7 +17,7 @@ from aiohttp import web
 from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.scope.access import Access, guarded, needs_token, new_token
+from motorctl.scope.access import Access, guarded, needs_token, new_token, own_names
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog
@@ -67,6 +69,12 @@ class Logs:
     def of_machine(cls, socket: Path | None, captures: Path) -> Logs:
         """Listen to a running machine. Raises MotorctlError where no daemon answers."""
         return cls([LiveMachine(socket, captures)], {})
+
+    def close(self) -> None:
+        """Leave the machine, if one is shown."""
+        for opened in self.opened:
+            if isinstance(opened, LiveMachine):
+                opened.close()
 
     def told(self) -> dict[str, Any]:
         """Return what the page is told first, for JSON."""
@@ -218,16 +226,19 @@ async def serve(
     RunError
         Where nobody may listen there.
     """
-    access = Access(address, new_token() if needs_token(address) else None)
+    access = Access(address, None)
+    if needs_token(address):
+        access = Access(address, new_token(), await asyncio.to_thread(own_names))
     runner = web.AppRunner(application(logs, access), access_log=None)
     await runner.setup()
     try:
         try:
             site = web.TCPSite(runner, address, port)
             await site.start()
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # the latter: no name that could be looked up
+            why = error.strerror if isinstance(error, OSError) else "no name of a computer"
             raise RunError(
-                f"the page cannot be served on {address}, port {port}: {error.strerror or error}; "
+                f"the page cannot be served on {address}, port {port}: {why or error}; "
                 "--port 0 takes any that is free"
             ) from error
         bound = runner.addresses[0][1]
@@ -241,11 +252,26 @@ async def serve(
 
 async def _file(request: web.Request) -> web.Response:
     name = request.match_info["name"] or "index.html"
-    file = PAGE.joinpath(name)
-    kind = KINDS.get(Path(name).suffix)
-    if kind is None or ".." in name or not file.is_file():
+    file = _page_files().get(name)
+    if file is None:
         return web.Response(status=404, text=f"no page '{name[:80]}'\n")
-    return web.Response(text=file.read_text(encoding="utf-8"), content_type=kind)
+    text = file.read_text(encoding="utf-8")
+    return web.Response(text=text, content_type=KINDS[Path(name).suffix])
+
+
+@cache
+def _page_files() -> Mapping[str, Traversable]:
+    """Return what the page is made of by its path: nothing else is ever opened for a request."""
+    found: dict[str, Traversable] = {}
+    folders = [("", PAGE)]
+    while folders:
+        path, folder = folders.pop()
+        for entry in folder.iterdir():
+            if entry.is_dir():
+                folders.append((f"{path}{entry.name}/", entry))
+            elif Path(entry.name).suffix in KINDS:
+                found[path + entry.name] = entry
+    return found
 
 
 def _number(request: web.Request, name: str) -> float:

@@ -51,9 +51,11 @@ class Watch:
         What is looked for.
     like
         The rows right before the first that are looked at; none of them triggers.
+    begins
+        `like` are the first that are looked at themselves: there are none before them.
     """
 
-    def __init__(self, trigger: Trigger, like: Samples) -> None:
+    def __init__(self, trigger: Trigger, like: Samples, *, begins: bool = False) -> None:
         self.trigger = trigger
         axes = like.axes if trigger.axis is None else (trigger.axis,)
         if unknown := [axis for axis in axes if axis not in like.axes]:
@@ -63,46 +65,41 @@ class Watch:
         self._axes = axes
         self._before: dict[str, float] = {}
         self._ready = False
-        self.find(like)
+        if not begins:
+            self.find(like)
 
-    def find(self, samples: Samples) -> int | None:
-        """Return the first row that triggers, of rows that follow those before; None: none does.
-
-        All of them are looked at; what comes after the first is not told.
-        """
+    def find(self, samples: Samples) -> NDArray[np.intp]:
+        """Return every row that triggers, of rows that follow those before; they may be none."""
         if not samples.rows:
-            return None
+            return np.empty(0, np.intp)
         if self.trigger.column is not None:
-            return self._crossing(samples[self.trigger.column].astype(float))
-        found = [self._change(f"{axis}.state", samples) for axis in self._axes]
-        return min((row for row in found if row is not None), default=None)
+            return self._crossings(samples[self.trigger.column].astype(float))
+        hits = [self._changes(f"{axis}.state", samples) for axis in self._axes]
+        return np.flatnonzero(np.any(hits, axis=0))
 
-    def _change(self, name: str, samples: Samples) -> int | None:
+    def _changes(self, name: str, samples: Samples) -> NDArray[np.bool_]:
         states = samples[name]
         before = np.concatenate(([self._before.get(name, states[0])], states[:-1]))
         self._before[name] = float(states[-1])
-        hits = states != before
+        hits: NDArray[np.bool_] = states != before
         if self.trigger.kind == "fault":
             hits &= states == AxisState.FAULT
         elif self.trigger.kind == "program":
             hits &= states == AxisState.RUNNING
-        return int(np.argmax(hits)) if hits.any() else None
+        return hits
 
-    def _crossing(self, values: NDArray[np.float64]) -> int | None:
-        """Return the first row beyond the level after one that was further back than hysteresis."""
+    def _crossings(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the rows beyond the level, each the first after one further back than hysteresis.
+
+        Rows between the two say nothing, and leave what was said before.
+        """
         level = self.trigger.level
         if self.trigger.edge == "falling":
             values, level = -values, -level
-        begins = 0
-        if not self._ready:
-            back = np.flatnonzero(values < level - self.trigger.hysteresis)
-            if not len(back):
-                return None
-            begins = int(back[0])
-            self._ready = True
-        beyond = np.flatnonzero(values[begins:] >= level)
-        if not len(beyond):
-            return None
-        row = begins + int(beyond[0])
-        self._ready = bool((values[row:] < level - self.trigger.hysteresis).any())
-        return row
+        beyond, back = values >= level, values < level - self.trigger.hysteresis
+        told = np.flatnonzero(beyond | back)
+        if not len(told):
+            return told
+        ready = np.concatenate(([self._ready], back[told[:-1]]))
+        self._ready = bool(back[told[-1]])
+        return told[beyond[told] & ready]

@@ -15,7 +15,13 @@ from served_socket import served
 import motorctl
 from motorctl.api.orders import Reset
 from motorctl.api.status import AxisStatus
-from motorctl.daemon.protocol import Request, StatusCommand
+from motorctl.daemon.protocol import (
+    AxisCommand,
+    Code,
+    RefusedError,
+    Request,
+    StatusCommand,
+)
 
 pytestmark = pytest.mark.wall_clock(lanes=2)
 
@@ -158,6 +164,25 @@ def test_where_no_daemon_is_both_say_how_to_start_one(tmp_path: Path) -> None:
         motorctl.connect(tmp_path / "none.sock")
     with pytest.raises(motorctl.RunError, match="motorctl run CONFIG"):
         run(connected())
+
+
+def test_an_axis_that_trips_meanwhile_keeps_none_from_being_stopped(tmp_path: Path) -> None:
+    stopped: list[str] = []
+
+    async def handle(request: Request) -> dict[str, Any]:
+        if isinstance(request, StatusCommand):
+            states = {"x": "running", "y": "off" if stopped else "running"}
+            return {"axes": {name: {"state": state} for name, state in states.items()}}
+        assert isinstance(request, AxisCommand)
+        if request.axis == "x":
+            raise RefusedError(Code.WRONG_STATE, "axis x is in fault: stop is not possible")
+        stopped.append(request.axis)
+        return {}
+
+    with served(tmp_path / "s", handle) as place, motorctl.connect(place) as machine:
+        with pytest.raises(motorctl.DaemonRefusedError, match="axis x is in fault"):
+            machine.stop_all()
+        assert stopped == ["y"]
 
 
 def test_a_daemon_that_ends_while_it_is_asked_ends_the_wait(tmp_path: Path) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from recorded_rows import AXES, columns, make_rows, write_csv, write_log, write_table
 
@@ -98,6 +100,30 @@ def test_the_logs_of_a_run_are_one(tmp_path: Path) -> None:
     assert "2 logs" in whole.notes[0]
     one = motorctl.open_log(tmp_path / "bench-2.parquet", whole_run=True)
     assert (one.rows, one.info().rows) == (2000, 2000)
+
+
+def test_a_run_of_many_logs_needs_few_open_files(tmp_path: Path) -> None:
+    parts, rows = 100, 20
+    write_log(tmp_path / "whole.parquet", make_rows(parts * rows), {"rate_hz": 1000.0})
+    whole = pq.read_table(tmp_path / "whole.parquet")
+    (tmp_path / "run").mkdir()
+    for part in range(1, parts + 1):
+        about = {"rate_hz": 1000.0, "config": {}, "run": "bench", "part": part}
+        rows_of_part = whole.slice((part - 1) * rows, rows)
+        pq.write_table(
+            rows_of_part.replace_schema_metadata({b"motorctl": json.dumps(about)}),
+            tmp_path / "run" / f"bench-{part:03}.parquet",
+        )
+    before = sum(1 for _ in Path("/proc/self/fd").iterdir())
+    run = motorctl.open_log(tmp_path / "run")
+    assert run.extremes("x.position_m").begins.tolist() == list(range(0, parts * rows, rows))
+    assert run.part("tick", 10, 1990).tolist() == list(range(10, 1990))
+    assert sum(1 for _ in Path("/proc/self/fd").iterdir()) <= before + 1
+    (tmp_path / "run" / "bench-002.parquet").write_bytes(
+        (tmp_path / "run" / "bench-003.parquet").read_bytes()
+    )
+    with pytest.raises(motorctl.DataError, match=r"bench-002\.parquet: is another file than when"):
+        run.part("tick", 10, 30)
 
 
 def test_a_foreign_recording_has_the_same_columns_in_its_own_units(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import os
 import pty
 import termios
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -18,14 +19,14 @@ LONG_S = 20.0
 
 @contextmanager
 def at_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, stop: threading.Event | None = None
+    monkeypatch: pytest.MonkeyPatch, stop: threading.Event | None = None, ends: str = "q"
 ) -> Iterator[tuple[int, Keys]]:
     """Yield a person's end of a terminal, and the keys that are read from the other one."""
     person, terminal = pty.openpty()
     try:
         with os.fdopen(terminal, "r", closefd=False) as stdin:
             monkeypatch.setattr("sys.stdin", stdin)
-            with single_keys((stop or threading.Event()).set) as keys:
+            with single_keys((stop or threading.Event()).set, ends) as keys:
                 assert keys is not None
                 yield person, keys
     finally:
@@ -70,6 +71,44 @@ def test_a_key_that_is_held_down_is_one_press_once_somebody_asks(
         while keys.next(0.2) == "right":  # those that came after it was asked for
             pass
         assert keys.next(0.0) is None
+
+
+@pytest.mark.parametrize(
+    "pressed",
+    [
+        [b"\x1b[C\x1b[Cs"],
+        [b"s", b"\x1b[C", b"\x1b[C"],
+        [b"\x1b[Cs\x1b[C\x1b[1;5C"],
+        [b"\x1b[1;5s\x1b[C", b"s"],
+    ],
+    ids=["in one piece", "before others", "between others", "after one that means nothing"],
+)
+def test_a_key_that_ends_something_is_not_lost_among_others(
+    monkeypatch: pytest.MonkeyPatch, pressed: list[bytes]
+) -> None:
+    with at_a_terminal(monkeypatch, ends="qs") as (person, keys):
+        for piece in pressed:
+            os.write(person, piece)
+            time.sleep(0.02)  # a read of its own
+        assert keys.next(LONG_S) == "s"
+
+
+def test_letters_of_other_keys_are_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    with at_a_terminal(monkeypatch, ends="qs") as (person, keys):
+        os.write(person, b"\x1b[1;5q\x1bs\x1bOq\x1b[3~")
+        assert keys.next(LONG_S) == " "
+        assert keys.next(0.1) is None
+        assert not keys.stopped
+
+
+def test_a_terminal_that_is_gone_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    person, terminal = pty.openpty()
+    with os.fdopen(terminal, "r") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        with single_keys(lambda: None) as keys:
+            assert keys is not None
+            os.close(person)
+            assert keys.next(LONG_S) == "q"
 
 
 def test_a_stop_that_fails_is_told_and_not_swallowed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from motorctl.close_loop import rigs
 from motorctl.close_loop.rigs import ResumedRig
 from motorctl.config import Machine, load
 from motorctl.errors import RunError
+from motorctl.log import LogWriter
 
 
 class CountedRig:
@@ -76,6 +77,18 @@ def test_without_resume_everything_is_run(tmp_path: Path) -> None:
     for _ in range(2):
         rig.run(machine, tmp_path / "own.parquet", None, lambda _: None)
     assert counted.runs == 2
+
+
+def test_what_a_loop_that_was_killed_left_of_a_log_is_in_nobodys_way(tmp_path: Path) -> None:
+    machine, log = load("published_gantry"), tmp_path / "own.parquet"
+    unfinished = tmp_path / "own.parquet.partial"
+    unfinished.write_text("as far as it came")
+    ResumedRig(CountedRig(), reuse=True).run(machine, log, None, lambda _: None)
+    assert not unfinished.exists()
+    writer = LogWriter(log, {}, [])  # of another one, that runs now
+    ResumedRig(CountedRig(), reuse=False).run(machine, log, None, lambda _: None)
+    assert unfinished.exists()
+    writer.discard()
 
 
 @pytest.mark.slow

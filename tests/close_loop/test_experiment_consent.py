@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -125,3 +126,30 @@ def test_the_minutes_of_a_loop_that_broke_off_count_when_it_goes_on(tmp_path: Pa
     Consents(yes=True, kept=kept).ask(of, motion)  # one that begins anew
     with pytest.raises(UsageError, match="max_minutes"):
         Consents(yes=True, kept=kept, resume=True).ask(of, motion)
+
+
+@pytest.mark.parametrize("text", ["", '{"x": 1', '{"x": "a"}', '{"x": NaN}', '{"x": -60}', "\xff"])
+def test_minutes_that_cannot_be_read_are_not_taken_for_none(tmp_path: Path, text: str) -> None:
+    kept = tmp_path / "moved_minutes.json"
+    kept.write_text(text, encoding="latin-1")
+    with pytest.raises(UsageError, match=r"moved_minutes\.json: is damaged"):
+        Consents(yes=True, kept=kept, resume=True)
+
+
+def test_minutes_are_noted_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = machine(tmp_path, wide(machine(tmp_path, None)))
+    kept = tmp_path / "moved_minutes.json"
+    consents = Consents(yes=True, kept=kept)
+    consents.ask(of, asked(of))
+    before = kept.read_bytes()
+
+    def cut_short(path: Path, text: str) -> None:
+        path.write_bytes(text.encode()[:3])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", cut_short)
+    with pytest.raises(UsageError, match=r"cannot be written: No space left"):
+        consents.ask(of, asked(of))
+    assert kept.read_bytes() == before

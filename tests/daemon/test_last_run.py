@@ -116,6 +116,19 @@ def test_a_run_that_a_process_really_left_by_sigkill_is_told(machine: Machine, p
     assert "did not end in order: its supervisor and its loop process were killed" in told
 
 
+@pytest.mark.parametrize("process", ["", "motorctl 0 {life}", "999999999 0 {life}"])
+def test_a_process_or_a_note_that_makes_no_sense_is_taken_for_one_that_is_gone(
+    machine: Machine, path: Path, process: str
+) -> None:
+    LastRun(machine, path).begin()
+    run = json.loads(path.read_text())
+    run["process"] = process.format(life=run["process"].split()[2])
+    path.write_text(json.dumps(run))
+    path.with_name(f"{path.name}.loop").write_bytes(b"\xff\x00")
+    (told,) = LastRun(machine, path).begin()
+    assert "did not end in order" in told
+
+
 def test_a_run_that_is_under_way_is_not_called_dead(machine: Machine, path: Path) -> None:
     """Two daemons of one name on two sockets share the file."""
     LastRun(machine, path).begin()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -143,3 +144,18 @@ def test_where_one_axis_refuses_the_other_is_stopped_and_the_refusal_told(loop: 
     no = loop.refused(RING, Loop.take)
     assert no.message.startswith("axis y: follow: the loop took the order after its first tick")
     assert loop.taken == [*FOLLOWED, (Verb.STOP, "x")]
+
+
+def test_an_axis_whose_loop_fell_silent_before_it_was_excited_is_stopped(
+    loop: Loop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commander, "REPLY_TIMEOUT_S", 0.3)
+
+    def late(loop: Loop) -> None:
+        if loop.memory.look_at(Word.MAIL_HEAD) == 2:
+            loop.take()
+
+    wave = {"volts": [0.1, -0.1] * 100, "periods": 1000, "fade_periods": 1}
+    no = loop.refused(json.dumps({"do": "excite", "axis": "x", **wave}).encode(), late)
+    assert no.code is Code.LOOP_SILENT
+    assert loop.taken == [(Verb.EXCITE, "x"), (Verb.STOP, "x")]

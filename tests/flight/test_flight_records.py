@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
@@ -17,6 +18,7 @@ from motorctl.errors import DataError, UsageError
 from motorctl.flight import (
     find_record,
     free_record_path,
+    later_than_all,
     list_records,
     load_record,
     remove_oldest,
@@ -128,6 +130,24 @@ def test_what_cannot_be_read_is_told_and_hides_no_other_record(tmp_path: Path) -
     assert listing.broken[0] in run("list", "--log-dir", str(tmp_path)).stdout
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("time_s", "soon"), ("time_s", None), ("message", None), ("faults", []), ("faults", {"x": 1})],
+)
+def test_a_record_that_says_nonsense_of_itself_is_told_in_words(
+    tmp_path: Path, key: str, value: Any
+) -> None:
+    path = write_record(tmp_path, 1)
+    table = pq.read_table(path)
+    metadata = json.loads(table.schema.metadata[b"motorctl"])
+    metadata["flight_record"][key] = value
+    pq.write_table(table.replace_schema_metadata({b"motorctl": json.dumps(metadata)}), path)
+    shown = run("show", "--log-dir", str(tmp_path))
+    assert isinstance(shown.exception, UsageError)
+    assert f"{key} is not what a recorder writes" in str(shown.exception)
+    assert "no axis has tripped" not in run("list", "--log-dir", str(tmp_path)).stdout
+
+
 def test_an_ordinary_log_is_no_flight_record(tmp_path: Path) -> None:
     writer = LogWriter(tmp_path / "run.parquet", {}, [LogAxis("x", ("inertia",))])
     writer.append(np.zeros(10, TICK_SAMPLE), np.zeros((10, 1), axis_sample(1)))
@@ -205,3 +225,9 @@ def test_a_record_whose_axis_leads_a_picture_elsewhere_is_refused(tmp_path: Path
     path = write_record(tmp_path / "faults", second_axis="../y")
     with pytest.raises(DataError, match="part of file names"):
         load_record(path)
+
+
+def test_digits_that_are_no_time_keep_no_record_from_being_written(tmp_path: Path) -> None:
+    (tmp_path / "99999999T999999Z-x-estop.parquet").write_text("of somebody")
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    assert later_than_all(tmp_path, noon) == noon

@@ -27,6 +27,7 @@ FOREIGN = (
     "bench-2-20260101T000000Z.parquet",
     "BENCH-20260101T000000Z.parquet",
     "bench-20260101T000000Z-copy.parquet",
+    "bench-99999999T999999Z.parquet",
 )
 
 
@@ -72,6 +73,16 @@ def test_age_is_that_of_the_last_row_not_of_the_first(tmp_path: Path) -> None:
     file(tmp_path, day(1), age_s=31 * DAY_S)
     file(tmp_path, day(2), age_s=29 * DAY_S)  # a long one: begun 40 days ago, say
     assert removed(tmp_path, max_age_s=30 * DAY_S) == [day(1)]
+
+
+def test_a_log_of_a_time_to_come_is_as_old_as_the_next_one_and_keeps_none(tmp_path: Path) -> None:
+    first = file(tmp_path, day(1), age_s=-20_000 * DAY_S)  # then the clock was set back
+    second = file(tmp_path, day(2), age_s=40 * DAY_S)
+    file(tmp_path, day(3), age_s=20 * DAY_S)
+    assert removed(tmp_path, max_age_s=30 * DAY_S) == [first.name, second.name]
+    file(tmp_path, day(4), age_s=-DAY_S)
+    assert removed(tmp_path, max_age_s=30 * DAY_S) == []
+    assert removed(tmp_path, max_age_s=10 * DAY_S) == [day(3)]
 
 
 def test_the_total_counts_unfinished_logs_too(tmp_path: Path) -> None:
@@ -141,6 +152,12 @@ def test_a_name_that_became_free_is_not_given_to_a_later_log(tmp_path: Path) -> 
     first.unlink()
     third = written(tmp_path, when)
     assert [log.path for log in stored_logs(tmp_path, "bench")] == [second, third]
+
+
+def test_digits_that_are_no_time_are_in_no_later_name(tmp_path: Path) -> None:
+    file(tmp_path, "bench-99999999T999999Z.parquet")
+    noon = datetime(2026, 1, 1, 12, tzinfo=UTC)
+    assert free_log_path(tmp_path, "bench", noon).name == "bench-20260101T120000Z.parquet"
 
 
 def written(folder: Path, when: datetime) -> Path:

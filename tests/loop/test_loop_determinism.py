@@ -1,8 +1,10 @@
 """In virtual time the same machine gives the same rows, bit for bit."""
 
 import numpy as np
+import pytest
 from loop_bench import Rig, gantry
 
+from motorctl.errors import UsageError
 from motorctl.loop.simulation import with_seed
 
 
@@ -31,3 +33,8 @@ def test_another_seed_gives_other_rows():
     other_ticks, other_samples = rows_of(with_seed(gantry(), 2))
     assert ticks == other_ticks
     assert samples != other_samples
+
+
+def test_a_seed_that_is_none_is_refused():
+    with pytest.raises(UsageError, match="--seed -1: should be 0 or above"):
+        with_seed(gantry(), -1)

@@ -16,6 +16,7 @@ from motorctl.identify.compare.measures import measure_recording
 from motorctl.log import read_recording
 from motorctl.log.info import describe
 from motorctl.loop.simulation import simulate, with_seed
+from motorctl.loop.virtual import VirtualMachine
 
 CONFIG = "small_stage"
 
@@ -48,6 +49,19 @@ def test_another_seed_gives_another_run(stage_log: Path, tmp_path: Path) -> None
 
     column = next(n for n in pq.read_schema(other).names if n.endswith(".position_m"))
     assert not pq.read_table(stage_log)[column].equals(pq.read_table(other)[column])
+
+
+def test_a_run_that_never_ticks_leaves_the_log_that_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(virtual: VirtualMachine) -> VirtualMachine:
+        raise RunError("the driver cannot be opened")
+
+    monkeypatch.setattr(VirtualMachine, "__enter__", broken)
+    (tmp_path / "good.parquet").write_text("of an earlier run")
+    with pytest.raises(RunError, match="cannot be opened"):
+        simulate(load(CONFIG), tmp_path / "good.parquet", duration_s=1.0)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["of an earlier run"]
 
 
 def test_a_virtual_log_has_every_tick(stage_log: Path) -> None:

@@ -231,6 +231,9 @@ class Terminal:
     def isatty(self) -> bool:
         return True
 
+    def fileno(self) -> int:
+        raise OSError("none of the system's")
+
 
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_person_says_yes_or_no(monkeypatch, answer):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from analytic_response import apart, plant_response
@@ -16,6 +20,7 @@ from motorctl.response.measured_margins import measured_margins
 from motorctl.response.model import model_response
 from motorctl.response.multisine import multisine
 from motorctl.response.plan import plan_response
+from motorctl.response.same_plant import require_same_plant
 from motorctl.response.windows import Windows
 
 TS = 0.2e-3
@@ -206,3 +211,27 @@ def test_a_plan_moves_faster_than_it_shakes_and_stays_within_travel_and_limits(a
     assert peaks.max_velocity_m_s == pytest.approx(plan.speed_m_s)
     assert plan.motion.trajectories()[axis].duration_s > plan.duration_s
     assert plan.speed_m_s <= 0.2 * told.limits.max_velocity_m_s
+
+
+@pytest.mark.parametrize(
+    ("was", "is_now", "told"),
+    [
+        ("resolution_m: 0.5e-6", "resolution_m: 1e-6", "axes.x.encoder.resolution_m: 5e-07, here"),
+        ("name: published-gantry", "name: mill", "name: published-gantry, here mill"),
+        ("max_voltage_v: 10", "max_voltage_v: 9", None),
+    ],
+)
+def test_a_response_of_another_machine_is_not_taken(
+    tmp_path: Path, was: str, is_now: str, told: str | None
+) -> None:
+    text = locate("published_gantry").read_text()
+    assert was in text
+    (tmp_path / "other.yaml").write_text(text.replace(was, is_now))
+    other, source = load(tmp_path / "other.yaml"), SimpleNamespace(source="response_x.parquet")
+    measured: Any = SimpleNamespace(machine=load("published_gantry"), response=source)
+    if told is None:
+        require_same_plant(measured, other, "x")
+        return
+    with pytest.raises(DataError, match=r"response_x\.parquet is not a response of") as caught:
+        require_same_plant(measured, other, "x")
+    assert told in str(caught.value)

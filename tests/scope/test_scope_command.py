@@ -53,3 +53,25 @@ def test_a_port_that_is_taken_is_told_with_what_to_do(
     told = capsys.readouterr().err
     assert f"cannot be served on 127.0.0.1, port {port}" in told
     assert "--port 0 takes any that is free" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "told"),
+    [
+        (("--port", "99999"), 2, "less than or equal to 65535"),
+        (("--address", "bad..host"), 1, "cannot be served on bad..host, port 0"),
+        (("--address", ""), 2, "--address: is empty"),
+    ],
+)
+def test_where_nobody_can_listen_is_told_in_words(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    words: tuple[str, str],
+    status: int,
+    told: str,
+) -> None:
+    pytest.importorskip("aiohttp")
+    write_log(tmp_path / "run.parquet", make_rows(100), {"rate_hz": 1000.0})
+    assert run(monkeypatch, str(tmp_path / "run.parquet"), *words) == status
+    assert told in capsys.readouterr().err

@@ -18,6 +18,7 @@ import motorctl
 from motorctl.daemon.access import Role
 from motorctl.daemon.protocol import Request
 from motorctl.errors import RunError
+from motorctl.log.convert import convert
 from motorctl.log.sample import AxisState
 from motorctl.loop.layout import signature
 from motorctl.scope.live_machine import LiveMachine
@@ -58,8 +59,6 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Rin
         machine = LiveMachine(path, tmp_path / "captures")
         yield filled, machine
         machine.close()
-        filled.run(1)
-        machine.join()
 
 
 def until(met: Callable[[], bool]) -> None:
@@ -129,6 +128,36 @@ def test_a_normal_trigger_captures_again_and_again(stage: Any) -> None:
     assert machine.state()["armed"] is None
 
 
+def test_captures_of_one_second_are_all_written_though_the_disk_is_slow(
+    stage: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(*given: Any) -> Any:
+        time.sleep(0.2)
+        return convert(*given)
+
+    monkeypatch.setattr("motorctl.log.writer.convert", slowly)
+    filled, machine = stage
+    machine.arm(Trigger(kind="state", mode="normal", pre_s=0.01, post_s=0.0))
+    for state in (AxisState.IDLE, AxisState.RUNNING, AxisState.IDLE):
+        filled.run(20, state)
+        time.sleep(0.08)
+    until(lambda: machine.state()["captured"] == 3)
+    captures = machine.state()["captures"]
+    assert [capture["failure"] for capture in captures] == [None] * 3
+    assert len({capture["path"] for capture in captures}) == 3
+
+
+def test_what_triggers_again_among_rows_that_come_at_once_is_captured_too(stage: Any) -> None:
+    filled, machine = stage
+    machine.arm(Trigger(kind="fault", mode="normal", pre_s=0.01, post_s=0.05))
+    with machine.lock:  # as a page that holds it up
+        for _ in range(2):
+            filled.run(100, AxisState.FAULT)
+            filled.run(100, AxisState.IDLE)
+    until(lambda: machine.state()["captured"] == 2)
+    assert [c["time_s"] for c in machine.state()["captures"]] == pytest.approx([0.5, 0.7])
+
+
 def test_a_capture_that_the_disk_refuses_is_told(stage: Any, tmp_path: Path) -> None:
     filled, machine = stage
     (tmp_path / "captures").write_text("a file where the folder should be")
@@ -138,6 +167,46 @@ def test_a_capture_that_the_disk_refuses_is_told(stage: Any, tmp_path: Path) -> 
     (capture,) = machine.state()["captures"]
     assert capture["path"] is None
     assert "captures" in capture["failure"]
+
+
+def captured_of_what_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[[LiveMachine], None]
+) -> list[Any]:
+    """Return captures where the seconds after the trigger never came, as something ended before."""
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    with staged(tmp_path / "s") as (filled, path):
+        filled.run(500)
+        machine = LiveMachine(path, tmp_path / "captures")
+        machine.arm(Trigger(kind="fault", pre_s=0.1, post_s=20.0))
+        filled.run(50, AxisState.FAULT)
+        until(lambda: machine.state()["end_s"] == pytest.approx(0.549))
+        end(machine)
+    until(lambda: machine.state()["captured"] == 1)
+    machine.close()
+    return machine.state()["captures"]
+
+
+@pytest.mark.parametrize("end", [lambda machine: None, LiveMachine.close], ids=["daemon", "scope"])
+def test_what_was_triggered_is_written_though_daemon_or_scope_ends_before_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[[LiveMachine], None]
+) -> None:
+    (capture,) = captured_of_what_ends(tmp_path, monkeypatch, end)
+    assert capture["failure"] is None
+    assert motorctl.open_log(capture["path"])["tick"].tolist() == list(range(400, 550))
+
+
+def test_a_loop_that_still_compiles_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    monkeypatch.setattr("motorctl.scope.live_machine.FIRST_ROWS_S", 0.3)
+    with staged(tmp_path / "s") as (filled, path):
+        with pytest.raises(RunError, match=r"its loop has written no row, in 0\.3 s"):
+            LiveMachine(path, tmp_path)
+        threading.Timer(0.1, filled.run, [10]).start()
+        machine = LiveMachine(path, tmp_path)
+        assert machine.told()["rows"] == 10
+        machine.close()
 
 
 def test_without_a_daemon_it_says_so(tmp_path: Path) -> None:

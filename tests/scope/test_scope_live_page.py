@@ -54,6 +54,7 @@ def test_it_follows_triggers_on_a_fault_and_survives_the_daemons_restart(
         with scope(daemon.socket, tmp_path) as url:
             page = Page(chromium, url, "panels=position,error")
             sees_it_follow(page)
+            forgets_a_silence_that_is_over(page)
             page.page.click("[name=arm]")
             page.page.wait_for_selector("#trigger[data-armed=true]")
             with motorctl.connect(daemon.socket) as machine:
@@ -82,6 +83,15 @@ def sees_it_follow(page: Page) -> None:
         time.sleep(0.1)
     assert page.page.get_attribute("#heard", "data-lost") == "0"
     assert page.pixels("position", X)["count"] > 100
+
+
+def forgets_a_silence_that_is_over(page: Page) -> None:
+    """See that the server is said not to answer for as long as it does not."""
+    page.page.route("**/api/live*", lambda route: route.abort())
+    page.page.wait_for_selector("#notes li:has-text('does not answer')")
+    page.page.unroute("**/api/live*")
+    page.page.wait_for_selector("#notes li", state="detached")
+    page.errors.clear()
 
 
 def sees_the_fault(page: Page, folder: Path) -> None:

@@ -26,27 +26,26 @@ def samples(rows: Rows, first: int = 0, last: int | None = None) -> Samples:
     return Samples(rows[0][part], rows[1][part], COLUMNS, 0, 0, AXES, METADATA)
 
 
-def found(trigger: Trigger, rows: Rows, cuts: list[int]) -> int | None:
-    """Return the row of the whole that triggers first, where rows come in pieces."""
+def found(trigger: Trigger, rows: Rows, cuts: list[int]) -> list[int]:
+    """Return the rows of the whole that trigger, where rows come in pieces."""
     watch = Watch(trigger, samples(rows, 0, 0))
     ends = sorted({*(cut for cut in cuts if cut < len(rows[0])), len(rows[0])})
-    begin = 0
+    found, begin = [], 0
     for end in ends:
-        row = watch.find(samples(rows, begin, end))
-        if row is not None:
-            return begin + row
+        found += (begin + watch.find(samples(rows, begin, end))).tolist()
         begin = end
-    return None
+    return found
 
 
-def crossing(values: list[int], level: float, hysteresis: float) -> int | None:
+def crossings(values: list[int], level: float, hysteresis: float) -> list[int]:
     """Return what a person would say, row by row."""
-    ready = False
+    ready, found = False, []
     for k, value in enumerate(values):
         if ready and value >= level:
-            return k
+            found.append(k)
+            ready = False
         ready = ready or value < level - hysteresis
-    return None
+    return found
 
 
 @given(
@@ -55,7 +54,7 @@ def crossing(values: list[int], level: float, hysteresis: float) -> int | None:
     hysteresis=st.integers(0, 3),
     falling=st.booleans(),
 )
-def test_a_level_is_crossed_once_it_was_further_back_than_the_hysteresis(
+def test_a_level_is_crossed_each_time_that_it_was_further_back_than_the_hysteresis(
     values: list[int], cuts: list[int], hysteresis: int, falling: bool
 ) -> None:
     rows = make_rows(len(values))
@@ -68,7 +67,7 @@ def test_a_level_is_crossed_once_it_was_further_back_than_the_hysteresis(
         edge="falling" if falling else "rising",
     )
     sign = -1 if falling else 1
-    expected = crossing([sign * value for value in values], sign * 1.0, hysteresis)
+    expected = crossings([sign * value for value in values], sign * 1.0, hysteresis)
     assert found(trigger, rows, cuts) == expected
 
 
@@ -78,22 +77,27 @@ def test_a_level_triggers_again_only_after_it_went_back() -> None:
     trigger = Trigger(kind="level", column="x.command_v", level=3.0, hysteresis=1.0)
     watch = Watch(trigger, samples(rows, 0, 0))
     pieces = [watch.find(samples(rows, begin, begin + 3)) for begin in range(0, 12, 3)]
-    assert pieces == [1, None, 2, 2]
+    assert [piece.tolist() for piece in pieces] == [[1], [], [2], [2]]
 
 
 @pytest.mark.parametrize(
-    ("kind", "axis", "row"),
-    [("fault", None, 70), ("fault", "x", None), ("state", None, 30), ("program", "y", 50)],
+    ("kind", "axis", "found_in"),
+    [
+        ("fault", None, [70]),
+        ("fault", "x", []),
+        ("state", None, [30, 50, 70]),
+        ("program", "y", [50]),
+    ],
 )
 @pytest.mark.parametrize("cuts", [[], [30], [31, 50, 70], list(range(1, 100))])
 def test_a_fault_a_change_and_a_start_are_found_in_their_row(
-    kind: str, axis: str | None, row: int | None, cuts: list[int]
+    kind: str, axis: str | None, found_in: list[int], cuts: list[int]
 ) -> None:
     rows = make_rows(100)
     rows[1]["state"][:30] = AxisState.OFF
     rows[1]["state"][30:50] = AxisState.IDLE
     rows[1]["state"][70:, 1] = AxisState.FAULT
-    assert found(Trigger(kind=kind, axis=axis), rows, cuts) == row  # type: ignore[arg-type]
+    assert found(Trigger(kind=kind, axis=axis), rows, cuts) == found_in  # type: ignore[arg-type]
 
 
 def test_what_cannot_trigger_is_refused() -> None:
@@ -123,3 +127,11 @@ def test_the_newest_rows_are_kept_in_their_order(sizes: list[int]) -> None:
         assert (
             history.part("y.position_m", 0, 1000) == rows[1]["position_m"][done - kept : done, 1]
         ).all()
+
+
+def test_rows_that_are_the_first_of_all_trigger_only_where_something_changes_in_them() -> None:
+    ticks, rows = make_rows(20)
+    rows["state"][:10] = AxisState.OFF
+    rows["state"][10:] = AxisState.IDLE
+    first = samples((ticks, rows))
+    assert Watch(Trigger(kind="state"), first, begins=True).find(first).tolist() == [10]

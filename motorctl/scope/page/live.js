@@ -42,9 +42,14 @@ export class Live {
       try {
         await this.look();
         document.body.dataset.heard = "true";
+        if (this.silent) this.page.say([]);
+        this.silent = false;
       } catch (error) {
         if (!(error instanceof Refused || error instanceof TypeError || error.name === "AbortError")) throw error;
-        if (error.name !== "AbortError") this.page.say(["motorctl scope does not answer: is it still running?"]);
+        if (error.name !== "AbortError") {
+          this.silent = true;
+          this.page.say([error instanceof Refused ? error.message : "motorctl scope does not answer: is it still running?"]);
+        }
       }
       const left = PERIOD_MS - (performance.now() - begun);
       await new Promise((done) => { setTimeout(done, Math.max(20, left)); });
