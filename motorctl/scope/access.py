@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import ipaddress
 import secrets
-import socket
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
+
+from motorctl.own_names import is_own, name_of
 
 COOKIE = "motorctl_scope"
 TOKEN_PARAMETER = "token"
@@ -40,7 +40,7 @@ class Access:
     def refusal(self, request: web.Request) -> str | None:
         """Return why a request is refused, in words; None where it is not."""
         host = request.headers.get("Host", "")
-        if not self._is_own(_name(host)):
+        if not is_own(name_of(host), self.address, others=self.token is not None):
             return (
                 f"the page was asked for under the name '{host[:80]}', which is none of this "
                 "server's: open the address that motorctl scope printed"
@@ -60,17 +60,6 @@ class Access:
         """Tell whether this is the token."""
         return self.token is not None and secrets.compare_digest(
             (token or "").encode(), self.token.encode()
-        )
-
-    def _is_own(self, name: str) -> bool:
-        """Tell whether this is a name of the server: never one that somebody else's DNS gives."""
-        if name in ("localhost", self.address):
-            return True
-        if self.token is None:
-            return name in ("127.0.0.1", "::1")
-        return _is_address(name) or name.lower() in (
-            socket.gethostname().lower(),
-            socket.getfqdn().lower(),
         )
 
 
@@ -104,11 +93,6 @@ def guarded(access: Access) -> Middleware:
     return guard
 
 
-def needs_token(address: str) -> bool:
-    """Tell whether others than this computer's users reach an address."""
-    return address not in ("localhost", "127.0.0.1", "::1")
-
-
 def new_token() -> str:
     """Return a token that nobody guesses."""
     return secrets.token_urlsafe(24)
@@ -117,17 +101,3 @@ def new_token() -> str:
 def _leads_here(request: web.Request) -> bool:
     """Tell whether a person followed a link from elsewhere to the page itself."""
     return request.path == "/" and request.headers.get("Sec-Fetch-Mode") == "navigate"
-
-
-def _name(host: str) -> str:
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
-    return host.partition(":")[0]
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
