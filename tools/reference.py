@@ -249,8 +249,8 @@ def columns_page() -> str:
         MADE_BY,
         "",
         "A log is one Parquet file: a row a tick, of the loop's rate. `motorctl log info` tells "
-        "what is in one, `motorctl log export` writes CSV, Parquet or MAT. The file's metadata "
-        "hold the codes below, too, by the keys `states`, `faults`, `flags` and "
+        "what is in one, `motorctl log export` writes CSV, Parquet, MAT or MCAP. The file's "
+        "metadata hold the codes below, too, by the keys `states`, `faults`, `flags` and "
         "`device_statuses`; and `config`, whose keys are told in [keys.md](keys.md).",
         "",
         "## Once a tick",

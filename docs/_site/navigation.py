@@ -15,7 +15,7 @@ CHAPTERS = {
         *("find_causes", "experiments", "own_effect", "models", "tuning", "response", "learning"),
         "foreign_recording",
     ],
-    "Look at it": ["troubleshooting", "flight_recorder", "scope", "python"],
+    "Look at it": ["troubleshooting", "flight_recorder", "scope", "neighbours", "python"],
     "Look it up": [
         *("reference/keys", "reference/commands", "reference/log_columns", "reference/effects"),
         *("reference/api", "guards", "states"),

@@ -29,6 +29,8 @@ GROUPS = (
     "refine",
     "compare",
     "scope",
+    "metrics",
+    "stream",
     "close_loop",
     "experiment",
     "tune",

@@ -46,6 +46,7 @@ class Target(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     MAT = "mat"
+    MCAP = "mcap"
 
 
 def register(app: typer.Typer) -> None:
@@ -78,7 +79,7 @@ def _export(
     force: ForceOption = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a log, or a run as one file, as CSV, as MAT, or as Parquet that any program reads."""
+    """Write a log, or a run, as CSV, MAT, MCAP for Foxglove, or Parquet that any program reads."""
     from motorctl.cli.progress import showing_progress
     from motorctl.log.export import export
 

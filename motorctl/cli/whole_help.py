@@ -15,6 +15,7 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
     ),
     "Look at what was recorded": ("log", "fault", "scope", "compare"),
     "Find what the model lacks": ("fit", "diagnose", "refine", "close-loop", "experiment"),
+    "Hand it to other programs": ("metrics", "stream"),
     "Tune": ("tune", "response", "learn"),
 }
 """Where `motorctl --help` lists a command; what no section names comes last, under "More"."""

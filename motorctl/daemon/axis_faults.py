@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from motorctl.config.machine import Machine
 from motorctl.log.sample import AxisState, FaultCause
-from motorctl.loop.faults import UNTIL_OPENED, fault_message, partner_words
+from motorctl.loop.faults import UNTIL_OPENED, fault_message, hides_turns, partner_words
+from motorctl.loop.next_steps import next_step
 
 
 def faults_of(
@@ -71,9 +72,16 @@ def fault_of(
     )
     if not with_remedy:
         return {"cause": cause.name.lower(), "message": message}
+    step = next_step(
+        cause,
+        axis,
+        status=word,
+        hidden_turns=hides_turns(value, limit),
+        homed=bool(status["homed"]),
+    )
     remedy = f"`motorctl reset {axis}` clears the fault"
     if word & UNTIL_OPENED:
         remedy = (
             f"once the device is back, `motorctl reset {axis}` opens it anew and clears the fault"
         )
-    return {"cause": cause.name.lower(), "message": f"{message}; {remedy}"}
+    return {"cause": cause.name.lower(), "message": f"{message}; {step}; {remedy}"}

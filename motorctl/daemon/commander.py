@@ -36,7 +36,7 @@ from motorctl.daemon.protocol import (
     SamplesCommand,
     StatusCommand,
 )
-from motorctl.daemon.refusals import START_MARGIN_S, Refusals
+from motorctl.daemon.refusals import ENDED, ENDING, START_MARGIN_S, Refusals
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.errors import MotorctlError
@@ -189,8 +189,7 @@ class Commander:
 
     def _must_go_on(self) -> None:
         if self._report.stopping:
-            message = "the daemon is stopping; it takes no command but estop"
-            raise RefusedError(Code.STOPPING, message)
+            raise RefusedError(Code.STOPPING, ENDING)
         self._must_tick()
 
     async def _models_of(self, axis: str) -> dict[str, Any]:
@@ -328,8 +327,8 @@ class Commander:
                 unpacked, request.name, request.document, request.files, self._names
             )
         if request.axis not in program.axes:
-            moves = ", ".join(program.axes)
-            message = f"program '{program.name}' moves {moves}, not axis {request.axis}"
+            moves = f"moves {', '.join(program.axes)}, not axis {request.axis}"
+            message = f"program '{program.name}' {moves}: name one that it moves"
             raise RefusedError(Code.BAD_PROGRAM, message)
         begun.insist(*program.axes)
         for name in program.axes:
@@ -463,8 +462,7 @@ class Commander:
     def _must_tick(self) -> None:
         phase = self._memory.phase
         if phase in (Phase.STOPPED, Phase.FAILED):
-            message = "the loop process has ended: the daemon is stopping"
-            raise RefusedError(Code.STOPPING, message)
+            raise RefusedError(Code.STOPPING, ENDED)
         if phase is not Phase.RUNNING:
             message = self._report.preparing or "the loop is about to begin"
             raise RefusedError(Code.NOT_READY, f"{message}; try again in some seconds")

@@ -26,6 +26,7 @@ from motorctl.daemon.left_alone import left_alone
 from motorctl.daemon.model_history import ModelHistory, What, changes_between
 from motorctl.daemon.model_trials import TRIAL_MOTIONS, TRIAL_WINDOW, ModelTrials
 from motorctl.daemon.protocol import ApplyCommand, Code, RefusedError
+from motorctl.daemon.refusals import ENDED
 from motorctl.errors import MotorctlError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase
@@ -325,8 +326,7 @@ class ModelChanges:
             raise RefusedError(Code.STOPPING, str(error)) from error
         while self._memory.look_at(Word.MODELS_DONE) != self._number:
             if self._memory.phase is not Phase.RUNNING:
-                message = "the loop process has ended: the daemon is stopping"
-                raise RefusedError(Code.STOPPING, message)
+                raise RefusedError(Code.STOPPING, ENDED)
             await asyncio.sleep(POLL_S)
         status = self._memory.status
         told = bytes(status["models_told"][0]).decode(errors="replace")

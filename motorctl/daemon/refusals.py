@@ -20,6 +20,14 @@ _WHY = {
 """Refusals that come of time that passed while a motion was planned."""
 
 
+ENDED = (
+    "the loop process has ended, and the daemon is stopping: its journal tells why; ask again once "
+    "it is started anew"
+)
+"""What is answered to whatever needs the loop."""
+ENDING = "the daemon is stopping and takes no command but estop; ask again once it is started anew"
+
+
 class Refusals:
     """Words for what the loop refuses, by what it tells of the axes."""
 
@@ -27,11 +35,12 @@ class Refusals:
         self._memory = memory
         self._names = list(machine.axes)
         axes = machine.axes.values()
+        self._top_m_s = {axis.name: axis.limits.max_velocity_m_s for axis in axes}
         self._absolute = {axis.name for axis in axes if axis.homing.method == "absolute"}
 
     def of(self, verb: Verb, name: str, reply: Reply) -> RefusedError:
         """Return what is answered where the loop refuses a command."""
-        command = verb.name.lower()
+        command, index = verb.name.lower(), self._names.index(name)
         match reply:
             case Reply.WRONG_STATE:
                 return self.wrong_state(command, name)
@@ -39,29 +48,40 @@ class Refusals:
                 return self.not_homed(name)
             case Reply.STILL_FAULTY:
                 message = f"axis {name}: {command} refused: the device still reports a fault"
-                word = int(self._memory.axis_status["device_status"][self._names.index(name)])
+                word = int(self._memory.axis_status["device_status"][index])
                 if told := device_message(word):
                     message += f": {told}"
+                message += "; mend that, then try again"
                 return RefusedError(Code.STILL_FAULTY, message)
             case Reply.NOT_POWERED:
-                message = f"axis {name}: {command} is possible once its amplifier is enabled"
+                message = (
+                    f"axis {name}: {command} is possible once its amplifier is enabled: "
+                    f"`motorctl start {name}` first"
+                )
                 return RefusedError(Code.WRONG_STATE, message)
             case Reply.CAUSE_LASTS:
-                status = self._memory.axis_status[self._names.index(name)]
-                told = lasting_words(FaultCause(int(status["fault"])))
-                message = f"axis {name}: {command} refused: what tripped it is still so: {told}"
+                cause = FaultCause(int(self._memory.axis_status["fault"][index]))
+                message = (
+                    f"axis {name}: {command} refused: what tripped it is still so: "
+                    f"{lasting_words(cause)}; then try again"
+                )
                 return RefusedError(Code.STILL_FAULTY, message)
             case Reply.STILL_MOVING:
+                speed_m_s = abs(float(self._memory.axis_status["velocity_m_s"][index]))
                 message = (
-                    f"axis {name} still moves: {command} is possible once it stands below "
-                    f"{STANDSTILL_RATIO:.0%} of its top speed"
+                    f"axis {name} still moves, with {speed_m_s:.3g} m/s: wait until it is slower "
+                    f"than {STANDSTILL_RATIO * self._top_m_s[name]:.3g} m/s, "
+                    f"{STANDSTILL_RATIO:.0%} of its top speed, then {command} is possible"
                 )
                 return RefusedError(Code.STILL_MOVING, message)
             case Reply.EXCITED:
                 message = f"axis {name} is excited already: wait until that ends, or stop the axis"
                 return RefusedError(Code.WRONG_STATE, message)
             case Reply.NO_HOMING:
-                message = f"axis {name} has an absolute encoder: there is nothing to home"
+                message = (
+                    f"axis {name} has an absolute encoder: there is nothing to home; "
+                    f"`motorctl start {name}` is enough"
+                )
                 return RefusedError(Code.NO_HOMING, message)
             case _:
                 message = f"axis {name}: {command}: {_WHY[reply]}; try again"
@@ -80,6 +100,8 @@ class Refusals:
             f"axis {name} is {state_words(state)}: {command} is not possible; "
             f"possible now: {possible_words(state, absolute)}"
         )
+        if state is State.FAULT:
+            message += f"; `motorctl status {name}` tells why it tripped, and what to do"
         return RefusedError(Code.WRONG_STATE, message)
 
     def unknown(self, axis: str) -> RefusedError:

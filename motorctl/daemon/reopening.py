@@ -13,6 +13,7 @@ from functools import partial
 
 from motorctl.config.machine import Machine
 from motorctl.daemon.protocol import Code, RefusedError
+from motorctl.daemon.refusals import ENDED
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory, Phase
@@ -171,8 +172,7 @@ class Reopening:
     async def _until_done(self, number: int) -> None:
         while self._memory.look_at(Word.REOPEN_DONE) != number:
             if self._memory.phase is not Phase.RUNNING:
-                message = "the loop process has ended: the daemon is stopping"
-                raise RefusedError(Code.STOPPING, message)
+                raise RefusedError(Code.STOPPING, ENDED)
             await asyncio.sleep(POLL_S)
 
     def _forget(self, driver: str, done: asyncio.Task[str | None]) -> None:

@@ -226,10 +226,23 @@ class Report:
             "max_voltage_v": axis.limits.max_voltage_v,
             "motion": motion if state is AxisState.RUNNING else None,
             "excitation": self._excitation(axis, status),
+            "motor_heat": _motor_heat(axis, status),
             **_dual_drive(axis, status),
             "d0_hat_v": finite(status["d0_hat_v"]),
             "theta_hat": dict(zip(axis.model.parameter_names, map(finite, theta), strict=True)),
         }
+
+
+def _motor_heat(axis: Axis, status: np.void) -> dict[str, float] | None:
+    """Return how warm the model of the motor is; None where nobody knows the motor."""
+    if axis.guards.thermal is None:
+        return None
+    continuous_v, heat_v2 = axis.guards.thermal.continuous_voltage_v, float(status["heat_v2"])
+    return {
+        "rms_command_v": heat_v2**0.5,
+        "continuous_voltage_v": continuous_v,
+        "load": heat_v2 / continuous_v**2,
+    }
 
 
 def _dual_drive(axis: Axis, status: np.void) -> dict[str, Any]:

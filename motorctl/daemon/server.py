@@ -274,13 +274,14 @@ class ControlServer:
             raise RefusedError(
                 Code.FORBIDDEN,
                 f"{request.do}: only members of the group '{self._control.operators}' may command "
-                "this machine; others may ask for its status, and for an emergency stop",
+                "this machine: have root add you to it, and log in anew; others may ask for its "
+                "status, and for an emergency stop",
             )
         if isinstance(request, CONFIGURATORS_COMMANDS) and role is not Role.CONFIGURE:
             raise RefusedError(
                 Code.FORBIDDEN,
                 f"{request.do}: only who may write {self._control.configuration}, root and the "
-                "daemon's user may change the models of this machine",
+                "daemon's user may change the models of this machine: ask one of them",
             )
 
     async def _answer(

@@ -17,6 +17,7 @@ from scipy.io.matlab import MatWriteError
 
 from motorctl.errors import DataError, UsageError
 from motorctl.log.columns import METADATA_KEY
+from motorctl.log.export_mcap import require_mcap, write_mcap
 from motorctl.log.folder import EXPORT_SUFFIX
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
@@ -25,7 +26,7 @@ from motorctl.log.table_mat import METADATA_VARIABLE
 from motorctl.log.table_parquet import ParquetTable
 from motorctl.replacing import refuse_what_is_there
 
-Format = Literal["csv", "parquet", "mat"]
+Format = Literal["csv", "parquet", "mat", "mcap"]
 Progress = Callable[[float], None]
 """Told the share that is done, 0 to 1."""
 
@@ -41,11 +42,11 @@ def export(
     *,
     replace: bool = False,
 ) -> Path:
-    """Write a log, or several of one run as one file, as CSV, MAT (version 5) or plain Parquet.
+    """Write a log, or several of one run as one file, as CSV, MAT, MCAP or plain Parquet.
 
-    CSV and Parquet take constant memory. The Parquet is compressed with snappy and has plain
-    encodings: what other programs read everywhere. In MAT an axis is a struct with the signals
-    as fields.
+    CSV, MCAP and Parquet take constant memory; MAT (version 5) holds all at once. The Parquet is
+    compressed with snappy and has plain encodings: what other programs read everywhere. In MAT an
+    axis is a struct with the signals as fields, in MCAP a topic with JSON that Foxglove plots.
 
     Parameters
     ----------
@@ -74,6 +75,8 @@ def export(
     UsageError
         Where the new file cannot be written.
     """
+    if to == "mcap":
+        require_mcap()
     table = open_recorded(paths, whole_run)
     if not isinstance(table, ParquetTable | RunTable):
         raise DataError(f"{table.path}: is a {table.kind} file; only logs (Parquet) are exported")
@@ -88,6 +91,8 @@ def export(
     try:
         if to == "mat":
             _to_mat(table, parts, draft, progress)
+        elif to == "mcap":
+            write_mcap(table, parts, draft, progress)
         else:
             _in_batches(table, parts, draft, to, progress)
         draft.replace(target)

@@ -479,6 +479,7 @@ def report_axis(axis: Any, sample: Any, n: int, status: Any) -> None:
     status.following_error_m = sample.following_error_m
     status.command_v = sample.command_v
     status.d0_hat_v = sample.d0_hat_v
+    status.heat_v2 = axis.heat_v2
     for i in range(n):
         status.theta_hat[i] = sample.theta_hat[i]
     status.excitation_left = 0

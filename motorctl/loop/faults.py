@@ -55,9 +55,17 @@ _WITHOUT_LIMIT = {
 }
 
 
+def hides_turns(value: float, limit: float) -> bool:
+    """Return whether a jump is no step that is too large, but one that may hide whole turns."""
+    return abs(value) <= limit
+
+
 def _jump_words(value: float, limit: float, status: int) -> str:
-    if abs(value) <= limit:  # no step that is too large, but one that may hide whole turns
-        return "the encoder's counter may have gone round while no sample came"
+    if hides_turns(value, limit):
+        return (
+            "the encoder's counter may have gone round while no sample came: its step of "
+            f"{value * 1e3:.4g} mm may hide whole turns"
+        )
     return (
         f"the encoder's count jumped by {value * 1e3:.4g} mm, limit {limit * 1e3:.4g} mm: further "
         "than the axis can have moved since the last sample"
@@ -87,12 +95,15 @@ def _overrun_words(value: float, limit: float, status: int) -> str:
     """Of the bucket of overruns; a pause of the loop has ticks to tell."""
     return (
         f"late ticks: {limit:.0f} more overruns and skipped periods than ticks in time, by "
-        "loop.overrun_policy and bucket_size. `motorctl latency` measures this computer"
+        "loop.overrun_policy and bucket_size"
     )
 
 
 def _silence_words(value: float, limit: float, status: int) -> str:
-    return f"the supervisor process sent no sign of life for {value:.3g} s"
+    return (
+        f"the supervisor process sent no sign of life for {value:.3g} s, limit {limit:.3g} s "
+        "(loop.supervisor_timeout_s)"
+    )
 
 
 _SENTENCES: dict[FaultCause, Callable[[float, float, int], str]] = {
@@ -243,7 +254,7 @@ def fault_message(
     elif cause is FaultCause.OVERRUN and value > 0.0:
         text = (
             f"the loop was stalled for {_ticks(value, period_s)}; limit {_ticks(limit, period_s)}"
-            f"{_stall_limit_words(status)}. `motorctl latency` measures this computer"
+            f"{_stall_limit_words(status)}"
         )
     elif cause in _SENTENCES:
         text = _SENTENCES[cause](value, limit, status)

@@ -83,6 +83,7 @@ def axis_status(parameters: int) -> np.dtype[np.void]:
             ("following_error_m", "f8"),
             ("command_v", "f8"),
             ("d0_hat_v", "f8"),
+            ("heat_v2", "f8"),  # of the motor: mean square of the command over its time constant
             ("theta_hat", "f8", (parameters,)),
             ("fault_value", "f8"),  # what tripped the limit
             ("fault_limit", "f8"),

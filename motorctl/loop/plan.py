@@ -53,12 +53,16 @@ def plan_move(
         Where the target or a limit is beyond the axis' own; it names value and limit.
     """
     axis = machine.axes[axis_name]
-    for name, value, limit in (
-        ("velocity", velocity_m_s, axis.limits.max_velocity_m_s),
-        ("acceleration", acceleration_m_s2, axis.limits.max_acceleration_m_s2),
+    for key, value, unit in (
+        ("max_velocity_m_s", velocity_m_s, "m/s"),
+        ("max_acceleration_m_s2", acceleration_m_s2, "m/s^2"),
     ):
+        limit: float = getattr(axis.limits, key)
         if value is not None and not 0.0 < value <= limit:
-            raise UsageError(f"{name} {value:g}: must be above 0 and at most {limit:g}")
+            raise UsageError(
+                f"{key.split('_')[1]} {value:g} {unit}: must be above 0 and at most {limit:g} "
+                f"{unit}, limits.{key}"
+            )
     move = PointToPoint(
         name="move",
         axis=axis_name,
@@ -70,7 +74,9 @@ def plan_move(
     )
     low, high = axis.limits.travel_m
     if not low <= to_m <= high:
-        raise UsageError(f"target {to_m:g} m: must lie within the travel {low:g} to {high:g} m")
+        raise UsageError(
+            f"target {to_m:g} m: must lie within the travel {low:g} to {high:g} m, limits.travel_m"
+        )
     _check(machine, move, from_m)
     return move.trajectories()[axis_name]
 

@@ -156,7 +156,8 @@ class LoopMemory(SampleRing):
         room = MAILBOX_SIZE - (0 if verb in (Verb.ESTOP, Verb.SHUTDOWN) else KEPT_FOR_STOPS)
         if head - self._look_at(self.status, Word.MAIL_TAIL) >= room:
             raise BufferError(
-                f"the loop has not taken the last {room} commands; does it still tick?"
+                f"the loop has not taken the last {room} commands: `motorctl status` tells whether "
+                "it ticks"
             )
         self.mailbox[head % MAILBOX_SIZE] = (verb, axis, slot, tick, program)
         self._announce(self.status, Word.MAIL_HEAD, head + 1)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 import secrets
-import socket
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
+from motorctl.own_names import is_own, name_of
 from motorctl.printable import one_line
 
 COOKIE = "motorctl_scope"
@@ -46,7 +45,7 @@ class Access:
     def refusal(self, request: web.Request) -> str | None:
         """Return why a request is refused, in words; None where it is not."""
         host = request.headers.get("Host", "")
-        if not self._is_own(_name(host)):
+        if not is_own(name_of(host), self.address, self.names, others=self.token is not None):
             return (
                 f"the page was asked for under the name '{_shown(host)}', which is none of this "
                 "server's: open the address that motorctl scope printed"
@@ -67,14 +66,6 @@ class Access:
         return self.token is not None and secrets.compare_digest(
             (token or "").encode(errors="surrogateescape"), self.token.encode()
         )
-
-    def _is_own(self, name: str) -> bool:
-        """Tell whether this is a name of the server: never one that somebody else's DNS gives."""
-        if name in ("localhost", self.address):
-            return True
-        if self.token is None:
-            return name in ("127.0.0.1", "::1")
-        return _is_address(name) or name.lower() in self.names
 
 
 def guarded(access: Access) -> Middleware:
@@ -108,16 +99,6 @@ def guarded(access: Access) -> Middleware:
     return guard
 
 
-def needs_token(address: str) -> bool:
-    """Tell whether others than this computer's users reach an address."""
-    return address not in ("localhost", "127.0.0.1", "::1")
-
-
-def own_names() -> frozenset[str]:
-    """Return the names of this computer; may wait for a name server."""
-    return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
-
-
 def cookie_of(host: str) -> str:
     """Return the cookie's name for a Host header: a browser tells no cookies apart by port."""
     port = re.search(r":(\d{1,5})$", host)
@@ -145,17 +126,3 @@ def _place(origin: str) -> str | None:
 def _shown(header: str) -> str:
     """Return a header as an answer may tell it: whatever bytes came, it is text."""
     return one_line(header[:80])
-
-
-def _name(host: str) -> str:
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
-    return host.partition(":")[0]
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

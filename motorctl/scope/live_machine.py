@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from motorctl.api.connection import connect
+from motorctl.api.off_the_loop import keep_off_the_loop
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
 from motorctl.errors import MotorctlError, RunError
@@ -251,13 +250,3 @@ class LiveMachine(Shown):
             count += 1
             path = self._folder / f"{stem}-{count}.parquet"
         return path
-
-
-def keep_off_the_loop(pid: int) -> None:
-    """Leave the CPU of a loop's process to it, where this computer has another."""
-    with suppress(OSError):  # it may be gone; and where it may be asked nothing, nothing is lost
-        own, of_loop = os.sched_getaffinity(0), os.sched_getaffinity(pid)
-        if own - of_loop:
-            os.sched_setaffinity(0, own - of_loop)
-    with suppress(OSError):
-        os.nice(5)

@@ -17,7 +17,8 @@ from aiohttp import web
 from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.scope.access import Access, guarded, needs_token, new_token, own_names
+from motorctl.own_names import needs_token, own_names
+from motorctl.scope.access import Access, guarded, new_token
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog

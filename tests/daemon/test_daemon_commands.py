@@ -161,7 +161,8 @@ def test_unknown_names_are_told_with_the_known_ones(idle: Daemon) -> None:
     assert "known: x, y" in str(refusal(idle, "start", axis="z"))
     assert "known: shuttle, ring" in str(refusal(idle, "program", axis="x", name="dance"))
     no = refusal(idle, "program", axis="y", name="shuttle")
-    assert (no.code, str(no)) == ("bad_program", "program 'shuttle' moves x, not axis y")
+    told = "program 'shuttle' moves x, not axis y: name one that it moves"
+    assert (no.code, str(no)) == ("bad_program", told)
 
 
 def test_a_program_over_two_axes_begins_on_both_in_the_same_tick(idle: Daemon) -> None:
@@ -186,7 +187,10 @@ def test_an_emergency_stop_trips_every_axis_until_it_is_reset(idle: Daemon) -> N
     assert fault["cause"] == "estop"
     assert fault["message"].startswith("emergency stop, at ")
     no = refusal(idle, "start", axis="x")
-    assert str(no) == "axis x is in fault: start is not possible; possible now: reset"
+    assert str(no) == (
+        "axis x is in fault: start is not possible; possible now: reset; `motorctl status x` tells "
+        "why it tripped, and what to do"
+    )
     idle.ask_when_it_stands("reset", "x")
     x, y = idle.ask("status")["axes"].values()
     assert (x["state"], y["state"], y["drive_state"]) == ("off", "fault", "fault")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Coroutine, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -132,10 +133,76 @@ def test_the_status_tells_whether_samples_are_missing_or_the_device_is_lost(
 
 @pytest.mark.parametrize("command", ["start", "reset"])
 def test_an_axis_that_still_moves_is_named(loop: Loop, command: str) -> None:
+    loop.memory.axis_status_rows["velocity_m_s"] = -0.25
     no = loop.refusal(f'{{"do": "{command}", "axis": "y"}}', Reply.STILL_MOVING)
     assert no.code == "still_moving"
-    assert no.message.startswith(f"axis y still moves: {command} is possible once it stands")
+    assert no.message == (
+        "axis y still moves, with 0.25 m/s: wait until it is slower than 0.01 m/s, 1% of its top "
+        f"speed, then {command} is possible"
+    )
     assert DaemonRefusedError(no.code, no.message).exit_status == 2
+
+
+NEXT_STEP = r"`motorctl |possible now: |try again|wait until"
+
+
+@pytest.mark.parametrize("command", ["start", "stop", "home", "reset"])
+@pytest.mark.parametrize("reply", [reply for reply in Reply if reply is not Reply.OK])
+def test_whatever_the_loop_refuses_the_answer_says_what_to_do_next(
+    loop: Loop, reply: Reply, command: str
+) -> None:
+    loop.memory.axis_status_rows["device_status"] = Status.ENCODER_LOST
+    if reply is Reply.NOT_POWERED and command == "home":
+        return  # it is enabled then, and asked again
+    no = loop.refusal(f'{{"do": "{command}", "axis": "x"}}', reply)
+    assert no.message.startswith("axis x")
+    assert re.search(NEXT_STEP, no.message), f"it says no next step: {no.message}"
+    for told in re.findall(r"`motorctl ([a-z]+)", no.message):
+        assert told in {"start", "stop", "home", "reset", "status"}
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("command", ["move", "program"])
+def test_a_motion_that_a_state_refuses_is_told_what_is_possible(
+    loop: Loop, state: State, command: str
+) -> None:
+    lead(loop, state)
+    rest = '"position_m": 0.1' if command == "move" else '"name": "shuttle"'
+    no = loop.refusal(f'{{"do": "{command}", "axis": "x", {rest}}}')
+    assert re.search(NEXT_STEP, no.message)
+    if state is State.FAULT:
+        assert "`motorctl status x` tells why it tripped, and what to do" in no.message
+
+
+@pytest.mark.parametrize(
+    ("rest", "told"),
+    [
+        ('"position_m": 0.9', "target 0.9 m: .* the travel -0.05 to 0.45 m, limits.travel_m"),
+        ('"by_m": -0.5', "target -0.5 m: must lie within the travel"),
+        (
+            '"position_m": 0.1, "velocity_m_s": 5',
+            "5 m/s: .* at most 1 m/s, limits.max_vel",
+        ),
+        ('"position_m": 0.1, "acceleration_m_s2": 50', "at most 10 m/s.2, limits.max_accel"),
+    ],
+)
+def test_a_move_beyond_a_limit_is_told_value_unit_limit_and_key(
+    loop: Loop, rest: str, told: str
+) -> None:
+    lead(loop, State.HOLDING)
+    loop.memory.axis_status_rows["homed"] = 1
+    no = loop.refusal(f'{{"do": "move", "axis": "x", {rest}}}')
+    assert no.code == "out_of_limits"
+    assert re.search(told, no.message)
+
+
+def test_a_daemon_that_ends_says_when_to_ask_again(loop: Loop) -> None:
+    loop.phase(Phase.FAILED)
+    assert "ask again once it is started anew" in loop.refusal('{"do": "estop"}').message
+    loop.phase(Phase.RUNNING)
+    loop.report.stopping = True
+    no = loop.refusal('{"do": "start", "axis": "x"}')
+    assert "takes no command but estop; ask again once it is started anew" in no.message
 
 
 EXCITE = '{"do": "excite", "axis": "x", "volts": [%s], "periods": %d, "fade_periods": 1}'

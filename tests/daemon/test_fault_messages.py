@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import re
+
 import numpy as np
 import pytest
 
+from motorctl.cli.whole_help import SECTIONS
+from motorctl.config import config_schema
 from motorctl.daemon.axis_faults import fault_of
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause
@@ -13,14 +18,36 @@ from motorctl.loop.layout import axis_status
 
 PERIOD_S = 0.2e-3
 CAUSES = [cause for cause in FaultCause if cause is not FaultCause.NONE]
+WITHOUT_NUMBER = (
+    FaultCause.NOT_A_NUMBER,
+    FaultCause.ENCODER_LOST,
+    FaultCause.AMPLIFIER,
+    FaultCause.COMMUNICATION,
+    FaultCause.ESTOP,
+    FaultCause.PARTNER,
+)
+"""Nothing was measured: a driver or a person said so, or another axis has the number."""
+NEXT = r"`motorctl |\b(look|check|see|read|push|mend|move|let)\b"
+"""What tells somebody to do something."""
+COMMANDS = [name for names in SECTIONS.values() for name in names]
+KEYS = set(re.findall(r'"(\w+)": ', json.dumps(config_schema())))
 
 
-def told(cause: FaultCause, value: float = 0.0, limit: float = 0.0, device: int = 0) -> str:
+def told(
+    cause: FaultCause,
+    value: float = 0.0,
+    limit: float = 0.0,
+    device: int = 0,
+    *,
+    homed: bool = True,
+    remedy: bool = True,
+) -> str:
     status = np.zeros(1, axis_status(6))[0]
+    status["homed"] = homed
     status["state"], status["fault"] = AxisState.FAULT, cause
     status["fault_value"], status["fault_limit"], status["fault_time_s"] = value, limit, 12.5
     status["fault_status"] = device
-    fault = fault_of("x", status, PERIOD_S)
+    fault = fault_of("x", status, PERIOD_S, with_remedy=remedy)
     assert fault is not None
     assert fault["cause"] == cause.name.lower()
     return fault["message"]
@@ -31,6 +58,61 @@ def test_every_fault_tells_when_it_was_and_the_command_that_clears_it(cause):
     message = told(cause)
     assert "at 12.500 s" in message
     assert message.endswith("`motorctl reset x` clears the fault")
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_every_fault_says_what_happened_with_its_number_and_then_what_to_do(cause):
+    value, limit = 0.4321, 0.1234
+    what, message = told(cause, value, limit, remedy=False), told(cause, value, limit)
+    assert message.startswith(what)
+    step = message.removeprefix(what).removesuffix("; `motorctl reset x` clears the fault")
+    assert re.match(r"; \S.{20}", step), "it says no next step: motorctl/loop/next_steps.py"
+    assert re.search(NEXT, step), f"it tells nobody to do anything: {step}"
+    assert "{" not in step
+    for command in re.findall(r"`motorctl ([a-z]+)", message):
+        assert command in COMMANDS
+    for key in re.findall(r"\b[a-z]\w*\.(?:\w+\.)*([a-z_]\w*)", message):
+        assert key in KEYS, f"no key of a configuration ends so: {key}"
+    if cause not in WITHOUT_NUMBER:
+        number = what.partition(", at 12.500 s")[0]
+        assert re.search(r"-?\d[\d.]* (mm|um rms|m/s|V|s|ticks|more overruns)\b", number)
+
+
+@pytest.mark.parametrize("cause", [c for c in CAUSES if "ENCODER" not in c.name])
+def test_no_other_fault_sends_anybody_to_the_encoder(cause):
+    step = told(cause).removeprefix(told(cause, remedy=False))
+    assert "check the encoder" not in step
+    assert "encoder's" not in step
+
+
+def test_a_pause_that_a_counter_does_not_stand_says_that_the_encoder_is_in_order():
+    bits = StallLimit.COUNTER << STALL_LIMIT_SHIFT
+    message = told(FaultCause.OVERRUN, 42, 33, device=bits, homed=False)
+    assert (
+        "the loop was stalled for 42 ticks (8.4 ms); limit 33 ticks (6.6 ms), in which" in message
+    )
+    assert "the encoder is in order, and more encoder.counter_bits stand longer pauses" in message
+    assert "`motorctl home x` after the reset" in message
+    assert "jump" not in message
+
+
+def test_an_axis_that_lost_its_place_is_told_to_be_homed_again():
+    for cause in (FaultCause.ENCODER_LOST, FaultCause.ENCODER_JUMP, FaultCause.HOMING_FAILED):
+        assert "`motorctl home x` after the reset" in told(cause, homed=False)
+        assert "motorctl home" not in told(cause)
+    assert "motorctl home" not in told(FaultCause.FOLLOWING_ERROR, homed=False)
+
+
+def test_an_emergency_stop_of_the_hardware_is_told_to_be_released():
+    assert "release the hardware's" in told(FaultCause.ESTOP, device=int(Status.ESTOP))
+    assert "release" not in told(FaultCause.ESTOP)
+
+
+def test_a_counter_that_may_have_gone_round_sends_to_the_bus_and_not_to_the_encoder():
+    message = told(FaultCause.ENCODER_JUMP, 1e-3, 1.2e-3)
+    assert "its step of 1 mm may hide whole turns" in message
+    assert "look for why no sample came" in message
+    assert "check the encoder" not in message
 
 
 def test_a_stalled_loop_tells_ticks_time_limit_and_what_measures_the_computer():
@@ -66,7 +148,7 @@ def test_a_stalled_loop_tells_the_one_limit_that_acted(limit):
         (FaultCause.ENCODER_JUMP, 1e-3, 1.2e-3, ("may have gone round",)),
         (FaultCause.HOMING_FAILED, 30.01, 30.0, ("30.01 s", "limit 30 s", "homing.timeout_s")),
         (FaultCause.HOMING_FAILED, 0.46, 0.0, ("ran onto a limit switch", "460 mm")),
-        (FaultCause.SUPERVISOR_LOST, 0.5002, 0.0, ("no sign of life for 0.5 s",)),
+        (FaultCause.SUPERVISOR_LOST, 0.502, 0.5, ("no sign of life for 0.502 s", "limit 0.5 s")),
     ],
 )
 def test_a_passed_limit_is_told_with_the_value(cause, value, limit, parts):

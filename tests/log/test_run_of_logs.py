@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import typer
+from mcap.reader import make_reader
 from recorded_rows import AXES, make_rows
 from typer.testing import CliRunner
 
@@ -188,6 +189,17 @@ def test_a_run_is_exported_as_one_file(parts, to):
     )
     # A run's export lies in its folder, and is no part of it.
     assert read_recording(parts[0], gaps="keep", whole_run=True).metadata["rows"] == ROWS
+
+
+def test_a_run_is_one_file_of_messages_as_well(parts):
+    path = export(parts, "mcap", None, lambda _: None)
+    with path.open("rb") as file:
+        told = make_reader(file).get_summary()
+    assert told.statistics.message_count == 3 * ROWS
+    assert (told.statistics.message_start_time, told.statistics.message_end_time) == (
+        0,
+        (ROWS - 1) * 1_000_000,
+    )
 
 
 def test_info_tells_a_run_with_its_faults_once(parts, whole):

@@ -26,7 +26,8 @@ import motorctl
 from motorctl.errors import DataError, UsageError
 from motorctl.log import LogWriter
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
-from motorctl.scope.access import Access, own_names
+from motorctl.own_names import own_names
+from motorctl.scope.access import Access
 from motorctl.scope.opened_log import OpenedLog
 from motorctl.scope.server import Logs, application
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import signal
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from buses_bench import (
     AXES,
     BUSES,
     WATCHDOG_S,
+    Bus,
     DeviceProcess,
     device_file,
     free_port,
@@ -21,6 +25,7 @@ from buses_bench import (
     start,
 )
 from daemon_rig import Daemon, wait_until
+from gantry_device_frames import FRAMES
 
 from motorctl.daemon.client import DaemonRefusedError
 from motorctl.log import read_recording
@@ -97,3 +102,53 @@ def test_a_pause_that_outlasts_the_devices_watchdog_is_told_as_a_pause_and_not_a
         assert recorded.state[pause + 1] == AxisState.FAULT
         assert recorded.fault[pause + 1] == FaultCause.OVERRUN
         assert recorded.command[pause + 1] == 0.0
+
+
+def _narrow_can() -> Bus:
+    """Return the CAN bus of the others with counts of 16 bits, which go round every 32.8 mm."""
+    frames = copy.deepcopy(FRAMES)
+    for name in ("cx", "cy"):
+        frames["state"]["signals"][name]["bits"] = 16
+
+    def bus(port: int) -> dict[str, Any]:
+        return {**BUSES["can udp_multicast"].driver("", port), "frames": frames}
+
+    def serve(port: int) -> dict[str, Any]:
+        served = BUSES["can udp_multicast"].serve(port)["can"]
+        return {"can": {**served, "frames": frames}}
+
+    return Bus("narrow can", 250.0, serve, lambda _, port: bus(port), 16)
+
+
+def test_a_pause_that_a_counter_of_16_bits_behind_a_bus_does_not_stand_is_told_as_the_pause(
+    tmp_path: Path,
+) -> None:
+    bus, port = _narrow_can(), free_port()
+    with DeviceProcess(tmp_path, device_file(bus, port)) as device:
+        config = yaml.safe_load(host_file(bus, bus.driver(device.endpoint, port)))
+        del config["programs"]
+        for axis in config["axes"].values():
+            del axis["program"]
+            axis["limits"] |= {
+                "travel_m": [-1e-3, 31e-3],  # what the counter can tell apart
+                "max_velocity_m_s": 0.3,
+                "following_error": {"minimum_m": 5e-3, "filter_time_s": 0.01},
+                "stop": {"acceleration_m_s2": 5, "jerk_m_s3": 400},
+            }
+        with Daemon(tmp_path / "daemon", yaml.safe_dump(config)) as daemon:
+            daemon.hold(*AXES)
+            loop = daemon.ask("status")["loop"]["pid"]
+            os.kill(loop, signal.SIGSTOP)
+            time.sleep(0.085)  # less than its watchdog, host_frozen and hold_ticks stand
+            os.kill(loop, signal.SIGCONT)
+            wait_until(lambda: all(daemon.state(name) == "fault" for name in AXES), 5.0)
+            for name, told in daemon.ask("status")["axes"].items():
+                message = told["fault"]["message"]
+                assert told["fault"]["cause"] == "overrun", message
+                assert "the loop was stalled for" in message
+                assert "in which the counter may turn a quarter round" in message
+                assert "the encoder is in order" in message
+                assert message.endswith(f"`motorctl reset {name}` clears the fault")
+            daemon.hold(*AXES)
+            assert daemon.end() == 0, daemon.said
+        device.end()

@@ -52,7 +52,9 @@ def supervise(
             watch.shutdown = 1
             for i in range(axes.size):
                 silent_s = watch.silent_ticks * settings[i].tick_s
-                react_to_others(settings[i], axes[i], FaultCause.SUPERVISOR_LOST, silent_s, 0.0, t)
+                limit_s = watch.silent_limit * settings[i].tick_s
+                cause = FaultCause.SUPERVISOR_LOST
+                react_to_others(settings[i], axes[i], cause, silent_s, limit_s, t)
     skipped = elapsed - 1
     if overran:
         status.overruns += 1

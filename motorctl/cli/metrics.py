@@ -1,0 +1,68 @@
+"""`motorctl metrics`: a running machine to Prometheus."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from motorctl.cli.say import say
+from motorctl.cli.socket_option import SocketOption
+from motorctl.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command("metrics", epilog="Example: motorctl metrics --port 9790, beside a daemon")(
+        _metrics
+    )
+
+
+def _metrics(
+    socket: SocketOption = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Of /metrics; 0: any that is free.")
+    ] = 9790,
+    address: Annotated[
+        str,
+        typer.Option(help="Where it listens; any but 127.0.0.1 asks for a token."),
+    ] = "127.0.0.1",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Whoever asks has to send what is in it, as 'Authorization: Bearer …'.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Serve states, errors, timing and disk of a running machine to Prometheus.
+
+    A process of its own, which asks the daemon for its status once a scrape; the daemon itself
+    listens nowhere. While no daemon answers, motorctl_up is 0.
+    """
+    try:
+        import prometheus_client  # noqa: F401
+    except ImportError:
+        raise UsageError(
+            "motorctl metrics needs prometheus-client, which is not installed: "
+            "pip install 'motorctl[metrics]'"
+        ) from None
+    from motorctl.neighbours.metrics_server import (
+        Access,
+        DaemonCollector,
+        application,
+        open_server,
+        token_in,
+    )
+
+    access = Access(address, None if token_file is None else token_in(token_file))
+    collector = DaemonCollector(socket, lambda told: say(f"motorctl: {told}", err=True))
+    collector.begin()
+    with open_server(address, port, application(collector, access)) as server:
+        name = f"[{address}]" if ":" in address else address
+        say(f"http://{name}:{server.server_port}/metrics  (Ctrl-C ends)")
+        with suppress(KeyboardInterrupt):
+            server.serve_forever()

@@ -1,0 +1,1 @@
+"""For other programs: a running machine to Prometheus, samples to PlotJuggler."""
