@@ -15,9 +15,7 @@ from motorctl.errors import UsageError
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("metrics", epilog="Example: motorctl metrics --port 9790, beside a daemon")(
-        _metrics
-    )
+    app.command("metrics", epilog="Example: motorctl metrics --port 9790")(_metrics)
 
 
 def _metrics(

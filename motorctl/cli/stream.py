@@ -17,8 +17,8 @@ def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
     app.command(
         "stream",
-        epilog="Examples: motorctl stream --plotjuggler udp://127.0.0.1, beside a daemon; "
-        "motorctl stream run.parquet --plotjuggler udp://127.0.0.1 --column 'x.*'",
+        epilog="Example: motorctl stream --plotjuggler udp://127.0.0.1\n\n"
+        "Example: motorctl stream run.parquet --plotjuggler udp://127.0.0.1 --column 'x.*'",
     )(_stream)
 
 

@@ -117,7 +117,7 @@ EXAMPLES = {
     FaultCause.LIMIT_SWITCH: (0.46, 0.0, 16),
     FaultCause.HOMING_FAILED: (30.0, 30.0, 0),
     FaultCause.OVERRUN: (75.0, 48.0, 0),
-    FaultCause.SUPERVISOR_LOST: (0.5, 0.0, 0),
+    FaultCause.SUPERVISOR_LOST: (0.5, 0.5, 0),
     FaultCause.NO_NEW_SAMPLE: (4.0, 3.0, 0),
     FaultCause.PARTNER: (0.0, 0.0, 0),
     FaultCause.ENCODER_STUCK: (0.6e-3, 0.5e-3, 0),
