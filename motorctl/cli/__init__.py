@@ -34,6 +34,7 @@ GROUPS = (
     "tune",
     "learn",
     "response",
+    "fleet",
     "latency",
 )
 """Modules of this package in the order in which `--help` lists their commands."""

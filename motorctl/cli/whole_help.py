@@ -16,6 +16,7 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Look at what was recorded": ("log", "fault", "scope", "compare"),
     "Find what the model lacks": ("fit", "diagnose", "refine", "close-loop", "experiment"),
     "Tune": ("tune", "response", "learn"),
+    "Many machines": ("fleet",),
 }
 """Where `motorctl --help` lists a command; what no section names comes last, under "More"."""
 LONGEST_HELP = 1000

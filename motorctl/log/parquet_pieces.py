@@ -15,15 +15,15 @@ from motorctl.log.table_parquet import damaged
 
 
 class ParquetPieces:
-    """A finished Parquet file, held open.
+    """A finished Parquet file, held open; or one that is open, of which `path` is the name.
 
     Raises DataError where it is damaged, at once or when a piece is read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | str, file: pq.ParquetFile | None = None) -> None:
         self.path = path
         try:
-            self._file = pq.ParquetFile(path)
+            self._file = pq.ParquetFile(path) if file is None else file
             groups = range(self._file.metadata.num_row_groups)
             counts = [self._file.metadata.row_group(k).num_rows for k in groups]
         except (pa.ArrowException, OSError, ValueError) as error:
