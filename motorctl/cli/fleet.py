@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
 
 from motorctl.cli.recording_argument import AllowCode
 from motorctl.cli.say import say
+from motorctl.cli.terminal import Terminal, open_table
 from motorctl.cli.whole_help import WholeHelp
 from motorctl.errors import UsageError
 
 if TYPE_CHECKING:
+    from motorctl.fleet.changes import Alarm, FleetChanges
     from motorctl.fleet.run import FleetRun
 
 NEEDED = ("distributed", "fsspec", "ruptures")
@@ -31,8 +35,13 @@ def register(app: typer.Typer) -> None:
         "diagnose",
         epilog="Example: motorctl fleet diagnose 'logs/**/*.parquet' --store findings",
     )(_diagnose)
+    group.command(
+        "changes", epilog="Example: motorctl fleet changes --store findings --false-alarms 2"
+    )(_changes)
     app.add_typer(
-        group, name="fleet", help="Diagnose the logs of many machines and days, and keep findings."
+        group,
+        name="fleet",
+        help="Diagnose the logs of many machines, and tell what changed since when.",
     )
 
 
@@ -98,6 +107,64 @@ def _diagnose(
         say(_summary(run))
     if run.refused:
         raise typer.Exit(2 if len(run.refused) == run.logs else 1)
+
+
+def _changes(
+    store: StoreOption,
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            metavar="N", help="Looks with a false alarm that are accepted a year, fleet-wide."
+        ),
+    ] = 1.0,
+    looks_a_day: Annotated[
+        float, typer.Option(metavar="N", help="How often you ask; that counts.")
+    ] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Tell which parameters of which machines changed, since when, and what to look at first."""
+    _require_extra()
+    from motorctl.fleet.changes import changes_in
+    from motorctl.fleet.store import open_store
+
+    found = changes_in(open_store(store), false_alarms_a_year=false_alarms, looks_a_day=looks_a_day)
+    if as_json:
+        say(json.dumps(found.to_dict()))
+        return
+    console = Terminal()
+    if found.alarms:
+        console.print(_alarms(found.alarms))
+        first = found.alarms[0]
+        say(f"look at first: machine {first.series.machine}, axis {first.series.axis}: {first.log}")
+    say(_judged(found))
+
+
+def _alarms(alarms: Sequence[Alarm]) -> Table:
+    table = open_table("what changed", ("machine", "parameter", "before", "after", "since", "size"))
+    for alarm in alarms:
+        series, change = alarm.series, alarm.change
+        before, after = (
+            f"{level.value:.4g} ± {level.std_error:.1g}" for level in (change.before, change.after)
+        )
+        since = f"{alarm.since[0]:%Y-%m-%d %H:%M}"
+        if change.form == "drift":
+            since = f"drifts from {since}"
+        where = f"{series.machine} {series.axis}" + (
+            f" ({series.program})" if series.program else ""
+        )
+        name = f"{series.name} [{series.unit}]"
+        table.add_row(where, name, before, after, since, f"{change.size:.1f}")
+    return table
+
+
+def _judged(found: FleetChanges) -> str:
+    return (
+        f"{len(found.alarms)} of {found.series} series changed; {found.too_short} have too few "
+        f"points or never differ. If nothing changes, at most {found.false_alarms_a_year:g} looks "
+        f"a year are expected to have a false alarm; of those told at most "
+        f"{100 * found.level:.2g} % are expected to be false. Size: the change over the usual "
+        "scatter of a point."
+    )
 
 
 def _summary(run: FleetRun) -> str:
