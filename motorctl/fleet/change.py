@@ -161,8 +161,8 @@ def _drift(value: Array, noise: float, together: float) -> Change:
     t = abs(slope) / error
     p = 2.0 * float(stats.t.sf(t, freedom))
     at_end = math.hypot(scatter * math.sqrt(together / n), error * float(place[-1]))
-    ends = (Level(mean + slope * float(at), at_end, n) for at in (place[0], place[-1]))
-    return Change("drift", 0, *ends, scatter=scatter, p_value=p)
+    first, last = (Level(mean + slope * float(at), at_end, n) for at in (place[0], place[-1]))
+    return Change("drift", 0, first, last, scatter, p)
 
 
 def _level(part: Array, scatter: float, together: float) -> Level:

@@ -17,6 +17,10 @@ from motorctl.fleet.store import Store
 from motorctl.json_values import plain
 
 DAYS = 365.0
+LEAST_SIZE = 2.5
+"""Standard deviations of a point by which a series must have changed to be told. Larger misses
+small changes that last, smaller takes slow wandering for changes. Chosen on simulated series
+without change: of those whose neighbours are correlated by 0.3, none of 5000 is told at 1e-4."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class Alarm:
     series: Series
     change: Change
     adjusted: float
-    """The level at which the whole fleet's alarms would just include it (Benjamini-Hochberg)."""
+    """The level at which alarms would just include it (Benjamini-Hochberg over the fleet)."""
 
     @property
     def since(self) -> tuple[datetime, datetime]:
@@ -124,7 +128,8 @@ def judged(series: Sequence[Series], level: float, false_alarms_a_year: float) -
     found = [(each, change) for each in series if (change := change_in(each.value)) is not None]
     alarms: list[Alarm] = []
     if found:
-        adjusted = stats.false_discovery_control([change.p_value for _, change in found])
+        probable = [c.p_value if c.size >= LEAST_SIZE else 1.0 for _, c in found]
+        adjusted = stats.false_discovery_control(probable)
         told = zip(found, adjusted, strict=True)
         alarms = [Alarm(each, change, float(q)) for (each, change), q in told if q <= level]
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))

@@ -15,6 +15,7 @@ from motorctl.fleet.windows import Window
 from motorctl.identify.diagnose.result import AxisDiagnosis
 from motorctl.identify.fit.report import parameter_values
 from motorctl.identify.fit.result import AxisFit
+from motorctl.json_values import finite
 from motorctl.version import VERSION
 
 SCHEMA_VERSION = 1
@@ -37,7 +38,10 @@ FIELDS: Mapping[str, tuple[pa.DataType, str]] = {
     "rows": (pa.int64(), "of the window"),
     "kind": (pa.string(), "parameter, effect, verdict, nothing or refused"),
     "name": (pa.string(), "of the parameter or effect; the verdict"),
-    "value": (pa.float64(), "of a parameter; of an effect the part of the error it explains"),
+    "value": (
+        pa.float64(),
+        "of a parameter; of an effect the part of the error it explains; null where not finite",
+    ),
     "std_error": (pa.float64(), "of a parameter"),
     "unit": (pa.string(), "of value and std_error"),
     "confidence": (pa.float64(), "of an effect, 0 to 1"),
@@ -76,7 +80,7 @@ def fit_rows(head: LogHead, window: Window, span_s: tuple[float, float], fit: Ax
     found[RESIDUAL] = fit.error.rms, math.nan, unit
     return [
         _of(head, window, span_s)
-        | {"kind": "parameter", "name": name, "value": v, "std_error": e, "unit": u}
+        | {"kind": "parameter", "name": name, "value": finite(v), "std_error": finite(e), "unit": u}
         for name, (v, e, u) in found.items()
     ]
 
@@ -90,7 +94,7 @@ def diagnosis_rows(
         {
             "kind": "effect",
             "name": found.name,
-            "value": found.explained_fraction,
+            "value": finite(found.explained_fraction),
             "unit": "1",
             "confidence": found.confidence,
             "text": " ".join(found.evidence),

@@ -156,7 +156,7 @@ def _model_id(machine: Machine, declared: Declared) -> str:
     axes = {
         name: {
             "effects": [form_key(effect) for effect in axis.declared.effects],
-            "inertia": [
+            "mass_bounds": [
                 [axis.estimates[place].lower, axis.estimates[place].upper]
                 for place in (axis.model.index_of("acceleration"),)
                 if place is not None

@@ -6,9 +6,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 import pyarrow.dataset as ds
 from numpy.typing import NDArray
 
@@ -58,10 +58,7 @@ def series_of(store: Store) -> list[Series]:
     where the store is damaged.
     """
     table = store.read(list(_COLUMNS), ds.field("kind") == "parameter")
-    table = table.append_column(
-        "begin_s", pc.divide(pc.cast(pc.cast(table.column("begin_utc"), "int64"), "float64"), 1e6)
-    )
-    rows = table.drop_columns(["begin_utc"]).to_pylist()
+    rows: list[dict[str, Any]] = table.to_pylist()
     newest: dict[str, datetime] = {}
     for row in rows:
         kept = newest.get(row["log_id"])
@@ -69,28 +66,33 @@ def series_of(store: Store) -> list[Series]:
             row["written_utc"] if kept is None else max(kept, row["written_utc"])
         )
     rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
-    rows.sort(key=lambda row: (row["begin_s"], row["log_id"]))
+    rows.sort(key=lambda row: (row["begin_utc"], row["log_id"]))
     model = {(row["machine"], row["axis"]): row["model_id"] for row in rows}
-    told: dict[tuple[str, ...], list[dict[str, object]]] = defaultdict(list)
+    told: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
         if row["model_id"] == model[row["machine"], row["axis"]]:
             told[tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))].append(row)
     return [_binned(key, found) for key, found in sorted(told.items())]
 
 
-def _binned(key: tuple[str, ...], rows: Sequence[dict[str, object]]) -> Series:
-    value, error, begin = (
-        np.array([row[name] for row in rows], np.float64)
-        for name in ("value", "std_error", "begin_s")
+def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> Series:
+    value, error = (
+        np.array([row[name] for row in rows], np.float64) for name in ("value", "std_error")
     )
+    begin = np.array([row["begin_utc"].timestamp() for row in rows])
     good = np.isfinite(value)
     known = error[np.isfinite(error) & (error > 0.0)]
     if len(known):
         good &= ~(error > VAGUE * np.median(known))
     places = np.floor(begin / BIN_S)
     points = [np.flatnonzero(good & (places == place)) for place in np.unique(places[good])]
+    machine, axis, program, name, unit = key
     return Series(
-        *key,
+        machine,
+        axis,
+        program,
+        name,
+        unit,
         time_s=np.array([np.mean(begin[at]) for at in points]),
         value=np.array([np.median(value[at]) for at in points]),
         sources=tuple(str(rows[int(at[0])]["source"]) for at in points),

@@ -92,6 +92,15 @@ def test_of_fleets_in_which_nothing_changes_hardly_any_has_an_alarm() -> None:
     assert alarmed <= level * fleets + 3.0 * np.sqrt(level * fleets)
 
 
+def test_what_wanders_is_not_told_for_having_been_seen_often() -> None:
+    small = noise(400, 5)
+    small[200:] += 1.5
+    found = change_in(small)
+    assert found is not None
+    assert found.p_value < 1e-6
+    assert not judged([series(0, small)], 0.01, 1.0).alarms
+
+
 def test_the_largest_change_beside_its_scatter_comes_first() -> None:
     values = [noise(60, k) for k in range(12)]
     values[4][40:] += 6.0

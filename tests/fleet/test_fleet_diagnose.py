@@ -161,13 +161,14 @@ def test_the_diagnosis_of_a_log_is_that_of_diagnose(
     effects = {row["name"]: row for row in kept if row["kind"] == "effect"}
     assert set(effects) == {found.name for found in told.effects}
     for found in told.effects:
-        assert effects[found.name]["confidence"] == found.confidence
+        # the worker's linear algebra has one thread, and rounds otherwise
+        assert effects[found.name]["confidence"] == pytest.approx(found.confidence, abs=1e-6)
 
 
 @pytest.mark.slow
 def test_a_run_that_is_killed_is_gone_on_with_and_finds_the_same(tmp_path: Path) -> None:
     folder = tmp_path / "logs"
-    for k in range(10):
+    for k in range(6):
         plant_log(folder / f"{k}.parquet", seed=k, started=BEGAN + timedelta(hours=8 * k))
     words = ["fleet", "diagnose", f"{folder}/*.parquet", "--model", "C1", "--diagnoses", "0"]
     command = [sys.executable, "-c", MAIN, *words, "--workers", "1", "--json", "--store"]
@@ -175,8 +176,8 @@ def test_a_run_that_is_killed_is_gone_on_with_and_finds_the_same(tmp_path: Path)
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     subprocess.run([*command, whole], check=True, capture_output=True, timeout=200)
     kills, known = 0, 0
-    while len(files(broken)) < 9:
-        aim = min(len(files(broken)) + 3, 9)
+    while len(files(broken)) < 5:
+        aim = min(len(files(broken)) + 2, 5)
         process = subprocess.Popen(
             [*command, broken], stdout=subprocess.DEVNULL, start_new_session=True
         )
@@ -193,8 +194,8 @@ def test_a_run_that_is_killed_is_gone_on_with_and_finds_the_same(tmp_path: Path)
     last = subprocess.run([*command, broken], check=True, capture_output=True, timeout=200)
     document = json.loads(last.stdout)
 
-    assert (document["known"], document["looked_at"]) == (known, 10 - known)
+    assert (document["known"], document["looked_at"]) == (known, 6 - known)
     assert {name: files(broken)[name] for name in kept} == kept
     assert content(broken) == content(whole)
     keys = open_store(broken).read(["key", "name"]).to_pylist()
-    assert sum(row["name"] == "inertia" for row in keys) == 10
+    assert sum(row["name"] == "inertia" for row in keys) == 6
