@@ -26,7 +26,7 @@ class Task:
 
 
 Steps = Generator[list[Task], list[Any], list[Row] | Refusal]
-"""Yields tasks, is sent their results in the same order, and returns what is kept."""
+"""Yields tasks, one at least; is sent their results in the same order; returns what is kept."""
 SCANNING = 0.2
 """Share of a long log that its scan is. For progress alone."""
 
@@ -64,6 +64,8 @@ def steps_of(head: LogHead, declared: Declared, diagnoses: int) -> Steps:
         for found in windows.values()
         for window in found
     ]
+    if not asked:
+        return rows
     looked = yield [
         Task(look_at_window, (head, declared, window, diagnose), left / len(asked))
         for window, diagnose in asked

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fleet_bench import head_of, looked_at
-from fleet_logs import told_anew
 
 from motorctl.config import load
 from motorctl.fleet.conflicts import conflicts_of
 from motorctl.fleet.findings import Refusal
 from motorctl.fleet.head import Declared, LogHead
 from motorctl.log.columns import METADATA_KEY
+
+BEGAN = datetime(2026, 3, 1, 6, tzinfo=UTC)
 
 
 def reason_of(log: Path, declared: Declared | None = None) -> str:
@@ -90,71 +92,64 @@ def head(good_log: Path) -> LogHead:
     return head_of(good_log)
 
 
-def test_a_clock_that_was_set_back_is_told(good_log: Path, tmp_path: Path) -> None:
-    began = datetime(2026, 3, 1, 6, tzinfo=UTC)
-    parts = [
-        told_anew(good_log, tmp_path / f"{k}.parquet", started=began + after, run="r", part=k + 1)
-        for k, after in enumerate([timedelta(), timedelta(hours=1), timedelta(minutes=-30)])
+def heads_like(head: LogHead, *changes: dict[str, Any]) -> list[LogHead]:
+    """Return heads of logs of ten minutes each, changed in some things."""
+    lasting = timedelta(minutes=10)
+    return [
+        replace(head, source=f"{k}.parquet", **change, end_utc=change["begin_utc"] + lasting)
+        for k, change in enumerate(changes)
     ]
-    (told,) = conflicts_of([head_of(part) for part in parts])
-    assert told.source == str(parts[2])
+
+
+def test_a_clock_that_was_set_back_is_told(head: LogHead) -> None:
+    after = [timedelta(), timedelta(hours=1), timedelta(minutes=-30)]
+    parts = heads_like(
+        head, *({"begin_utc": BEGAN + a, "run": "r", "part": k} for k, a in enumerate(after))
+    )
+    (told,) = conflicts_of(parts)
+    assert told.source == "2.parquet"
     assert "the clock was set back" in told.reason
     assert not told.lasting
 
 
 def test_a_log_from_the_future_is_told(head: LogHead) -> None:
-    before = head.begin_utc - timedelta(days=1)
-    (told,) = conflicts_of([head], now=before)
+    (told,) = conflicts_of([head], now=head.begin_utc - timedelta(days=1))
     assert "still to come" in told.reason
 
 
-def test_two_machines_with_one_name_are_told_by_logs_of_the_same_time(
-    good_log: Path, tmp_path: Path
-) -> None:
-    began = datetime(2026, 3, 1, 6, tzinfo=UTC)
-    logs = [
-        told_anew(good_log, tmp_path / name, machine=machine, host=host, started=at, repeats=20)
-        for name, machine, host, at in [
-            ("a", "stage-1", "computer-1", began),
-            ("b", "stage-1", "computer-2", began + timedelta(seconds=10)),
-            ("c", "stage-2", "computer-2", began),
-        ]
-    ]
-    told = conflicts_of([head_of(log) for log in logs])
-    assert {refusal.source for refusal in told} == {str(log) for log in logs[:2]}
+def test_two_machines_with_one_name_are_told_by_logs_of_the_same_time(head: LogHead) -> None:
+    logs = heads_like(
+        head,
+        {"machine": "stage-1", "host": "computer-1", "begin_utc": BEGAN},
+        {"machine": "stage-1", "host": "computer-2", "begin_utc": BEGAN + timedelta(minutes=5)},
+        {"machine": "stage-2", "host": "computer-2", "begin_utc": BEGAN},
+    )
+    told = conflicts_of(logs)
+    assert {refusal.source for refusal in told} == {"0.parquet", "1.parquet"}
     assert all("two machines have one name" in refusal.reason for refusal in told)
 
 
-def test_two_machines_with_one_name_are_told_by_computers_in_turns(
-    good_log: Path, tmp_path: Path
-) -> None:
-    began = datetime(2026, 3, 1, tzinfo=UTC)
-    heads = [
-        head_of(
-            told_anew(
-                good_log,
-                tmp_path / f"{k}.parquet",
-                host=f"computer-{1 + k % 2}",
-                started=began + timedelta(hours=k),
-            )
-        )
-        for k in range(4)
-    ]
-    assert len(conflicts_of(heads)) == 4
-    assert not conflicts_of(heads[:2])  # the machine has a new computer
+def test_two_machines_with_one_name_are_told_by_computers_in_turns(head: LogHead) -> None:
+    logs = heads_like(
+        head,
+        *({"host": f"computer-{k % 2}", "begin_utc": BEGAN + timedelta(hours=k)} for k in range(4)),
+    )
+    assert len(conflicts_of(logs)) == 4
+    assert not conflicts_of(logs[:2])  # the machine has a new computer
 
 
-def test_sound_logs_conflict_with_nothing(good_log: Path, tmp_path: Path) -> None:
-    began = datetime(2026, 3, 1, tzinfo=UTC)
-    heads = [
-        head_of(
-            told_anew(
-                good_log,
-                tmp_path / f"{k}.parquet",
-                machine=f"stage-{k % 3}",
-                started=began + timedelta(hours=k // 3),
-            )
-        )
-        for k in range(9)
-    ]
-    assert not conflicts_of(list(np.random.default_rng(0).permutation(np.array(heads, object))))
+def test_sound_logs_conflict_with_nothing_in_whatever_order(head: LogHead) -> None:
+    logs = heads_like(
+        head,
+        *(
+            {"machine": f"stage-{k % 3}", "begin_utc": BEGAN + timedelta(hours=k // 3)}
+            for k in range(9)
+        ),
+    )
+    assert not conflicts_of(logs[::2] + logs[1::2])
+
+
+def test_simulations_are_measured_by_no_clock(head: LogHead) -> None:
+    logs = heads_like(head, {"begin_utc": BEGAN}, {"begin_utc": BEGAN})
+    assert conflicts_of(logs)
+    assert not conflicts_of([replace(log, virtual=True) for log in logs])

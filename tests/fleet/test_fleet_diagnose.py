@@ -95,6 +95,7 @@ def test_bad_logs_are_told_and_the_others_are_looked_at_once(
     assert (other.looked_at, other.known) == (1, 0)
 
 
+@pytest.mark.slow
 def test_the_command_tells_what_it_did_and_exits_by_it(
     logs: Path, tmp_path: Path, scheduler: str
 ) -> None:

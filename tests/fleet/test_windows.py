@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from fit_plant import X_THETA
 from fleet_bench import looked_at
@@ -102,6 +104,21 @@ def test_each_window_of_a_long_log_gives_the_parameters_of_its_motion(long_log: 
     begins = [row["begin_utc"] for row in inertia]
     assert begins == sorted(begins)
     assert (begins[-1] - begins[0]).total_seconds() > 75.0
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_a_long_log_without_motion_is_no_fault_and_says_why(good_log: Path, tmp_path: Path) -> None:
+    table = pq.read_table(good_log)
+    held = table.take(pa.array(np.zeros(200_000, np.int64)))
+    ticks = pa.array(np.arange(len(held)))
+    held = held.set_column(held.schema.get_field_index("tick"), "tick", ticks)
+    times = pa.array(np.arange(len(held)) * PERIOD_S)
+    held = held.set_column(held.schema.get_field_index("time_s"), "time_s", times)
+    log = tmp_path / "still.parquet"
+    pq.write_table(held.replace_schema_metadata(table.schema.metadata), log)
+    (row,) = looked_at(log)
+    assert row["kind"] == "nothing"
+    assert "no motion that tells a parameter" in row["text"]
 
 
 def test_what_is_kept_of_a_short_log_is_what_fit_tells(good_log: Path) -> None:

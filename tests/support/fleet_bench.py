@@ -32,6 +32,7 @@ def looked_at(
             tasks = steps.send(results)  # type: ignore[arg-type]
         except StopIteration as end:
             return end.value
+        assert tasks, "an engine would wait for ever"
         results = [task.call(*task.arguments) for task in tasks]
 
 
