@@ -20,7 +20,7 @@ DAYS = 365.0
 LEAST_SIZE = 2.5
 """Standard deviations of a point by which a series must have changed to be told. Larger misses
 small changes that last, smaller takes slow wandering for changes. Chosen on simulated series
-without change: of those whose neighbours are correlated by 0.3, none of 5000 is told at 1e-4."""
+without change: of those whose neighbours are correlated by 0.6, none of 500 is told at 1e-4."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from motorctl.fleet.findings import Refusal, Row, nothing_row
@@ -66,8 +66,9 @@ def steps_of(head: LogHead, declared: Declared, diagnoses: int) -> Steps:
     ]
     if not asked:
         return rows
+    brief = replace(head, group_rows=(), moved={})  # of hours it is long, and windows are many
     looked = yield [
-        Task(look_at_window, (head, declared, window, diagnose), left / len(asked))
+        Task(look_at_window, (brief, declared, window, diagnose), left / len(asked))
         for window, diagnose in asked
     ]
     for part in looked:

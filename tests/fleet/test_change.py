@@ -74,8 +74,8 @@ def test_units_do_not_matter(seed: int, scale: float, offset: float) -> None:
 
 def test_neighbours_that_are_alike_count_for_less() -> None:
     smooth = np.convolve(noise(400, 1), np.ones(4) / 4.0, "valid")
-    assert scatter_of(noise(400, 1))[1] < 1.5
-    assert scatter_of(smooth)[1] > 3.0
+    assert scatter_of(noise(400, 1), [], 0.1)[1] < 1.6
+    assert scatter_of(smooth, [], 0.1)[1] > 4.0
 
 
 def series(k: int, value: np.ndarray) -> Series:
