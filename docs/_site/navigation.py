@@ -13,7 +13,7 @@ CHAPTERS = {
     ],
     "Less error": [
         *("find_causes", "experiments", "own_effect", "models", "tuning", "response", "learning"),
-        "foreign_recording",
+        *("foreign_recording", "fleet"),
     ],
     "Look at it": ["troubleshooting", "flight_recorder", "scope", "neighbours", "python"],
     "Look it up": [

@@ -36,6 +36,7 @@ GROUPS = (
     "tune",
     "learn",
     "response",
+    "fleet",
     "latency",
 )
 """Modules of this package in the order in which `--help` lists their commands."""

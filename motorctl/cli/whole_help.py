@@ -17,6 +17,7 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Find what the model lacks": ("fit", "diagnose", "refine", "close-loop", "experiment"),
     "Hand it to other programs": ("metrics", "stream"),
     "Tune": ("tune", "response", "learn"),
+    "Many machines": ("fleet",),
 }
 """Where `motorctl --help` lists a command; what no section names comes last, under "More"."""
 LONGEST_HELP = 1000

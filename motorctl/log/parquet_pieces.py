@@ -16,7 +16,7 @@ from motorctl.log.table_parquet import damaged
 
 
 class ParquetPieces:
-    """A finished Parquet file.
+    """A finished Parquet file, or one that is open already, of which `path` is but the name.
 
     Raises DataError where it is damaged, at once or when a piece is read.
 
@@ -24,17 +24,24 @@ class ParquetPieces:
     ----------
     path
         The file.
+    file
+        Where it is open already: wherever it lies, it stays so.
     held
         Whether it is held open, so that it can be read though it is removed meanwhile. A run of
         many logs would use up what a process may have open.
     """
 
-    def __init__(self, path: Path, *, held: bool = True) -> None:
+    def __init__(
+        self, path: Path | str, file: pq.ParquetFile | None = None, *, held: bool = True
+    ) -> None:
         self.path = path
         self._file: pq.ParquetFile | None = None
         try:
-            self._mark = _mark(path)
-            file = pq.ParquetFile(path)
+            if file is None:
+                self._mark = _mark(path)
+                file = pq.ParquetFile(path)
+            else:
+                held = True
             self._metadata = file.metadata
             groups = range(self._metadata.num_row_groups)
             counts = [self._metadata.row_group(k).num_rows for k in groups]
@@ -100,7 +107,7 @@ class ParquetPieces:
             return file.read_row_groups(groups, columns=[name])
 
 
-def _mark(path: Path) -> tuple[int, int, int]:
+def _mark(path: Path | str) -> tuple[int, int, int]:
     """Return what tells a file from one that was put in its place."""
-    found = path.stat()
+    found = Path(path).stat()
     return found.st_ino, found.st_size, found.st_mtime_ns

@@ -93,10 +93,14 @@ def read_recording(
         raise DataError(f"{described[0]}: a described recording is no part of a run of logs")
     if described:
         return _read_described(described[0], read_description(described[0]))
-    return _read_columns(open_recorded(paths, whole_run), gaps, signals)
+    return recording_of(open_recorded(paths, whole_run), gaps, signals)
 
 
-def _read_columns(table: Table, gaps: Gaps, signals: Collection[str] | None) -> Recording:
+def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = None) -> Recording:
+    """Return what stands in a table with a log's columns; `gaps` and `signals` are those above.
+
+    Raises DataError, with file, place and value, for whatever cannot be used.
+    """
     for name in sorted(table.repeated):
         raise DataError(table.missing(name))
     axes = [n.removesuffix(_POSITION) for n in table.names if n.endswith(_POSITION)]

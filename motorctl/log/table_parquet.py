@@ -41,25 +41,31 @@ class ParquetTable(Table):
             raise damaged(self.path, error) from error
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
-        for name in names:
-            kind = self.schema.field(name).type
-            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-                raise DataError(f"{self.path}: column '{name}' holds {kind}, not numbers")
+        require_numbers(self.path, self.schema, names)
         require_memory(self.path, self.rows, len(names))
         try:
             with pq.ParquetFile(self.path, memory_map=True) as file:
                 # one at a time: a long log's columns would all be held twice
-                return {name: _floats(file.read(columns=[name]).column(name)) for name in names}
+                return {name: floats_of(file.read(columns=[name]).column(name)) for name in names}
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             raise damaged(self.path, error) from error
 
 
-def _floats(column: pa.ChunkedArray[Any]) -> Array:
+def require_numbers(path: Path | str, schema: pa.Schema, names: Sequence[str]) -> None:
+    """Raise DataError where a column holds anything else."""
+    for name in names:
+        kind = schema.field(name).type
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            raise DataError(f"{path}: column '{name}' holds {kind}, not numbers")
+
+
+def floats_of(column: pa.ChunkedArray[Any]) -> Array:
+    """Return a column as float64, shape (N,)."""
     numbers = pc.cast(column, pa.float64(), safe=False).to_numpy()
     return np.require(numbers, np.float64, "W")
 
 
-def damaged(path: Path, error: Exception) -> DataError:
+def damaged(path: Path | str, error: Exception) -> DataError:
     """Return what is told of a Parquet file that cannot be read."""
     cause = str(error).splitlines()[0] if str(error) else type(error).__name__
     if "magic bytes" in cause:

@@ -1,0 +1,185 @@
+"""`motorctl fleet`: the logs of many machines and days, and what changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from motorctl.cli.recording_argument import AllowCode
+from motorctl.cli.say import say
+from motorctl.cli.terminal import Terminal, open_table
+from motorctl.cli.whole_help import WholeHelp
+from motorctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from motorctl.fleet.changes import Alarm, FleetChanges
+    from motorctl.fleet.run import FleetRun
+
+NEEDED = ("distributed", "fsspec", "ruptures")
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
+StoreOption = Annotated[
+    Path, typer.Option("--store", metavar="DIR", help="The folder of findings.", show_default=False)
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the command line."""
+    group = typer.Typer(cls=WholeHelp, no_args_is_help=True)
+    group.command(
+        "diagnose",
+        epilog="Example: motorctl fleet diagnose 'logs/**/*.parquet' --store findings",
+    )(_diagnose)
+    group.command(
+        "changes", epilog="Example: motorctl fleet changes --store findings --false-alarms 2"
+    )(_changes)
+    app.add_typer(
+        group,
+        name="fleet",
+        help="Diagnose the logs of many machines, and tell what changed since when.",
+    )
+
+
+def _diagnose(
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOGS...",
+            help="Logs, or quoted patterns of them; s3://…, gs://… and http://… where the package "
+            "for it is installed.",
+            show_default=False,
+        ),
+    ],
+    store: StoreOption,
+    model: Annotated[
+        str | None,
+        typer.Option(help="C1, C2 or a configuration; else what each log declares."),
+    ] = None,
+    diagnoses: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            help="So many windows of each axis and log are searched for what the model lacks; "
+            "every one is fitted.",
+        ),
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://…", help="Of a Dask cluster; else one of this computer."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Processes of this computer; else one a CPU."),
+    ] = None,
+    allow_code: AllowCode = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit and diagnose every log that was not looked at before; exit with 1 where some cannot be.
+
+    A bad log is told with its file and the reason, and the others go on. What is done stays,
+    whatever ends the run: the same command again does the rest.
+    """
+    _require_extra()
+    from motorctl.cli.progress import showing_stages
+    from motorctl.fleet.run import diagnose_fleet
+
+    with showing_stages(lines=True) as progress:
+        run = diagnose_fleet(
+            logs,
+            store,
+            model=model,
+            allow_code=allow_code or (),
+            diagnoses=diagnoses,
+            scheduler=scheduler,
+            workers=workers,
+            progress=progress,
+        )
+    if as_json:
+        say(json.dumps(run.to_dict()))
+    else:
+        for refusal in run.refused:
+            say(f"motorctl: not looked at: {refusal.reason}", err=True)
+        say(_summary(run))
+    if run.refused:
+        raise typer.Exit(2 if len(run.refused) == run.logs else 1)
+
+
+def _changes(
+    store: StoreOption,
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            metavar="N", help="Looks with a false alarm that are accepted a year, fleet-wide."
+        ),
+    ] = 1.0,
+    looks_a_day: Annotated[
+        float, typer.Option(metavar="N", help="How often you ask; that counts.")
+    ] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Tell which parameters of which machines changed, since when, and what to look at first."""
+    _require_extra()
+    from motorctl.fleet.changes import changes_in
+    from motorctl.fleet.store import open_store
+
+    found = changes_in(open_store(store), false_alarms_a_year=false_alarms, looks_a_day=looks_a_day)
+    if as_json:
+        say(json.dumps(found.to_dict()))
+        return
+    console = Terminal()
+    if found.alarms:
+        console.print(_alarms(found.alarms))
+        first = found.alarms[0]
+        say(f"look at first: machine {first.series.machine}, axis {first.series.axis}: {first.log}")
+    say(_judged(found))
+
+
+def _alarms(alarms: Sequence[Alarm]) -> Table:
+    table = open_table("what changed", ("machine", "parameter", "before", "after", "since", "size"))
+    for alarm in alarms:
+        series, change = alarm.series, alarm.change
+        before, after = (
+            f"{level.value:.4g} ± {level.std_error:.1g}" for level in (change.before, change.after)
+        )
+        since = f"{alarm.since[0]:%Y-%m-%d %H:%M}"
+        if change.form == "drift":
+            since = f"drifts from {since}"
+        where = f"{series.machine} {series.axis}" + (
+            f" ({series.program})" if series.program else ""
+        )
+        name = f"{series.name} [{series.unit}]"
+        table.add_row(where, name, before, after, since, f"{change.size:.1f}")
+    return table
+
+
+def _judged(found: FleetChanges) -> str:
+    return (
+        f"{len(found.alarms)} of {found.series} series changed; {found.too_short} have too few "
+        f"points or never differ. If nothing changes, at most {found.false_alarms_a_year:g} looks "
+        f"a year are expected to have a false alarm; of those told at most "
+        f"{100 * found.level:.2g} % are expected to be false. Size: the change over the usual "
+        "scatter of a point."
+    )
+
+
+def _summary(run: FleetRun) -> str:
+    twins = f", {run.twins} the same as another" if run.twins else ""
+    return (
+        f"{run.store}: of {run.logs} logs {run.looked_at} were looked at ({run.hours:.3g} h of "
+        f"recording in {run.seconds:.3g} s), {run.known} were known{twins}, {len(run.refused)} "
+        f"cannot be used; {run.findings} findings were added"
+    )
+
+
+def _require_extra() -> None:
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"motorctl fleet needs {', '.join(missing)}, not installed: pip install "
+            "'motorctl[fleet]'"
+        )

@@ -1,0 +1,93 @@
+"""The engine: Dask, a cluster of processes on this computer or one that is there already."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, LocalCluster
+
+from motorctl.errors import UsageError
+from motorctl.version import VERSION
+
+LOOPBACK = "127.0.0.1"
+WORKER_MEMORY_BYTES = 2_000_000_000
+"""Beyond this a local worker is ended and its window begun anew. Larger lets a computer swap,
+smaller ends the diagnosis of a window of `MOST_ROWS` rows of several axes. Measured: it takes
+less than half."""
+CONNECT_S = 10.0
+"""How long a scheduler is waited for [s]. Longer keeps waiting for a wrong address, shorter gives
+up busy ones. Chosen by hand."""
+_QUIET: dict[str, list[str]] = {
+    # what a page of its own would show; no browser is meant to look in
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.nanny.http.routes": [],
+}
+
+
+@contextmanager
+def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """Connect to a scheduler, or run a cluster of processes that only this computer reaches.
+
+    Parameters
+    ----------
+    scheduler
+        As ``tcp://host:8786``; None: a local cluster.
+    workers
+        Processes of the local cluster, each with one thread; None: one a CPU.
+
+    Raises
+    ------
+    UsageError
+        Where the scheduler does not answer, has no workers, or its workers have another motorctl.
+    """
+    if scheduler is not None:
+        if workers is not None:
+            raise UsageError("--workers is of a local cluster: leave it out with --scheduler")
+        with _connected(scheduler) as client:
+            yield client
+        return
+    with (
+        dask.config.set(_QUIET),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            dashboard_address=f"{LOOPBACK}:0",
+            memory_limit=WORKER_MEMORY_BYTES,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Client]:
+    try:
+        client = Client(scheduler, timeout=CONNECT_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise UsageError(f"--scheduler {scheduler}: does not answer: {error}") from error
+    with client:
+        versions = client.run(_version)
+        if not versions:
+            raise UsageError(f"--scheduler {scheduler}: it has no workers: start some first")
+        for worker, version in versions.items():
+            if version != VERSION:
+                raise UsageError(
+                    f"--scheduler {scheduler}: worker {worker} has motorctl {version}, this is "
+                    f"{VERSION}: install the same"
+                )
+        yield client
+
+
+def _version() -> str:
+    try:
+        from motorctl.version import VERSION
+    except ImportError:
+        return "(not installed)"
+    return VERSION

@@ -1,0 +1,202 @@
+"""What a log says of itself in its footer, before a row of it is read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from motorctl.config import Machine, load_resolved
+from motorctl.config.chosen_code import allowed_by
+from motorctl.errors import ConfigError, DataError
+from motorctl.fleet.paths import ends_of, opened
+from motorctl.log.convert import load_metadata
+from motorctl.log.parquet_pieces import ParquetPieces
+from motorctl.model import known_effects
+from motorctl.model.columns import form_key
+
+_END_BYTES = 1 << 16
+_POSITION = ".position_m"
+
+
+@dataclass(frozen=True)
+class Declared:
+    """Which model is meant, as workers elsewhere can read it."""
+
+    model: str | None = None
+    """None: what each log declares; C1, C2; else what messages call the configuration."""
+    resolved: Mapping[str, Any] | None = None
+    """The plain data of that configuration."""
+    allow_code: tuple[str, ...] = ()
+
+    def machine(self, config: Mapping[str, Any], source: str) -> Machine:
+        """Return the machine that a log should be of. Raises DataError."""
+        own = self.resolved is None
+        plain = config if self.resolved is None else self.resolved
+        try:
+            return load_resolved(
+                plain, source if own else self.model or source, may_run=allowed_by(self.allow_code)
+            )
+        except ConfigError as error:
+            raise DataError(f"{source}: its configuration cannot be read:\n{error}") from error
+
+
+@dataclass(frozen=True)
+class LogHead:
+    """A log, known by its footer."""
+
+    source: str
+    log_id: str
+    """Of its content, whatever its name, place and age."""
+    model_id: str
+    """Of what is fitted to it."""
+    machine: str
+    host: str
+    """The computer that recorded it."""
+    run: str | None
+    part: int | None
+    begin_utc: datetime
+    end_utc: datetime
+    first_s: float
+    """Time of its first row in the log's own count."""
+    virtual: bool
+    """Whether it was simulated in virtual time, which no clock of the day measured."""
+    rate_hz: float
+    group_rows: tuple[int, ...]
+    moved: Mapping[str, tuple[bool, ...]]
+    """Of each axis in which row groups its position changed."""
+    programs: Mapping[str, str]
+    """What each axis was to follow; empty where nothing."""
+
+    @property
+    def rows(self) -> int:
+        """Of the whole log."""
+        return sum(self.group_rows)
+
+
+def read_head(source: str, declared: Declared) -> LogHead:
+    """Read a log's footer.
+
+    Parameters
+    ----------
+    source
+        Where it is.
+    declared
+        Which model is meant.
+
+    Raises
+    ------
+    DataError
+        Where it is damaged, not of motorctl, empty, or of more than one recording.
+    """
+    with opened(source) as file:
+        told = load_metadata(file.schema_arrow)
+        config = told.get("config")
+        machine, began = told.get("machine"), told.get("started_utc")
+        if not isinstance(machine, str) or not isinstance(config, Mapping):
+            raise DataError(
+                f"{source}: does not say which machine it is of: a fleet has logs of motorctl; "
+                "`motorctl diagnose` reads other recordings"
+            )
+        begin_utc = _moment(source, began)
+        names = file.schema_arrow.names
+        axes = [n.removesuffix(_POSITION) for n in names if n.endswith(_POSITION)]
+        if not file.metadata.num_rows or not axes or "time_s" not in names:
+            raise DataError(f"{source}: has no rows of an axis")
+        pieces = ParquetPieces(source, file)
+        first_s, last_s = _times(source, pieces)
+        moved = {axis: _moved(pieces, axis) for axis in axes}
+        groups = range(file.num_row_groups)
+        group_rows = tuple(file.metadata.row_group(k).num_rows for k in groups)
+    meant = declared.machine(config, source)
+    described = config.get("axes")
+    own = described if isinstance(described, Mapping) else {}
+    rate = told.get("rate_hz") or config.get("rate_hz")
+    return LogHead(
+        source=source,
+        log_id=_identity(source),
+        model_id=_model_id(meant, declared),
+        machine=machine,
+        host=str((told.get("host") or {}).get("name", "")),
+        run=told.get("run"),
+        part=told.get("part"),
+        begin_utc=begin_utc,
+        end_utc=begin_utc + timedelta(seconds=last_s - first_s),
+        first_s=first_s,
+        virtual="virtual_time" in told,
+        rate_hz=float(rate) if isinstance(rate, int | float) and rate > 0 else 0.0,
+        group_rows=group_rows,
+        moved=moved,
+        programs={axis: str((own.get(axis) or {}).get("program") or "") for axis in axes},
+    )
+
+
+def damaged_id(source: str) -> str:
+    """Return the identity of a file that has no footer. Raises DataError where it is not there."""
+    size, begin, end = ends_of(source, _END_BYTES)
+    return hashlib.sha256(b"damaged %d " % size + begin + end).hexdigest()
+
+
+def _identity(source: str) -> str:
+    """Hash size and footer: it has the sizes and extremes of every column of every row group."""
+    size, _, end = ends_of(source, _END_BYTES)
+    length = int.from_bytes(end[-8:-4], "little") + 8
+    if length > len(end):
+        end = ends_of(source, length)[2]
+    return hashlib.sha256(b"%d " % size + end[-length:]).hexdigest()
+
+
+def _model_id(machine: Machine, declared: Declared) -> str:
+    """Hash what answers depend on: declared effects, the inertia's bounds, and what is tried."""
+    axes = {
+        name: {
+            "effects": [form_key(effect) for effect in axis.declared.effects],
+            "mass_bounds": [
+                [axis.estimates[place].lower, axis.estimates[place].upper]
+                for place in (axis.model.index_of("acceleration"),)
+                if place is not None
+            ],
+        }
+        for name, axis in machine.axes.items()
+    }
+    tried = sorted({*known_effects(), *machine.further_effects})
+    controller = declared.model if declared.resolved is None else None
+    text = json.dumps([controller, axes, tried], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _moment(source: str, began: object) -> datetime:
+    try:
+        moment = datetime.fromisoformat(str(began))
+    except ValueError as error:
+        raise DataError(
+            f"{source}: its metadata `started_utc` is {began!r}, not a date and time: when it was "
+            "recorded is not known"
+        ) from error
+    return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+def _times(source: str, pieces: ParquetPieces) -> tuple[float, float]:
+    """Return first and last time [s]. Raises DataError where row groups do not follow."""
+    low, high = pieces.extremes("time_s")
+    if not np.isfinite([*low, *high]).all():
+        raise DataError(f"{source}: its footer does not tell the times of its row groups")
+    back = np.flatnonzero(low[1:] <= high[:-1])
+    if len(back):
+        k = int(back[0])
+        raise DataError(
+            f"{source}: rows of more than one recording: row group {k + 2} begins at "
+            f"{low[k + 1]:.6g} s, and the one before ends at {high[k]:.6g} s; give the recordings "
+            "one by one"
+        )
+    return float(low[0]), float(high[-1])
+
+
+def _moved(pieces: ParquetPieces, axis: str) -> tuple[bool, ...]:
+    low, high = pieces.extremes(axis + _POSITION)
+    return tuple(bool(moved) for moved in ~(low == high))

@@ -1,0 +1,83 @@
+"""Which logs are meant: paths and patterns, local or wherever fsspec reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import fsspec
+import pyarrow as pa
+import pyarrow.parquet as pq
+from fsspec.implementations.local import LocalFileSystem
+
+from motorctl.errors import DataError, UsageError
+from motorctl.log.open_table import open_table
+from motorctl.log.table_parquet import damaged
+
+_PATTERN = set("*?[")
+
+
+def logs_of(patterns: Sequence[str]) -> list[str]:
+    """Return the files that paths and patterns mean, each once, in order.
+
+    Parameters
+    ----------
+    patterns
+        As ``logs/**/*.parquet``, ``s3://bucket/*.parquet`` or one file.
+
+    Raises
+    ------
+    UsageError
+        Where a pattern meets nothing, or the package that reads such addresses is not installed.
+    """
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        files, address = _file_system(pattern)
+        if not _PATTERN & set(address):
+            found[_name(files, address)] = None  # whether it is there is told when it is looked at
+            continue
+        met = [_name(files, path) for path in sorted(files.glob(address)) if not files.isdir(path)]
+        if not met:
+            raise UsageError(f"{pattern}: no file is meant by it; in a shell, quote it")
+        found |= dict.fromkeys(met)
+    return list(found)
+
+
+@contextmanager
+def opened(source: str) -> Iterator[pq.ParquetFile]:
+    """Open a log to be read row group by row group. Raises DataError where it is none."""
+    files, address = _file_system(source)
+    if isinstance(files, LocalFileSystem):
+        open_table(Path(address))  # says what it is, where it is no Parquet file
+    try:
+        with files.open(address, "rb") as raw, pq.ParquetFile(raw) as file:
+            yield file
+    except FileNotFoundError as error:
+        raise DataError(f"{source}: no such file") from error
+    except (pa.ArrowException, ValueError) as error:
+        raise damaged(source, error) from error
+
+
+def ends_of(source: str, most_bytes: int) -> tuple[int, bytes, bytes]:
+    """Return the size of a file and what stands at its beginning and its end. Raises DataError."""
+    files, address = _file_system(source)
+    try:
+        size = int(files.info(address)["size"])
+        begin = files.read_block(address, 0, min(size, most_bytes)) if size else b""
+        end = files.read_block(address, max(0, size - most_bytes), most_bytes) if size else b""
+    except FileNotFoundError as error:
+        raise DataError(f"{source}: no such file") from error
+    return size, begin, end
+
+
+def _file_system(address: str) -> tuple[fsspec.AbstractFileSystem, str]:
+    try:
+        files, path = fsspec.core.url_to_fs(address)
+    except (ImportError, ValueError) as error:
+        raise UsageError(f"{address}: cannot be reached: {error}") from error
+    return files, str(path)
+
+
+def _name(files: fsspec.AbstractFileSystem, path: str) -> str:
+    return path if isinstance(files, LocalFileSystem) else str(files.unstrip_protocol(path))

@@ -1,0 +1,99 @@
+"""How a parameter went over days: one value every eight hours, from the findings of a store."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pyarrow.dataset as ds
+from numpy.typing import NDArray
+
+from motorctl.fleet.store import Store
+
+Array = NDArray[np.float64]
+
+BIN_S = 8 * 3600.0
+"""Findings within so long become one point [s], their median: windows that follow each other share
+temperature and load, and are no independent witnesses. Longer tells a change later, shorter takes
+a shift's weather for one. Chosen by hand: a shift."""
+VAGUE = 5.0
+"""A value whose standard error is so many times the usual one of its parameter is left out. Larger
+lets motions that tell nothing blur the series, smaller loses points. Chosen by hand."""
+_COLUMNS = (
+    *("log_id", "model_id", "machine", "axis", "program", "name"),
+    *("value", "std_error", "unit", "begin_utc", "source", "written_utc"),
+)
+
+
+@dataclass(frozen=True)
+class Series:
+    """One parameter of one axis under one program; N points in order of time."""
+
+    machine: str
+    axis: str
+    program: str
+    name: str
+    unit: str
+    time_s: Array
+    """Since 1970, of the middle of what each point stands for, (N,)."""
+    value: Array
+    """(N,)"""
+    sources: tuple[str, ...]
+    """A log of each point."""
+
+    def moment(self, point: int) -> datetime:
+        """Return when a point was."""
+        return datetime.fromtimestamp(float(self.time_s[point]), UTC)
+
+
+def series_of(store: Store) -> list[Series]:
+    """Return the series of every parameter in a store, in order of their names.
+
+    Of a log that was looked at more than once the newest findings count, and of an axis those of
+    the model that was fitted last: values of different models cannot be compared. Raises DataError
+    where the store is damaged.
+    """
+    table = store.read(list(_COLUMNS), ds.field("kind") == "parameter")
+    rows: list[dict[str, Any]] = table.to_pylist()
+    newest: dict[str, datetime] = {}
+    for row in rows:
+        kept = newest.get(row["log_id"])
+        newest[row["log_id"]] = (
+            row["written_utc"] if kept is None else max(kept, row["written_utc"])
+        )
+    rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
+    rows.sort(key=lambda row: (row["begin_utc"], row["log_id"]))
+    model = {(row["machine"], row["axis"]): row["model_id"] for row in rows}
+    told: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
+    for row in rows:
+        if row["model_id"] == model[row["machine"], row["axis"]]:
+            told[tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))].append(row)
+    return [_binned(key, found) for key, found in sorted(told.items())]
+
+
+def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> Series:
+    value, error = (
+        np.array([row[name] for row in rows], np.float64) for name in ("value", "std_error")
+    )
+    begin = np.array([row["begin_utc"].timestamp() for row in rows])
+    good = np.isfinite(value)
+    known = error[np.isfinite(error) & (error > 0.0)]
+    if len(known):
+        good &= ~(error > VAGUE * np.median(known))
+    places = np.floor(begin / BIN_S)
+    points = [np.flatnonzero(good & (places == place)) for place in np.unique(places[good])]
+    machine, axis, program, name, unit = key
+    return Series(
+        machine,
+        axis,
+        program,
+        name,
+        unit,
+        time_s=np.array([np.mean(begin[at]) for at in points]),
+        value=np.array([np.median(value[at]) for at in points]),
+        sources=tuple(str(rows[int(at[0])]["source"]) for at in points),
+    )

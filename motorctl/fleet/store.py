@@ -1,0 +1,138 @@
+"""The store of findings: one Parquet file a log, written once, whole or not at all."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+
+from motorctl.errors import DataError, RunError, UsageError
+from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION
+from motorctl.version import VERSION
+
+_MARK = "store.json"
+_FINDINGS = "findings"
+_DRAFT = ".draft-"
+_UNDATED = "undated"
+
+
+def key_of(log_id: str, model_id: str, diagnoses: int) -> str:
+    """Return the key of a log's findings: same log, same model, same version, same question."""
+    text = "\n".join([log_id, model_id, VERSION, str(SCHEMA_VERSION), str(diagnoses)])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+class Store:
+    """A folder of findings; `open_store` opens it.
+
+    A file appears under its name complete or not at all, and its name follows from what was looked
+    at: whatever kills a run, the next one finds what is done and nothing twice.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._known = {path.stem for path in (folder / _FINDINGS).glob("*/*.parquet")}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._known
+
+    def write(self, key: str, began: datetime | None, table: pa.Table) -> None:
+        """Keep the findings of a log. Raises RunError where they cannot be written."""
+        month = self.folder / _FINDINGS / (f"{began:%Y-%m}" if began else _UNDATED)
+        draft, target = month / f"{_DRAFT}{key}", month / f"{key}.parquet"
+        try:
+            month.mkdir(parents=True, exist_ok=True)
+            pq.write_table(table, draft, compression="zstd")
+            _sync(draft)
+            draft.replace(target)
+            _sync(month)
+        except OSError as error:
+            raise RunError(f"{target}: cannot be written: {error}") from error
+        self._known.add(key)
+
+    def refusals(self, keys: set[str]) -> dict[str, str]:
+        """Return why logs cannot be used, by the keys of their findings, as was kept before."""
+        table = self.read(["key", "kind", "text"], ds.field("kind") == "refused")
+        told = zip(table.column("key").to_pylist(), table.column("text").to_pylist(), strict=True)
+        return {str(key): str(text) for key, text in told if key in keys}
+
+    def read(
+        self, columns: list[str] | None = None, where: ds.Expression | None = None
+    ) -> pa.Table:
+        """Return findings of all logs, in no order. Raises DataError where a file is damaged."""
+        files = sorted(map(str, (self.folder / _FINDINGS).glob("*/*.parquet")))
+        try:
+            return ds.dataset(files, schema=SCHEMA, format="parquet").to_table(columns, where)
+        except (pa.ArrowException, OSError) as error:
+            raise DataError(
+                f"{self.folder}: a damaged file of the store: {error}; remove it, and its log is "
+                "looked at again"
+            ) from error
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other runs from writing meanwhile. Raises UsageError where one does."""
+        with (self.folder / _MARK).open("rb") as mark:
+            try:
+                fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise UsageError(f"{self.folder}: another run writes to this store") from None
+            for draft in (self.folder / _FINDINGS).glob(f"*/{_DRAFT}*"):
+                draft.unlink()  # of a run that was ended
+            yield
+
+
+def open_store(folder: Path, *, create: bool = False) -> Store:
+    """Open a store of findings.
+
+    Parameters
+    ----------
+    folder
+        Where it is.
+    create
+        Make it where nothing is there.
+
+    Raises
+    ------
+    UsageError
+        Where the folder is something else, of another schema, or cannot be made.
+    """
+    mark = folder / _MARK
+    try:
+        if create and not mark.exists():
+            if folder.exists() and any(folder.iterdir()):
+                raise UsageError(f"{folder}: is there already, and is no store of findings")
+            folder.mkdir(parents=True, exist_ok=True)
+            draft = folder / f"{_MARK}{_DRAFT}{os.getpid()}"
+            draft.write_text(json.dumps({"motorctl": "findings", "schema": SCHEMA_VERSION}) + "\n")
+            draft.replace(mark)
+        told = json.loads(mark.read_text())
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"{folder}: is no store of findings: `motorctl fleet diagnose --store` makes one"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{folder}: cannot be used as a store: {error}") from error
+    if told.get("schema") != SCHEMA_VERSION:
+        raise UsageError(
+            f"{folder}: its schema is {told.get('schema')}, this motorctl has {SCHEMA_VERSION}: "
+            "begin a new store"
+        )
+    return Store(folder)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

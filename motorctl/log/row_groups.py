@@ -1,0 +1,51 @@
+"""Some row groups of a Parquet file as a table: of a long log no more is read than is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from motorctl.log.convert import load_metadata
+from motorctl.log.table import Array, Table
+from motorctl.log.table_parquet import damaged, floats_of, require_numbers
+
+
+class RowGroupTable(Table):
+    """Row groups of an open file, one after the other; between them time may jump.
+
+    Parameters
+    ----------
+    source
+        What messages call the file.
+    file
+        The open file, local or not.
+    groups
+        Their indices, ascending.
+    """
+
+    kind = "Parquet"
+
+    def __init__(self, source: str, file: pq.ParquetFile, groups: Sequence[int]) -> None:
+        self._file, self._groups = file, list(groups)
+        counts = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+        self._begins = np.concatenate(([0], np.cumsum(np.array(counts, np.int64))))
+        self._ends = np.cumsum([counts[k] for k in self._groups])
+        super().__init__(Path(source), file.schema_arrow.names, load_metadata(file.schema_arrow))
+
+    def row(self, index: int) -> str:
+        """Return where the row with this index stands in the whole file, counting from 1."""
+        k = int(np.searchsorted(self._ends, index, side="right"))
+        before = int(self._ends[k - 1]) if k else 0
+        return super().row(int(self._begins[self._groups[k]]) + index - before)
+
+    def _load(self, names: Sequence[str]) -> dict[str, Array]:
+        require_numbers(self.path, self._file.schema_arrow, names)
+        try:
+            read = self._file.read_row_groups(self._groups, columns=list(names))
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            raise damaged(self.path, error) from error
+        return {name: floats_of(read.column(name)) for name in names}

@@ -1,0 +1,111 @@
+"""A change in a series is found where it is, with its errors, and none is found in noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from motorctl.fleet.change import FEWEST_POINTS, change_in, scatter_of
+from motorctl.fleet.changes import judged
+from motorctl.fleet.series import Series
+
+
+def noise(points: int, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(points)
+
+
+@given(st.integers(0, 10**6), st.integers(20, 160), st.floats(8.0, 50.0), st.booleans())
+def test_a_step_is_told_with_its_place_and_both_levels(
+    seed: int, place: int, size: float, down: bool
+) -> None:
+    value = 100.0 + noise(180, seed)
+    value[place:] += -size if down else size
+
+    found = change_in(value)
+
+    assert found is not None
+    assert found.form == "step"
+    assert abs(found.first - place) <= 1
+    assert found.before.value == pytest.approx(100.0, abs=5.0 * found.before.std_error)
+    moved = found.after.value - found.before.value
+    assert moved == pytest.approx(-size if down else size, abs=1.5)
+    assert found.p_value < 1e-5
+
+
+def test_a_step_of_five_times_the_scatter_is_seen_after_two_days_of_three_points() -> None:
+    seen = 0
+    for seed in range(40):
+        value = noise(180, seed)
+        value[174:] += 6.0
+        found = change_in(value)
+        seen += found is not None and found.first == 174 and found.p_value < 0.0027 / 800
+    assert seen >= 34
+
+
+def test_a_slow_drift_is_told_as_one_and_not_as_steps() -> None:
+    found = change_in(noise(180, 3) + np.linspace(0.0, 12.0, 180))
+
+    assert found is not None
+    assert found.form == "drift"
+    assert found.after.value - found.before.value == pytest.approx(12.0, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [np.ones(50), np.zeros(50), noise(FEWEST_POINTS - 1, 0)],
+    ids=["constant", "zero", "too short"],
+)
+def test_a_series_that_says_nothing_is_not_judged(value: np.ndarray) -> None:
+    assert change_in(value) is None
+
+
+@given(st.integers(0, 10**6), st.floats(1e-9, 1e9), st.floats(-1e6, 1e6))
+def test_units_do_not_matter(seed: int, scale: float, offset: float) -> None:
+    value = noise(60, seed)
+    value[30:] += 8.0
+    plain, other = change_in(value), change_in(scale * (value + np.round(offset)))
+    assert plain is not None
+    assert other is not None
+    assert (other.form, other.first) == (plain.form, plain.first)
+    assert other.size == pytest.approx(plain.size, rel=1e-3)
+
+
+def test_neighbours_that_are_alike_count_for_less() -> None:
+    smooth = np.convolve(noise(400, 1), np.ones(4) / 4.0, "valid")
+    assert scatter_of(noise(400, 1), [], 0.1)[1] < 1.6
+    assert scatter_of(smooth, [], 0.1)[1] > 4.0
+
+
+def series(k: int, value: np.ndarray) -> Series:
+    hours = np.arange(len(value)) * 8.0 * 3600.0
+    return Series(f"m{k}", "x", "p", "inertia", "V", hours, value, ("log",) * len(value))
+
+
+def test_of_fleets_in_which_nothing_changes_hardly_any_has_an_alarm() -> None:
+    level, fleets = 0.1, 40
+    alarmed = sum(
+        bool(judged([series(k, noise(60, 1000 * f + k)) for k in range(15)], level, 1.0).alarms)
+        for f in range(fleets)
+    )
+    assert alarmed <= level * fleets + 3.0 * np.sqrt(level * fleets)
+
+
+def test_what_wanders_is_not_told_for_having_been_seen_often() -> None:
+    small = noise(400, 5)
+    small[200:] += 1.5
+    found = change_in(small)
+    assert found is not None
+    assert found.p_value < 1e-6
+    assert not judged([series(0, small)], 0.01, 1.0).alarms
+
+
+def test_the_largest_change_beside_its_scatter_comes_first() -> None:
+    values = [noise(60, k) for k in range(12)]
+    values[4][40:] += 6.0
+    values[7][30:] -= 15.0
+    found = judged([series(k, value) for k, value in enumerate(values)], 0.0027, 1.0)
+    assert [alarm.series.machine for alarm in found.alarms] == ["m7", "m4"]
+    assert found.alarms[0].since[1] == found.alarms[0].series.moment(30)
+    assert found.alarms[0].to_dict()["since"][1].startswith("1970-01-11")

@@ -1,0 +1,133 @@
+"""`motorctl fleet changes` names the machine and the parameter that changed, and since when."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from fit_plant import X_THETA
+from fleet_bench import store_of
+from fleet_logs import plant_log
+from typer.testing import CliRunner
+
+from motorctl.cli import make_app
+from motorctl.errors import UsageError
+from motorctl.fleet.changes import changes_in
+from motorctl.fleet.findings import table_of_log
+from motorctl.fleet.head import LogHead
+from motorctl.fleet.series import series_of
+from motorctl.fleet.store import Store, open_store
+
+BEGAN = datetime(2026, 3, 1, tzinfo=UTC)
+FRICTION = "coulomb_friction"
+
+
+def head(machine: str, log_id: str, begin: datetime, model_id: str = "model") -> LogHead:
+    return LogHead(
+        source=f"{machine}/{log_id}.parquet", log_id=log_id, model_id=model_id, machine=machine,
+        host="computer", run=None, part=None, begin_utc=begin, end_utc=begin, first_s=0.0,
+        virtual=False, rate_hz=5000.0, group_rows=(1,), moved={"x": (True,)}, programs={},
+    )  # fmt: skip
+
+
+def kept(told: LogHead, value: float, std_error: float = 0.01) -> pa.Table:
+    row = {
+        "axis": "x", "program": "p", "window": 0, "kind": "parameter", "name": FRICTION,
+        "value": value, "std_error": std_error, "unit": "V",
+    }  # fmt: skip
+    return table_of_log(told, f"{told.log_id}-{told.model_id}", [row])
+
+
+def keep(store: Store, name: str, logs: Iterable[pa.Table]) -> None:
+    """Write what many logs tell into one file, as writing hundreds takes seconds."""
+    store.write(name, BEGAN, pa.concat_tables(logs))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """Three machines over twenty days of three logs each; the friction of one rises on the 15th."""
+    store, rng = open_store(tmp_path / "store", create=True), np.random.default_rng(0)
+    logs = []
+    for k in range(60):
+        for machine in ("m1", "m2", "m3"):
+            risen = 0.1 if machine == "m2" and k >= 42 else 0.0
+            told = head(machine, f"{machine}-{k}", BEGAN + k * timedelta(hours=8))
+            logs.append(kept(told, 0.14 + risen + 0.005 * rng.standard_normal()))
+    keep(store, "all", logs)
+    return store
+
+
+def test_the_machine_that_changed_is_told_with_evidence(store: Store) -> None:
+    words = ["fleet", "changes", "--store", str(store.folder)]
+    document = json.loads(CliRunner().invoke(make_app(), [*words, "--json"]).stdout)
+    (alarm,) = document["alarms"]
+    assert (alarm["machine"], alarm["axis"], alarm["parameter"]) == ("m2", "x", FRICTION)
+    assert alarm["form"] == "step"
+    assert alarm["since"] == ["2026-03-14T16:00:00+00:00", "2026-03-15T00:00:00+00:00"]
+    assert alarm["before"]["value"] == pytest.approx(0.14, abs=4 * alarm["before"]["std_error"])
+    assert alarm["after"]["value"] == pytest.approx(0.24, abs=4 * alarm["after"]["std_error"])
+    assert alarm["log"] == "m2/m2-42.parquet"
+    assert document["series"] == 3
+    assert document["level"] == pytest.approx(1.0 / 365.0)
+
+    shown = CliRunner().invoke(make_app(), words).stdout
+    assert "look at first: machine m2, axis x: m2/m2-42.parquet" in shown
+    assert "1 of 3 series changed" in shown
+
+
+def test_values_of_another_model_are_no_change(store: Store) -> None:
+    again = [
+        head("m1", f"m1-{k}", BEGAN + k * timedelta(hours=8), model_id="another")
+        for k in range(40, 60)
+    ]
+    keep(store, "again", [kept(told, 0.5 + 0.001 * (k % 3)) for k, told in enumerate(again)])
+    assert [alarm.series.machine for alarm in changes_in(store).alarms] == ["m2"]
+    (m1,) = (series for series in series_of(store) if series.machine == "m1")
+    assert len(m1.value) == 20
+    assert m1.value.min() >= 0.5
+
+
+def test_windows_of_one_shift_are_one_point_and_vague_ones_none(store: Store) -> None:
+    shift = [kept(head("m4", f"m4-{k}", BEGAN + timedelta(hours=k)), float(k)) for k in range(6)]
+    vague = head("m4", "m4-vague", BEGAN + timedelta(hours=9))
+    keep(store, "m4", [*shift, kept(vague, 1e9, std_error=5.0)])
+    (m4,) = (series for series in series_of(store) if series.machine == "m4")
+    assert list(m4.value) == [2.5]
+
+
+@pytest.mark.parametrize(("alarms", "looks"), [(0.0, 1.0), (400.0, 1.0), (1.0, 0.0)])
+def test_impossible_rates_of_false_alarms_are_refused(
+    store: Store, alarms: float, looks: float
+) -> None:
+    with pytest.raises(UsageError, match="false alarms a year"):
+        changes_in(store, false_alarms_a_year=alarms, looks_a_day=looks)
+
+
+@pytest.mark.slow
+def test_friction_that_rises_in_a_simulated_plant_is_found_from_its_logs(tmp_path: Path) -> None:
+    usual = X_THETA[:4]
+    risen = [*usual]
+    risen[2] *= 1.2
+    logs = [
+        plant_log(
+            tmp_path / f"{machine}-{k}.parquet",
+            seed=100 * j + k,
+            duration_s=4.0,
+            theta=risen if machine == "worn" and k >= 10 else usual,
+            machine=machine,
+            started=BEGAN + timedelta(hours=8 * k),
+        )
+        for j, machine in enumerate(("sound", "worn"))
+        for k in range(14)
+    ]
+    found = changes_in(store_of(tmp_path / "store", logs))
+    assert {alarm.series.machine for alarm in found.alarms} == {"worn"}
+    (friction,) = (alarm for alarm in found.alarms if alarm.series.name == FRICTION)
+    assert friction.since[1] == BEGAN + timedelta(hours=8 * 10)
+    grown = friction.change.after.value / friction.change.before.value
+    assert grown == pytest.approx(1.2, rel=0.01)

@@ -1,0 +1,134 @@
+"""Long logs are cut where their motion tells something, and what a window holds is bounded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from fit_plant import X_THETA
+from fleet_bench import looked_at
+from fleet_logs import plant_log
+from hypothesis import given
+from hypothesis import strategies as st
+
+from motorctl import fit
+from motorctl.experiment.information import Products
+from motorctl.fleet import job
+from motorctl.fleet.excitation import Excitation
+from motorctl.fleet.findings import Refusal
+from motorctl.fleet.windows import LONGEST_SPAN_S, MOST_ROWS, clearest, windows_of
+
+PERIOD_S = 1.0 / 5000.0
+GROUP = 1 << 16
+
+
+def piece(seed: int, rows: int = 3000, size: float = 1.0) -> Excitation:
+    """Return what motion tells that excites two parameters, under noise a tenth of the command."""
+    rng = np.random.default_rng(seed)
+    psi = size * rng.standard_normal((rows, 2))
+    command = psi @ [1.0, 0.5] + 0.1 * size * rng.standard_normal(rows)
+    columns = np.column_stack([psi, command])
+    return Excitation(Products(columns.T @ columns, rows, ()), 0.004)
+
+
+def test_rest_is_in_no_window() -> None:
+    told = [None, piece(0), None, None, piece(1), None]
+    windows = windows_of("x", [GROUP] * 6, told, PERIOD_S)
+    assert [window.groups for window in windows] == [(1,), (4,)]
+
+
+def test_little_motion_is_gathered_until_it_tells_enough() -> None:
+    told = [piece(k, rows=300) for k in range(12)]
+    windows = windows_of("x", [1000] * 12, told, PERIOD_S)
+    assert 1 < len(windows) < 12
+    assert all(len(window.groups) > 1 for window in windows[:-1])
+
+
+def test_motion_that_tells_nothing_makes_no_window() -> None:
+    assert not windows_of("x", [GROUP] * 3, [piece(k, rows=20) for k in range(3)], PERIOD_S)
+    assert not windows_of("x", [GROUP] * 3, [None] * 3, PERIOD_S)
+
+
+@given(
+    st.lists(st.sampled_from([None, 20, 60, 300, 3000]), min_size=1, max_size=60),
+    st.sampled_from([1 << 12, GROUP, 1 << 18]),
+)
+def test_windows_hold_bounded_rows_and_time_and_none_twice(
+    rows: list[int | None], group_rows: int
+) -> None:
+    told = [None if count is None else piece(k, count) for k, count in enumerate(rows)]
+    windows = windows_of("x", [group_rows] * len(told), told, PERIOD_S)
+    taken = [group for window in windows for group in window.groups]
+    assert taken == sorted(set(taken))
+    assert not [group for group in taken if told[group] is None]
+    assert [window.number for window in windows] == list(range(len(windows)))
+    for window in windows:
+        assert window.rows <= MOST_ROWS
+        span = window.groups[-1] - window.groups[0] + 1
+        assert span == 1 or span * group_rows * PERIOD_S <= LONGEST_SPAN_S
+
+
+def test_the_clearest_windows_are_diagnosed() -> None:
+    told = [piece(0, 2000), piece(1, 9000), piece(2, 4000)]
+    windows = windows_of("x", [GROUP] * 3, told, PERIOD_S)
+    assert clearest(windows, 2) == {1, 2}
+    assert clearest(windows, 0) == set()
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("long")
+    return plant_log(
+        folder / "long.parquet", theta=X_THETA[:4], duration_s=10.0, repeats=3, rest_s=30.0
+    )
+
+
+@pytest.fixture
+def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take what is a few minutes for a long log, and scan it in three parts."""
+    monkeypatch.setattr(job, "MOST_ROWS", 1 << 17)
+    monkeypatch.setattr(job, "SCANNED_ROWS", 1 << 19)
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_each_window_of_a_long_log_gives_the_parameters_of_its_motion(long_log: Path) -> None:
+    rows = looked_at(long_log)
+    assert not isinstance(rows, Refusal), rows
+    inertia = [row for row in rows if row.get("name") == "inertia"]
+    assert len(inertia) >= 3
+    for row in inertia:
+        assert row["value"] == pytest.approx(0.197, rel=0.01)
+    begins = [row["begin_utc"] for row in inertia]
+    assert begins == sorted(begins)
+    assert (begins[-1] - begins[0]).total_seconds() > 75.0
+
+
+@pytest.mark.usefixtures("short_windows")
+def test_a_long_log_without_motion_is_no_fault_and_says_why(good_log: Path, tmp_path: Path) -> None:
+    table = pq.read_table(good_log)
+    held = table.take(pa.array(np.zeros(200_000, np.int64)))
+    ticks = pa.array(np.arange(len(held)))
+    held = held.set_column(held.schema.get_field_index("tick"), "tick", ticks)
+    times = pa.array(np.arange(len(held)) * PERIOD_S)
+    held = held.set_column(held.schema.get_field_index("time_s"), "time_s", times)
+    log = tmp_path / "still.parquet"
+    pq.write_table(held.replace_schema_metadata(table.schema.metadata), log)
+    (row,) = looked_at(log)
+    assert row["kind"] == "nothing"
+    assert "no motion that tells a parameter" in row["text"]
+
+
+def test_what_is_kept_of_a_short_log_is_what_fit_tells(good_log: Path) -> None:
+    rows = looked_at(good_log)
+    assert not isinstance(rows, Refusal), rows
+    told = fit(good_log, model="C1").to_dict()["axes"]["x"]
+    kept = {row["name"]: row for row in rows}
+    for name, parameter in told["parameters"].items():
+        assert kept[name]["value"] == parameter["value"]
+        assert kept[name]["std_error"] == parameter["std_error"]
+        assert kept[name]["unit"] == parameter["unit"]
+    assert kept["residual_rms"]["value"] == told["error"]["rms"]
+    assert kept["input_delay_s"]["value"] == told["input_delay_s"]["value"]
