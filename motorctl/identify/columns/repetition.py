@@ -54,8 +54,8 @@ def repeats(time_s: Array, reference: Array, period_s: float) -> bool:
     return size == 0.0 or float(np.sum((now - before) ** 2)) <= ALIKE * size
 
 
-def find_period(time_s: Array, reference: Array) -> float | None:
-    """Find the shortest period that shows at least twice; None where nothing repeats.
+def find_period(time_s: Array, reference: Array, shown: float = 2.0) -> float | None:
+    """Find the shortest period that shows at least so many times; None where nothing repeats.
 
     The squared difference d(lag) = |r(t) - r(t - lag)|^2 / (|r(t)|^2 + |r(t - lag)|^2) comes from
     the autocorrelation; the period is its first deep minimum beyond the lags at which the motion
@@ -66,7 +66,7 @@ def find_period(time_s: Array, reference: Array) -> float | None:
     power = np.concatenate(([0.0], np.cumsum(r**2)))
     if n < FEWEST_POINTS or power[-1] == 0.0:
         return None
-    lags = np.arange(n // 2 + 1)
+    lags = np.arange(int(n / shown) + 1)
     product = correlate(r, r, method="fft")[n - 1 : n + len(lags) - 1]
     size = (power[n] - power[lags]) + power[n - lags]
     unlike = 1.0 - 2.0 * product / np.maximum(size, power[-1] * 1e-12)

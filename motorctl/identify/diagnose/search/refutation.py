@@ -13,8 +13,10 @@ from functools import partial
 import numpy as np
 from scipy.stats import gmean
 
+from motorctl.identify.diagnose.search.gap_in_ripple import gap_in_ripple
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.late_column import as_late_column
+from motorctl.identify.diagnose.search.motions_own_waves import motions_own_wave
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.physics import beyond_physics, physical
 from motorctl.identify.diagnose.search.search import Found, with_final
@@ -34,6 +36,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     GIVES,
     OF_INERTIA,
     InertiaRange,
+    beside_waves,
     can_move,
     friction_power,
     inertia_of,
@@ -78,7 +81,9 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
         refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
         refuted = refuted or uncommanded(final) or as_late_column(final)
-        refuted = refuted or drives_itself(final) or of_impossible_inertia(final, known)
+        refuted = refuted or motions_own_wave(final) or gap_in_ripple(final)
+        beside = known_inertias(beside_waves(found.base, final))
+        refuted = refuted or drives_itself(final) or of_impossible_inertia(final, beside)
         refuted = refuted or next(filter(None, worse), None)
         if held_out is not None:
             refuted = refuted or moves_no_nearer(final, held_out, known)

@@ -149,7 +149,7 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     Parameters
     ----------
     base
-        The declared model alone.
+        The declared model alone, or beside waves over position, as `beside_waves` returns it.
     """
     smooth = SmoothFunctions(base.regressors.signals)
     total = total_with(base.problem, smooth.columns_apart(NUISANCES))
@@ -171,6 +171,16 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     if base.regressors.side == "command":  # the acceleration stands on the right there
         ends = [1.0 / end for end in ends]
     return InertiaRange(min(ends), max(ends), declared=False)
+
+
+def beside_waves(base: Hypothesis, model: Hypothesis) -> Hypothesis:
+    """Return the declared model with the forces of another that are waves over position.
+
+    They are functions of place, too, but finer than any that is smooth: what they do to the motion
+    would otherwise pass for its inertia.
+    """
+    waves = [e for e in model.added if {"force_of_position", "wave_over_position"} <= e.groups]
+    return Hypothesis(base.regressors, (*base.added, *waves), base.acceleration)
 
 
 def inertia_of(model: Hypothesis) -> float:

@@ -10,6 +10,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
+    beside_waves,
     friction_power,
     inertia_of,
     seen_inertia,
@@ -19,7 +20,7 @@ from motorctl.log.units import unit_for
 
 def whole_model(found: Found, final: Hypothesis) -> WholeModel:
     """Return what physics says of the final model, with the parameters that are told of it."""
-    seen = seen_inertia(found.base)
+    seen = seen_inertia(beside_waves(found.base, found.final))
     data = final.regressors.signals.data
     return WholeModel(
         inertia=inertia_of(final),
