@@ -117,6 +117,7 @@ def test_any_number_in_a_number_s_place_is_judged(tmp_path, changes):
         json.dumps(summarise(loaded), allow_nan=False)
 
 
+@pytest.mark.slow
 @settings(QUICK, max_examples=15)
 @given(
     rate=st.floats(1500, 7000),

@@ -64,6 +64,7 @@ def test_c1_is_c2_with_its_electromagnetic_parameters_at_zero(c1, c2):
     assert (one.rows == two.rows).all()
 
 
+@pytest.mark.slow
 def test_c2_compensates_what_c1_does_not(c1, c2):
     # Fast enough a loop that what the hold adds does not hide the rest.
     fast = {"period_s": 20e-6, "enabled": False}

@@ -134,6 +134,7 @@ def test_a_half_plane_through_corners_of_the_box_is_kept(seed, depth):
     assert np.abs(point - nearest(case)).max() <= 1e-8
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(0, 3))
 def test_an_estimate_inside_stays_where_it_is(seed, n, planes):
     case = random_case(np.random.default_rng(seed), n, planes)

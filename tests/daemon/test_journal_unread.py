@@ -16,6 +16,8 @@ from daemon_rig import Daemon, bench_config
 from motorctl.daemon import patient_stream
 from motorctl.daemon.patient_stream import PatientHandler
 
+pytestmark = pytest.mark.slow
+
 F_SETPIPE_SZ, PIPE_BYTES = 1031, 4096
 
 

@@ -157,6 +157,7 @@ def test_what_was_lost_is_told_by_the_log_in_which_it_is_missing(
     assert [metadata_of(path)["rows_lost"] for path in logs] == [7, 0, 0]
 
 
+@pytest.mark.slow
 def test_rows_are_on_disk_while_the_recording_goes_on_in_the_next_log(
     bench: Ring, tmp_path: Path
 ) -> None:

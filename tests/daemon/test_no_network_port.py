@@ -11,6 +11,8 @@ from daemon_rig import Daemon
 
 from motorctl.config.shipped import shipped_config
 
+pytestmark = pytest.mark.slow
+
 TABLES = ("tcp", "tcp6", "udp", "udp6", "raw", "raw6")
 
 

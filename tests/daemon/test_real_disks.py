@@ -150,6 +150,7 @@ def test_a_disk_that_is_full_and_then_read_only_costs_what_it_refused(folder: Pa
     on_a_mount(folder, TMPFS, FULL_THEN_READ_ONLY)
 
 
+@pytest.mark.slow
 def test_a_read_only_disk_is_told_before_anything_starts(folder: Path) -> None:
     on_a_mount(folder, TMPFS, READ_ONLY_AT_THE_START)
 

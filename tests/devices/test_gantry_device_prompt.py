@@ -15,7 +15,7 @@ from gantry_device_bench import device_data, write_device
 
 from motorctl_devices.prompt_ptys import can_be_prompt, prompt_ptys
 
-pytestmark = pytest.mark.wall_clock
+pytestmark = [pytest.mark.wall_clock, pytest.mark.slow]
 
 PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23
 COMMAND = [sys.executable, "-c", "from motorctl.cli import main; main()", "gantry-device"]

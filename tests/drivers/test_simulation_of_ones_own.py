@@ -14,6 +14,8 @@ from motorctl.identify.fit.recording import fit_recording
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[2] / "docs"
 TOLD = (
     "--driver", "brake_stage:BrakeStage", "--axis", "x", "--encoder", "0.5um", "--mass", "12kg",

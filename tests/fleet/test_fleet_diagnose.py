@@ -69,6 +69,7 @@ def files(store: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in store.glob("findings/*/*.parquet")}
 
 
+@pytest.mark.slow
 def test_bad_logs_are_told_and_the_others_are_looked_at_once(
     logs: Path, tmp_path: Path, scheduler: str
 ) -> None:

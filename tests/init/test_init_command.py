@@ -194,6 +194,7 @@ def test_devices_that_cannot_tell_are_one_clear_message(tmp_path, driver):
         run(tmp_path / "machine.yaml", "--from=devices", f"--driver={driver}")
 
 
+@pytest.mark.slow
 def test_at_a_terminal_what_is_missing_is_asked_until_it_makes_sense(tmp_path):
     answers = ["12 stone", "12kg", "45N/A", "2A/V", "-0.2..0.3", "0.8m/s"]
     code = "from motorctl.cli import main; main()"

@@ -207,12 +207,14 @@ def go(tmp_path):
     return go
 
 
+@pytest.mark.slow
 def test_another_caller_in_another_process_analyses_only_itself(go, tmp_path):
     assert go("added") == (9.0, ["add", "go", "twice"])
     (go.folder / "other.py").write_text((go.folder / "added.py").read_text())
     assert go("other") == (9.0, ["go"])
 
 
+@pytest.mark.slow
 def test_a_kernel_that_is_handed_another_is_analysed_for_it(go):
     assert go("added") == (9.0, ["add", "go", "twice"])
     assert go("doubled") == (28.0, ["double", "go", "twice"])

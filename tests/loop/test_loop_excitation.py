@@ -278,6 +278,7 @@ def test_nothing_is_learned_while_an_axis_is_excited_and_learning_goes_on_afterw
         assert rows["flags"][-1] & SampleFlag.ADAPTING
 
 
+@pytest.mark.slow
 def test_an_axis_of_a_slower_driver_is_excited_at_its_own_rate() -> None:
     machine = with_axes(with_driver(gantry(), Still), divisor=5)
     with Hand(machine) as hand:

@@ -260,6 +260,7 @@ def test_no_row_is_read_torn_or_stale_and_every_one_is_read_or_counted(processor
         _every_row_is_whole(memory, duration_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration_s", DURATIONS)
 def test_nor_is_one_by_whoever_may_only_read(duration_s):
     with _rows_written(2) as memory:

@@ -63,6 +63,7 @@ def steps(rows: np.ndarray) -> np.ndarray:
     return change[led[1:] & led[:-1]]
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=40),
@@ -166,6 +167,7 @@ def with_other_gains(machine: Machine, name: str) -> Machine:
     return dataclasses.replace(changed, resolved=resolved)
 
 
+@pytest.mark.slow
 def test_another_model_of_an_axis_beside_leaves_what_a_running_one_has_learned() -> None:
     machine = learner()
     with Rig(machine) as rig:

@@ -24,6 +24,8 @@ from motorctl.loop import Reply, Verb
 from motorctl.motion import point_to_point
 from motorctl_sim import SimDriver
 
+pytestmark = pytest.mark.slow
+
 DOG_TICKS = 100
 LEFT_ALONE = error_bits(0x8130)
 """What a drive on CANopen says that has missed its host's heartbeat."""

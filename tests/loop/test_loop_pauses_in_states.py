@@ -184,6 +184,7 @@ def test_a_beam_too_far_askew_is_not_started_in_a_tick_without_a_sample_either()
         assert hand.row()["skew_command_v"] == 0.0
 
 
+@pytest.mark.slow
 def test_homing_begins_without_a_bump_where_the_encoders_error_is_declared(tmp_path):
     data = yaml.safe_load(shipped_config("small_stage").read_text())
     data["axes"]["x"]["model"]["encoder_error"] = {"period_m": 0.04, "sin_m": 20e-6}

@@ -19,6 +19,8 @@ from motorctl.log.sample import AxisState
 from motorctl.loop import Verb, VirtualMachine
 from motorctl.loop.plan import plan_move
 
+pytestmark = pytest.mark.slow
+
 Change = Callable[[dict[str, Any]], None]
 LARGEST_BUMP = 0.01
 """Of the largest command: what a change of models may add to it in a tick."""

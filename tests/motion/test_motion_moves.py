@@ -19,6 +19,7 @@ jerks = st.floats(1, 1e5)
 times = st.floats(1e-4, 0.2)
 
 
+@pytest.mark.slow
 @given(positions, positions, velocities, accelerations, jerks)
 @settings(max_examples=300)
 def test_a_move_keeps_its_limits_and_ends_exactly(start, target, velocity, acceleration, jerk):

@@ -91,6 +91,7 @@ def test_a_declared_toy_is_checked_and_run(installed, toy, tmp_path):
     assert measures["axes"]["x"]["eM"] < 400e-6
 
 
+@pytest.mark.slow
 @each
 def test_fit_finds_the_parameters_of_a_declared_toy(installed, recorded, toy, tmp_path):
     path = configuration(tmp_path / "machine.yaml", TOYS[toy])
@@ -148,6 +149,7 @@ def _given(said: dict, name: str) -> float:
     return float(said[name] if name in said else said["parameters"][name]["initial"])
 
 
+@pytest.mark.slow
 def test_an_installed_effect_that_is_refused_hurts_no_other_and_is_told(tmp_path):
     install(tmp_path)
     module = tmp_path / "toy_push_pull.py"

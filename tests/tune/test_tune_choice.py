@@ -14,6 +14,8 @@ from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
 from motorctl.tune.choice import choose_gains
 
+pytestmark = pytest.mark.slow
+
 WANTED = MarginsWanted(30.0, 2.0, 0.5)
 
 

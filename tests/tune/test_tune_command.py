@@ -18,6 +18,8 @@ from motorctl.loop.simulation import simulate
 from motorctl.tune import tuning
 from motorctl.tune.recorded_loop import recorded_loop
 
+pytestmark = pytest.mark.slow
+
 TEXT = locate("published_gantry").read_text(encoding="utf-8")
 SHORT = TEXT.replace("cycles: 12", "cycles: 4")
 

@@ -19,6 +19,8 @@ from motorctl.tune.candidates import LoopShapes, MarginsWanted
 from motorctl.tune.choice import choose_gains
 from motorctl.tune.measured_plant import measured_plant
 
+pytestmark = pytest.mark.slow
+
 MASS, VISCOUS, DELAY_TICKS = 0.3, 0.4, 2
 SPRING = (400.0, 0.01, 0.3)
 """Frequency clamped [Hz], damping ratio, share of the mass."""

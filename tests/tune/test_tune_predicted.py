@@ -10,6 +10,8 @@ from motorctl.config.analysis import LoopGains
 from motorctl.tune.choice import margins_of
 from motorctl.tune.predicted import Predictor
 
+pytestmark = pytest.mark.slow
+
 
 @settings(max_examples=12, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(

@@ -72,6 +72,7 @@ def test_only_noise(run, refused):
     assert "only noise" in refused(position_m=position, command_v=noise(run, 6))
 
 
+@pytest.mark.slow
 def test_a_command_of_noise_explains_nothing(run, refused):
     message = refused(command_v=noise(run))
     assert "the command" in message

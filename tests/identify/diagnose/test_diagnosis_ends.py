@@ -22,6 +22,8 @@ from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.model import effect_class, known_effects, make_effect
 
+pytestmark = pytest.mark.slow
+
 PLANT = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0)
 
 

@@ -359,6 +359,7 @@ def test_a_command_without_its_sign_is_told():
         heard(replace(geared, command=np.abs(geared.command)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ripple_hz", [25.0, 150.0])
 def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
     x, a = one_slow_move()

@@ -23,6 +23,8 @@ from motorctl.identify.diagnose.report.page import TrackedAxis, TrackingComparis
 from motorctl.identify.diagnose.report.terminal import print_diagnosis
 from motorctl.motion import load_program_file
 
+pytestmark = pytest.mark.slow
+
 VERDICTS = {
     "effect": lambda: bench.axis_diagnosis("cogging", "stribeck"),
     "unknown_structure": bench.unknown_axis,

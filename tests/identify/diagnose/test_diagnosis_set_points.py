@@ -119,6 +119,7 @@ def test_a_load_that_was_changed_is_no_gain(run, part):
     assert left is found
 
 
+@pytest.mark.slow
 def test_where_only_inertia_needs_force_a_load_keeps_its_name():
     plain = replace(OtherPlant(coulomb=0.0, viscous=0.01), width_m_s=2e-3)
     free = slower(plain.run(seed=3, duration_s=10.0))

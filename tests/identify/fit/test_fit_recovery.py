@@ -138,6 +138,7 @@ def test_held_out_segments_are_not_fitted(run):
     np.testing.assert_allclose(fit.theta, clean.theta, rtol=0.02, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_another_recording_gives_the_held_out_error(run, fitted):
     other = fit_axis(run.measured(), C2, None, simulate(seed=9).measured())
     assert np.array_equal(other.theta, fitted.theta)
