@@ -11,6 +11,8 @@ from motorctl.config import load
 from motorctl.identify.compare.measures import Measures
 from motorctl.log import read_recording
 
+pytestmark = pytest.mark.slow
+
 BEFORE = Measures(eM_m=40e-6, eF_m=30e-6, L2_m=5e-6, uM_V=9.0)
 
 

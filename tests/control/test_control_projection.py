@@ -145,6 +145,7 @@ def test_an_estimate_inside_stays_where_it_is(seed, n, planes):
     assert (states["theta"][0, :n] == case["inside"]).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_projecting_twice_is_projecting_once(seed):

@@ -21,6 +21,8 @@ from motorctl.errors import RunError
 from motorctl.log import LogAxis, LogWriter, recover
 from motorctl.loop import LoopMemory
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def memory() -> Iterator[LoopMemory]:

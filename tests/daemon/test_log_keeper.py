@@ -27,6 +27,8 @@ from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.rotating_log import RotatingLog
 from motorctl.log.folder import stored_logs
 
+pytestmark = pytest.mark.slow
+
 SUPPORT = Path(__file__).parents[1] / "support"
 MINUTES = {"max_duration_h": 1 / 60}
 

@@ -15,6 +15,8 @@ from motorctl.init import AxisKnown, MachineKnown, write_configuration
 from motorctl.init.axis_numbers import axis_numbers
 from motorctl.init.write import stand_in
 
+pytestmark = pytest.mark.slow
+
 BESIDES = ("canopen", "serial")
 STAGE = AxisKnown("x", "sim", 0, 0.5e-6, 12.0, 30.0, (-0.2, 0.3), 0.8)
 

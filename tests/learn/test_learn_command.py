@@ -21,6 +21,8 @@ from motorctl.loop.simulation import simulate
 from motorctl.tune.candidates import MarginsWanted
 from motorctl.tune.tuning import tune
 
+pytestmark = pytest.mark.slow
+
 TEXT = locate("small_stage").read_text(encoding="utf-8")
 LEARNING = TEXT.replace("    program: shuttle", "    program: shuttle\n"
                         "    learning: {file: learned.json}")  # fmt: skip

@@ -17,6 +17,8 @@ from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
 from motorctl.loop.compose import compose_tick
 
+pytestmark = pytest.mark.slow
+
 LIMIT_V = 10.0
 IN_PHASE = {"following_error": {"filter_time_s": 1e3}}
 """Limits of an axis that never trips on its following error."""

@@ -23,6 +23,8 @@ from motorctl.config.heat_rules import WARM
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.motion import point_to_point
 
+pytestmark = pytest.mark.slow
+
 RESOLUTION_M = 0.5e-6
 TOP_SPEED_M_S = 1.5
 

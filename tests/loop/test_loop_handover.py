@@ -253,6 +253,7 @@ def _every_row_is_whole(ring: SampleRing, duration_s: float) -> None:
     assert read > SMALL["ring_rows"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration_s", DURATIONS)
 @pytest.mark.parametrize("processors", PROCESSORS)
 def test_no_row_is_read_torn_or_stale_and_every_one_is_read_or_counted(processors, duration_s):

@@ -14,6 +14,8 @@ from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
 from motorctl_sim import SimDriver
 
+pytestmark = pytest.mark.slow
+
 HOLD = 5
 SPEED_M_S = 0.8
 PERIOD_COUNTS = round(SPEED_M_S * TS / 0.5e-6)

@@ -20,6 +20,8 @@ from motorctl.loop.compose import compose_tick
 from motorctl.loop.learned_feedforward import LEARNED_POINTS, LearnedFeedforward
 from motorctl.motion import BackAndForth, Trajectory
 
+pytestmark = pytest.mark.slow
+
 LIMIT_V = 0.5
 CYCLE_S = 0.4
 LEAD_S = 0.05

@@ -1,6 +1,7 @@
 """Whatever comes, in whatever order: no voltage where there must be none, and none out of range."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_bench import Hand, Still, gantry, homed_by, with_axes, with_driver
@@ -54,6 +55,7 @@ def assert_sound(hand: Hand, numbers: list[int]) -> None:
     assert all(isinstance(hand.memory.reply(number), Reply) for number in numbers)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.lists(actions, min_size=1, max_size=40))
 def test_no_sequence_of_events_leaves_the_safe_ground(sequence):

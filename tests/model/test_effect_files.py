@@ -42,6 +42,7 @@ def in_the_folder(folder: Path, text: str, name: str = "eddy_brake") -> Iterator
             cache.cache_clear()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "after", "told"),
     [

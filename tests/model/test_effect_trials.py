@@ -12,6 +12,8 @@ from pydantic import ValidationError
 from motorctl.model import Spans, known_effects
 from motorctl.model.columns import input_columns, state_columns
 
+pytestmark = pytest.mark.slow
+
 GANTRY = Spans(
     position_m=(-0.2, 0.2), speed_m_s=1.05, acceleration_m_s2=36.0, command_v=9.9,
     time_s=(0.0, 24.0), period_s=2e-4, band_hz=200.0, resolution_m=5e-7, other_axes=("y",),

@@ -20,6 +20,7 @@ def single(duration, *coefficients):
     return Trajectory(segments)
 
 
+@pytest.mark.slow
 @given(st.lists(coefficient, min_size=6, max_size=6), st.floats(0.01, 3))
 @settings(max_examples=200)
 def test_peaks_bound_a_dense_sampling_and_are_met_by_it(coefficients, duration):

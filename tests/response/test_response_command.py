@@ -19,6 +19,8 @@ from motorctl.cli import response as command
 from motorctl.config.shipped import locate
 from motorctl.errors import DataError, MotorctlError, RunError, UsageError
 
+pytestmark = pytest.mark.slow
+
 QUICK = ("--band", "40,400", "--periods", "40")
 TEXT = locate("published_gantry").read_text(encoding="utf-8")
 

@@ -11,6 +11,8 @@ from motorctl_serial import SerialDriver, SerialOptions, frames, protocol, recei
 from motorctl_serial.protocol import FrameType, Mode
 from motorctl_serial.receiver import News
 
+pytestmark = pytest.mark.slow
+
 PAGE = (Path(__file__).parents[3] / "docs/drivers/serial.md").read_text()
 
 

@@ -67,6 +67,7 @@ def test_a_command_that_does_nothing(run, refused):
     assert "the command is constant at 0 V" in refused(command_v=np.zeros_like(run.command))
 
 
+@pytest.mark.slow
 def test_only_noise(run, refused):
     position = 0.2 + 0.5e-6 * np.round(20.0 * noise(run))
     assert "only noise" in refused(position_m=position, command_v=noise(run, 6))
@@ -85,6 +86,7 @@ def test_a_command_that_is_saturated_throughout(run, refused):
     assert "10 V" in message
 
 
+@pytest.mark.slow
 def test_a_test_in_steps_is_not_called_saturated(run, refused):
     message = refused(command_v=10.0 * np.sign(np.sin(2.0 * run.time_s) + 1e-9))
     assert "saturated" not in message

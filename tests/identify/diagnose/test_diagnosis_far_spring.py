@@ -72,6 +72,7 @@ def test_a_load_on_a_spring_is_judged_below_its_resonance_and_told() -> None:
     assert [effect.name for effect in axis.effects if effect.confidence > 0.5] == []
 
 
+@pytest.mark.slow
 def test_a_load_on_a_spring_moved_by_another_torque_is_refused() -> None:
     with pytest.raises(DataError, match="the command explains none of the acceleration"):
         diagnose_axis(recorded(load_on_spring(lines(1)), lines(2)), C1)

@@ -95,6 +95,7 @@ def found_with_a_load(run: Measured, command: np.ndarray):
     return with_final(found, found.base.plus(load).refreshed())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_command_whose_gain_was_changed_is_no_load(run, factor):
     later = run.time_s >= CHANGED_S
