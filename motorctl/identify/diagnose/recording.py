@@ -27,7 +27,7 @@ from motorctl.identify.diagnose.search.both_sides import searched
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
-from motorctl.identify.diagnose.search.undetermined import without_undetermined
+from motorctl.identify.diagnose.search.undetermined import with_determined, without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.far_spring import far_spring
@@ -204,6 +204,13 @@ def diagnose_axis(
         tried = {name: cls for name, cls in tried.items() if name not in dropped}
         rows = without(signals, *parts["held_out"]) if "held_out" in parts else signals
         found = searched(rows, model, sign_of(declared.effects), tell, tried)
+        whole = with_determined(
+            shortened(rows, LONGEST_SEARCH_S), model, declared, found.final.added
+        )
+        if whole is not model:
+            model = whole
+            dropped = {name: why for name, why in dropped.items() if name not in model.names}
+            found = searched(rows, model, sign_of(declared.effects), tell, tried)
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)

@@ -105,6 +105,17 @@ def test_what_no_list_has_is_called_unknown(tmp_path, effect):
 
 
 @pytest.mark.slow
+def test_a_bend_that_what_was_missing_hid_is_the_declared_one_and_no_other_effect(tmp_path):
+    case = draw_case(1_350_000, effects=("cross_axis",), motion="repeated")
+    found = diagnosed(case, tmp_path)
+    assert names(found) == ["cross_axis"]
+    assert found.dropped == {}
+    plant = draw_axis(Draw(case.seed, "plant", case.axis))
+    inertia = whole_model_values(found)["inertia"]
+    assert inertia.value == pytest.approx(plant.inertia, rel=5e-3)
+
+
+@pytest.mark.slow
 def test_too_poor_a_motion_is_told_with_a_program_that_loads(tmp_path):
     one_way = [(0.1 + 0.05 * k, 0.03, 0.2, 0.0) for k in range(1, 17)]
     found = diagnosed(moving(clean_case(27), 0.1, one_way), tmp_path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.held_out_blocks import NOTHING, RIDGE, rests_of_folds
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import plain_model, whitened
-from motorctl.model import EffectList, basic_effects
+from motorctl.model import Effect, EffectList, basic_effects
 
 Array = NDArray[np.float64]
 
@@ -44,7 +46,7 @@ def without_undetermined(
     }
     if alone:
         declared = EffectList([e for e in declared.effects if e.name not in alone])
-    declared, dropped = _with_bend(signals, declared)
+    declared, dropped = _with_bend(signals, declared, ())
     declared, mimicked = _with_offset(signals, declared)
     return declared, alone | dropped | mimicked
 
@@ -86,27 +88,45 @@ def _known(gram: Array, column: int) -> float:
     return float(lengths[column] ** 2 / inverse[column, column])
 
 
-def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
+def with_determined(
+    signals: Signals, kept: EffectList, declared: EffectList, added: Sequence[Effect]
+) -> EffectList:
+    """Return what was kept of the declared list with the bend that was dropped, where it shows now.
+
+    What the model lacked hid it: beside the effects that were found the same commands may determine
+    it, and what was declared is then no other effect of the input.
+
+    Parameters
+    ----------
+    signals
+        What was searched.
+    kept
+        What `without_undetermined` returned.
+    declared
+        What it was given.
+    added
+        The effects that were found.
+    """
+    names = [e.name for e in declared.effects if e.name in kept.names or e.electromagnetic]
+    whole = EffectList([e for e in declared.effects if e.name in names])
+    if len(whole.effects) == len(kept.effects):
+        return kept
+    beside = tuple(effect for effect in added if effect.kind != "input")
+    return _with_bend(signals, whole, beside)[0]
+
+
+def _with_bend(
+    signals: Signals, declared: EffectList, added: tuple[Effect, ...]
+) -> tuple[EffectList, dict[str, str]]:
     """Drop the electromagnetic effects where the recording does not determine them."""
     curved = [effect.name for effect in declared.effects if effect.electromagnetic]
-    starts = dict(zip(declared.names, _starts(declared), strict=True))
     if not curved:
         return declared, {}
     largest = signals.largest_command
     if signals.data.command_unit != "V":
         why = f"the command is in {signals.data.command_unit}, not the voltage that saturates"
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
-    regressors, noise = whitened(signals, declared, ())
-    hypothesis = Hypothesis(regressors)
-    # what noise alone would make uncertain: missing effects are yet to be found
-    variance = hypothesis.solution.covariance * regressors.signals.row_variance(noise)
-    bend = np.zeros(len(hypothesis.names))
-    for i, (effect, j) in enumerate(hypothesis.places, 1):
-        if effect.electromagnetic:
-            unit = np.zeros(len(declared))
-            unit[starts[effect.name] + j] = 1.0
-            bend[i] = declared.input_over(np.array([largest]), unit)[0][0] - largest
-    error = float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
+    error = _bend_error_v(signals, declared, added)
     if error > UNSURE * largest:
         why = (
             f"commands of up to {largest:.3g} V do not determine the bend of the input map: its "
@@ -114,6 +134,25 @@ def _with_bend(signals: Signals, declared: EffectList) -> tuple[EffectList, dict
         )
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
     return declared, {}
+
+
+def _bend_error_v(signals: Signals, declared: EffectList, added: tuple[Effect, ...]) -> float:
+    """Return the standard error of the input map at the largest command [V].
+
+    That which noise alone would make: missing effects may be yet to be found.
+    """
+    regressors, noise = whitened(signals, declared, added)
+    hypothesis = Hypothesis(regressors, added)
+    starts = dict(zip(declared.names, _starts(declared), strict=True))
+    largest = signals.largest_command
+    variance = hypothesis.solution.covariance * regressors.signals.row_variance(noise)
+    bend = np.zeros(len(hypothesis.names))
+    for i, (effect, j) in enumerate(hypothesis.places, 1):
+        if effect.electromagnetic:
+            unit = np.zeros(len(declared))
+            unit[starts[effect.name] + j] = 1.0
+            bend[i] = declared.input_over(np.array([largest]), unit)[0][0] - largest
+    return float(np.sqrt(bend @ variance @ bend)) / abs(float(hypothesis.b[0]))
 
 
 def _starts(model: EffectList) -> list[int]:
