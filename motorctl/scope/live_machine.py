@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -157,6 +158,7 @@ class LiveMachine(Shown):
                     with self.lock:  # the seconds after it never come
                         self._write_due()
                     samples = next(iter(self._heard))  # of the next daemon, once there is one
+                    self._leave_the_next_loop()
                 if samples.rows:
                     with self.lock:
                         self._hear(samples)
@@ -171,6 +173,10 @@ class LiveMachine(Shown):
             with self.lock:
                 self._write_due()
             self._heard.close()
+
+    def _leave_the_next_loop(self) -> None:
+        with suppress(MotorctlError), connect(self._heard.path) as machine:  # it may be gone again
+            keep_off_the_loop(machine.status().document["loop"]["pid"])
 
     def _begin(self, samples: Samples) -> None:
         self._history = History(samples, KEPT_S)

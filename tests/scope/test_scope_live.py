@@ -209,6 +209,22 @@ def test_a_loop_that_still_compiles_is_waited_for(
         machine.close()
 
 
+def test_after_a_restart_it_leaves_the_cpu_of_the_next_loop_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[int] = []
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", left.append)
+    monkeypatch.setattr("motorctl.api.samples.AGAIN_S", 0.01)
+    with staged(tmp_path / "s") as (filled, path):
+        filled.run(500)
+        machine = LiveMachine(path, tmp_path)
+    assert len(left) == 1
+    with staged(tmp_path / "s") as (filled, path):
+        until(lambda: (filled.run(10), machine.state()["run"] == 1)[1])
+        until(lambda: len(left) == 2)
+        machine.close()
+
+
 def test_without_a_daemon_it_says_so(tmp_path: Path) -> None:
     before = threading.active_count()
     with pytest.raises(RunError, match="no daemon answers"):
