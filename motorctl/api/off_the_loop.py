@@ -7,6 +7,9 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from motorctl.api.connection import connect
+from motorctl.errors import MotorctlError
+
 TASKS = Path("/proc/self/task")
 NICER = 5
 """How much nicer than it began: whatever else shares its CPUs goes first."""
@@ -30,6 +33,12 @@ def keep_off_the_loop(pid: int) -> None:
                 nice = max(niceness + NICER, os.getpriority(os.PRIO_PROCESS, thread))
                 os.setpriority(os.PRIO_PROCESS, thread, nice)
         done |= new
+
+
+def keep_off_the_loop_of(socket: Path) -> None:
+    """Leave the CPU of a daemon's loop to it, once that ticks: before it does, it is on none."""
+    with suppress(MotorctlError), connect(socket) as machine:  # it may be gone again
+        keep_off_the_loop(machine.status().document["loop"]["pid"])
 
 
 @cache

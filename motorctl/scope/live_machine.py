@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from motorctl.api.connection import connect
-from motorctl.api.off_the_loop import keep_off_the_loop
+from motorctl.api.off_the_loop import keep_off_the_loop_of
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
 from motorctl.errors import MotorctlError, RunError
@@ -79,7 +78,6 @@ class LiveMachine(Shown):
         self._folder = captures
         with connect(socket) as machine:
             status = machine.status()
-            keep_off_the_loop(status.document["loop"]["pid"])
             self._heard: Subscription = machine.subscribe(
                 period_s=LOOK_S, history_s=BEGUN_WITH_S, restarts=True
             )
@@ -91,6 +89,7 @@ class LiveMachine(Shown):
         self.captured: list[Capture] = []
         self._failure: str | None = None
         first = self._first_rows()
+        keep_off_the_loop_of(self._heard.path)
         self._begin(first)
         self._hear(first)
         self._version, self._shown_version = 0, -1
@@ -158,7 +157,7 @@ class LiveMachine(Shown):
                     with self.lock:  # the seconds after it never come
                         self._write_due()
                     samples = next(iter(self._heard))  # of the next daemon, once there is one
-                    self._leave_the_next_loop()
+                    keep_off_the_loop_of(self._heard.path)
                 if samples.rows:
                     with self.lock:
                         self._hear(samples)
@@ -173,10 +172,6 @@ class LiveMachine(Shown):
             with self.lock:
                 self._write_due()
             self._heard.close()
-
-    def _leave_the_next_loop(self) -> None:
-        with suppress(MotorctlError), connect(self._heard.path) as machine:  # it may be gone again
-            keep_off_the_loop(machine.status().document["loop"]["pid"])
 
     def _begin(self, samples: Samples) -> None:
         self._history = History(samples, KEPT_S)
