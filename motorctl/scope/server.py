@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +16,7 @@ from aiohttp import web
 from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.own_names import needs_token, own_names
+from motorctl.own_names import name_to_ask, needs_token, own_names
 from motorctl.scope.access import Access, guarded, new_token
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
@@ -33,8 +32,6 @@ from motorctl.version import VERSION
 T = TypeVar("T")
 MOST_ASKED_BYTES = 4096
 """Of a request's body: a trigger has some hundred."""
-EVERYWHERE = ("0.0.0.0", "::")
-"""Addresses that stand for all of this computer's."""
 PAGE = files("motorctl.scope") / "page"
 KINDS = {
     ".html": "text/html",
@@ -243,8 +240,7 @@ async def serve(
                 "--port 0 takes any that is free"
             ) from error
         bound = runner.addresses[0][1]
-        name = socket.gethostname() if address in EVERYWHERE else address
-        name = f"[{name}]" if ":" in name else name
+        name = name_to_ask(address)
         ready(f"http://{name}:{bound}/" + (f"?token={access.token}" if access.token else ""))
         await asyncio.Event().wait()
     finally:
