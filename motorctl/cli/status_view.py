@@ -73,7 +73,8 @@ def _flight_record(flight: Mapping[str, str | None]) -> list[RenderableType]:
         return [Text(f"the seconds before it could not be kept: {flight['failure']}", "yellow")]
     if not flight.get("newest"):
         return []
-    told = [Text(f"the seconds before it: motorctl fault show {flight['newest']}", "dim")]
+    newest = f"the seconds before it: motorctl fault show {flight['newest']}"
+    told: list[RenderableType] = [Text(newest, "dim")]
     if path := flight.get("newest_path"):  # none of an older daemon
         shown = one_line(shlex.quote(path))
         told.append(Text(f"and every row of them: motorctl scope {shown}", "dim", overflow="fold"))
