@@ -13,7 +13,8 @@ from motorctl.api.connection import connect
 from motorctl.api.off_the_loop import keep_off_the_loop_of
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.flight import find_record, list_records
 from motorctl.log.partial import SUFFIX
 from motorctl.scope.history import History
 from motorctl.scope.shown import Shown
@@ -133,6 +134,21 @@ class LiveMachine(Shown):
                 "captures": [capture.__dict__ for capture in self.captured[-5:]],
                 "captured": len(self.captured),
             }
+
+    def newest_flight_record(self) -> Path:
+        """Return the newest flight record, as `motorctl fault show` finds it.
+
+        Raises MotorctlError where there is none, or the daemon does not tell where they are.
+        """
+        with connect(self._heard.path) as machine:
+            told = machine.status().document["recording"].get("flight_records")
+        try:
+            if told is None or not Path(told["folder"]).is_dir():
+                raise UsageError(f"{self.name}: there is no flight record: no axis has tripped")
+            return find_record(list_records(Path(told["folder"])), None).path
+        except OSError as error:
+            why = f"{error.strerror}: start the scope as a user who may read it"
+            raise UsageError(f"{told['folder']}: flight records cannot be read: {why}") from error
 
     def _first_rows(self) -> Samples:
         first = self._heard.read()

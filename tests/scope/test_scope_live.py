@@ -32,14 +32,16 @@ WAIT_S = 20.0
 
 
 @contextmanager
-def staged(place: Path) -> Iterator[tuple[Ring, Path]]:
+def staged(
+    place: Path, flight_records: dict[str, Any] | None = None
+) -> Iterator[tuple[Ring, Path]]:
     """Serve what the scope asks of a daemon, over a ring that a test fills."""
     with ring() as filled:
 
         async def handle(request: Request) -> dict[str, Any]:
             if request.do == "status":
                 loop = {"rate_hz": 1000.0, "pid": 2**22 + 1}  # of no process
-                recording = {"file": None}
+                recording = {"file": None, "flight_records": flight_records}
                 return {"machine": "bench", "loop": loop, "recording": recording, "axes": {}}
             axes = {a.name: {"theta_names": a.theta_names, "dual_drive": False} for a in AXES}
             layout = filled.memory.layout
