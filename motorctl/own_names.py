@@ -7,6 +7,8 @@ import socket
 from collections.abc import Container
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
+EVERYWHERE = ("0.0.0.0", "::")
+"""Listens on every address of this computer; nobody elsewhere can ask for it."""
 
 
 def needs_token(address: str) -> bool:
@@ -17,6 +19,12 @@ def needs_token(address: str) -> bool:
 def own_names() -> frozenset[str]:
     """Return the names of this computer; may wait for a name server."""
     return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
+
+
+def name_to_ask(address: str) -> str:
+    """Return what stands in the URL of a server that listens on an address, for who asks it."""
+    name = socket.gethostname() if address in EVERYWHERE else address
+    return f"[{name}]" if ":" in name else name
 
 
 def name_of(host: str) -> str:

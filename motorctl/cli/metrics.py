@@ -55,12 +55,12 @@ def _metrics(
         open_server,
         token_in,
     )
+    from motorctl.own_names import name_to_ask
 
     access = Access(address, None if token_file is None else token_in(token_file))
     collector = DaemonCollector(socket, lambda told: say(f"motorctl: {told}", err=True))
     collector.begin()
     with open_server(address, port, application(collector, access)) as server:
-        name = f"[{address}]" if ":" in address else address
-        say(f"http://{name}:{server.server_port}/metrics  (Ctrl-C ends)")
+        say(f"http://{name_to_ask(address)}:{server.server_port}/metrics  (Ctrl-C ends)")
         with suppress(KeyboardInterrupt):
             server.serve_forever()

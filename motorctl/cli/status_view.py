@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from typing import Any
 
@@ -70,9 +71,14 @@ def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableTyp
 def _flight_record(flight: Mapping[str, str | None]) -> list[RenderableType]:
     if flight.get("failure"):
         return [Text(f"the seconds before it could not be kept: {flight['failure']}", "yellow")]
-    if flight.get("newest"):
-        return [Text(f"the seconds before it: motorctl fault show {flight['newest']}", "dim")]
-    return []
+    if not flight.get("newest"):
+        return []
+    newest = f"the seconds before it: motorctl fault show {flight['newest']}"
+    told: list[RenderableType] = [Text(newest, "dim")]
+    if path := flight.get("newest_path"):  # none of an older daemon
+        shown = one_line(shlex.quote(path))
+        told.append(Text(f"and every row of them: motorctl scope {shown}", "dim", overflow="fold"))
+    return told
 
 
 def _missed(name: str, samples: Mapping[str, int]) -> Text:

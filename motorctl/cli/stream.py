@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
 from motorctl.errors import UsageError
+
+if TYPE_CHECKING:
+    from motorctl.api.samples import Samples
 
 
 def register(app: typer.Typer) -> None:
@@ -69,7 +73,7 @@ def _stream(
     asked of the loop.
     """
     from motorctl import connect, open_log
-    from motorctl.api.off_the_loop import keep_off_the_loop
+    from motorctl.api.off_the_loop import keep_off_the_loop_of
     from motorctl.neighbours.plotjuggler import Destination
     from motorctl.neighbours.streaming import replay, send_samples
 
@@ -84,15 +88,23 @@ def _stream(
             else:
                 with connect(socket) as machine:
                     status = machine.status()
-                    keep_off_the_loop(status.document["loop"]["pid"])
                     heard = machine.subscribe()
                 say("sending until the daemon ends, or Ctrl-C", err=True)
                 try:
                     with heard:
-                        send_samples(heard, destination, status.rate_hz, rate, patterns)
+                        begun = _once_begun(heard, lambda: keep_off_the_loop_of(heard.path))
+                        send_samples(begun, destination, status.rate_hz, rate, patterns)
                 finally:
                     lost = heard.lost
         say(_told(destination.sent, destination.unheard, lost, plotjuggler))
+
+
+def _once_begun(heard: Iterable[Samples], then: Callable[[], None]) -> Iterator[Samples]:
+    """Yield what is heard; `then` is called when there is something for the first time."""
+    for count, samples in enumerate(heard):
+        if not count:
+            then()
+        yield samples
 
 
 def _told(sent: int, unheard: int, lost: int, url: str) -> str:

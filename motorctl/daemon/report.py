@@ -179,6 +179,7 @@ class Report:
         return {
             "folder": str(flight.folder.absolute()),
             "newest": flight.newest.stem if flight.newest else None,
+            "newest_path": str(flight.newest.absolute()) if flight.newest else None,
             "failure": flight.failure,
         }
 

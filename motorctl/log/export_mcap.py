@@ -15,12 +15,15 @@ import pyarrow.parquet as pq
 from motorctl.errors import DataError, UsageError
 from motorctl.log.table import Table
 from motorctl.log.table_parquet import ParquetTable
+from motorctl.printable import one_line
 from motorctl.version import VERSION
 
 LOOP = "loop"
 """Topic of what is sampled once a tick."""
 TIME = "time_s"
 NS = 1e9
+LAST_TIME_S = 9e9
+"""By hand, 285 years: nanoseconds that 63 bits have, as numpy and most readers of MCAP count."""
 NAMED = {"state": "states", "fault": "faults"}
 """Codes that are also told by their name, and where a log's metadata have the names."""
 BATCH_ROWS = 1 << 12
@@ -96,7 +99,7 @@ def write_mcap(
             schema = json.dumps(topic.schema(parts[0].schema)).encode()
             number = writer.register_schema(f"motorctl.{topic.name}", "jsonschema", schema)
             channels.append(writer.register_channel(f"/{topic.name}", "json", number))
-        names = {key: _names(table.metadata.get(where)) for key, where in NAMED.items()}
+        names = {key: _names(table, where) for key, where in NAMED.items()}
         for part in parts:
             with pq.ParquetFile(part.path) as log:
                 for batch in log.iter_batches(batch_size=BATCH_ROWS):
@@ -125,12 +128,13 @@ def _topics(table: Table, schema: pa.Schema) -> list[_Topic]:
 
 def _times_ns(table: Table, batch: pa.RecordBatch, before: int) -> list[int]:
     time_s = np.asarray(batch.column(TIME).to_numpy(zero_copy_only=False), np.float64)
-    wrong = np.flatnonzero(~(time_s >= 0.0) | ~np.isfinite(time_s))
+    wrong = np.flatnonzero(~((time_s >= 0.0) & (time_s <= LAST_TIME_S)))
     if len(wrong):
         k = int(wrong[0])
         raise DataError(
             f"{table.path}: row {before + k + 1} has the time {time_s[k]:g} s; MCAP counts "
-            "nanoseconds from 0 on: only logs with such times are exported to it"
+            f"nanoseconds from 0 on, up to {LAST_TIME_S:g} s: only logs with such times are "
+            "exported to it"
         )
     times: list[int] = np.round(time_s * NS).astype(np.int64).tolist()
     return times
@@ -156,6 +160,18 @@ def _messages(
         yield json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
 
 
-def _names(told: Any) -> dict[int, str]:
-    """Return the names of codes as a log's metadata have them: by number, in small letters."""
-    return {int(code): str(name).lower() for code, name in (told or {}).items()}
+def _names(table: Table, key: str) -> dict[int, str]:
+    """Return the names of codes as a log's metadata have them: by number, in small letters.
+
+    Raises DataError where what is there is no such table.
+    """
+    told = table.metadata.get(key)
+    named = {} if told is None else told
+    try:
+        return {int(code): str(name).lower() for code, name in named.items()}
+    except (AttributeError, ValueError):
+        raise DataError(
+            f"{table.path}: its metadata's '{key}' is {one_line(json.dumps(told)[:80])}, should be "
+            'names by their numbers, as {"0": "off"}: it is no log that motorctl wrote; '
+            "`motorctl log export --to csv` exports it without names"
+        ) from None

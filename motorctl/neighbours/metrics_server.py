@@ -5,11 +5,14 @@ from __future__ import annotations
 import secrets
 import socket
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
+from concurrent.futures import Future
+from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from socketserver import ThreadingMixIn
 from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 from prometheus_client import CollectorRegistry, make_wsgi_app
@@ -18,6 +21,7 @@ from prometheus_client.registry import Collector
 
 from motorctl.api.connection import connect
 from motorctl.api.off_the_loop import keep_off_the_loop
+from motorctl.api.status import MachineStatus
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.neighbours.metrics import down, metrics_of
 from motorctl.own_names import is_own, name_of, needs_token, own_names
@@ -33,12 +37,16 @@ HEADERS = (
     ("X-Content-Type-Options", "nosniff"),
     ("Cache-Control", "no-store"),
 )
+ANSWER_S = 2.0
+"""How long a scrape waits for the daemon [s]: an answer takes milliseconds, and Prometheus waits at
+most as long as its interval is, which few choose below 5 s. One that came too late would be none,
+and `motorctl_up` not be 0 though the daemon hangs."""
 PATIENCE_S = 10.0
 """How long a client may take for its request [s]."""
 
 
 class DaemonCollector(Collector):
-    """Asks the daemon once a scrape.
+    """Asks the daemon once a scrape, in a thread that none has to wait for longer than it may.
 
     Parameters
     ----------
@@ -52,16 +60,18 @@ class DaemonCollector(Collector):
         self._path = socket
         self._tell = tell
         self._away: str | None = None
-        self._loop_pid: int | None = None
+        self._asked: Future[MachineStatus] | None = None
+        """The last question, which all wait for who ask while there is no answer."""
         self._lock = threading.Lock()
+        """Nobody waits for the daemon with it."""
 
     def begin(self) -> None:
-        """Look for the daemon once, which may be away.
+        """Look for the daemon once, which may be away, before threads are begun that serve.
 
         Raises UsageError where it cannot be told which one is meant.
         """
         try:
-            connect(self._path).close()
+            self._status()
         except UsageError:
             raise
         except MotorctlError as error:
@@ -74,26 +84,68 @@ class DaemonCollector(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """Yield the daemon's metrics, or that it is down."""
-        with self._lock:
-            told = self._asked()
-        yield from told
+        try:
+            status = self._status()
+        except MotorctlError as error:
+            if self._changed(str(error)) is None:
+                self._tell(f"no metrics of the daemon: {error}")
+            yield from down()
+            return
+        if self._changed(None) is not None:
+            self._tell("the daemon answers")
+        yield from metrics_of(status)
 
-    def _asked(self) -> list[Metric]:
+    def _changed(self, away: str | None) -> str | None:
+        """Take note of why the daemon is away, or that it is not; return what was so before."""
+        with self._lock:
+            before, self._away = self._away, away
+        return before
+
+    def _status(self) -> MachineStatus:
+        """Return the daemon's status. Raises MotorctlError where there is none within ANSWER_S."""
+        with self._lock:
+            if self._asked is None or self._asked.done():
+                self._asked = Future()
+                ask = partial(self._ask, self._asked)
+                threading.Thread(target=ask, name="metrics-ask", daemon=True).start()
+            asked = self._asked
+        try:
+            status = asked.result(ANSWER_S)
+        except TimeoutError:
+            raise RunError(
+                f"the daemon did not answer within {ANSWER_S:g} s: whether it hangs, "
+                "`motorctl status` tells"
+            ) from None
+        with self._lock:  # each time: a loop that still compiles is on no CPU of its own so far
+            keep_off_the_loop(status.document["loop"]["pid"])
+        return status
+
+    def _ask(self, asked: Future[MachineStatus]) -> None:
         try:
             with connect(self._path) as machine:
-                status = machine.status()
-        except MotorctlError as error:
-            if self._away is None:
-                self._tell(f"no metrics of the daemon: {error}")
-            self._away = str(error)
-            return list(down())
-        if self._away is not None:
-            self._away = None
-            self._tell("the daemon answers")
-        if (pid := status.document["loop"]["pid"]) != self._loop_pid:
-            self._loop_pid = pid
-            keep_off_the_loop(pid)
-        return list(metrics_of(status))
+                asked.set_result(machine.status())
+        except Exception as error:  # who waits is told
+            asked.set_exception(error)
+
+
+class _Named(Collector):
+    """Of a collector's metrics those that a scrape names, as ``?name[]=motorctl_up`` does."""
+
+    def __init__(self, every: Collector, names: Container[str]) -> None:
+        self._every = every
+        self._names = names
+
+    def describe(self) -> Iterable[Metric]:
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        for metric in self._every.collect():
+            named = [sample for sample in metric.samples if sample.name in self._names]
+            if metric.name in self._names:
+                yield metric
+            elif named:
+                metric.samples = named
+                yield metric
 
 
 class Access:
@@ -139,18 +191,23 @@ class Access:
 
 def application(collector: Collector, access: Access) -> WSGIApplication:
     """Return the server's application."""
-    registry = CollectorRegistry(auto_describe=False)
-    registry.register(collector)
-    page = make_wsgi_app(registry)
 
     def answer(environ: WSGIEnvironment, start: StartResponse) -> Iterable[bytes]:
+        status, headers, body = asked(environ)
+        start(status, [*headers, ("Content-Length", str(len(body)))])
+        return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
+
+    def asked(environ: WSGIEnvironment) -> tuple[str, list[tuple[str, str]], bytes]:
         if refused := access.refusal(environ):
             status, why = refused
-            start(f"{status.value} {status.phrase}", [*HEADERS])  # which it adds to
-            return [f"refused: {why}\n".encode()]
-        environ["REQUEST_METHOD"] = "GET"  # of a HEAD the server sends no body
-        body: Iterable[bytes] = page(environ, start)
-        return body
+            return f"{status.value} {status.phrase}", [*HEADERS], f"refused: {why}\n".encode()
+        names = parse_qs(environ.get("QUERY_STRING", "")).get("name[]")
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(_Named(collector, names) if names else collector)
+        told: list[Any] = []
+        as_get = {**environ, "REQUEST_METHOD": "GET", "QUERY_STRING": ""}
+        body = b"".join(make_wsgi_app(registry)(as_get, lambda *begun: told.extend(begun)))
+        return told[0], told[1], body
 
     return answer
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.api.connection import connect
-from motorctl.api.off_the_loop import keep_off_the_loop
+from motorctl.api.off_the_loop import keep_off_the_loop_of
 from motorctl.api.samples import Samples, Subscription
 from motorctl.api.saved_samples import save_columns
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import MotorctlError, RunError, UsageError
+from motorctl.flight import find_record, list_records
 from motorctl.log.partial import SUFFIX
 from motorctl.scope.history import History
 from motorctl.scope.shown import Shown
@@ -78,7 +79,6 @@ class LiveMachine(Shown):
         self._folder = captures
         with connect(socket) as machine:
             status = machine.status()
-            keep_off_the_loop(status.document["loop"]["pid"])
             self._heard: Subscription = machine.subscribe(
                 period_s=LOOK_S, history_s=BEGUN_WITH_S, restarts=True
             )
@@ -90,6 +90,7 @@ class LiveMachine(Shown):
         self.captured: list[Capture] = []
         self._failure: str | None = None
         first = self._first_rows()
+        keep_off_the_loop_of(self._heard.path)
         self._begin(first)
         self._hear(first)
         self._version, self._shown_version = 0, -1
@@ -134,6 +135,21 @@ class LiveMachine(Shown):
                 "captured": len(self.captured),
             }
 
+    def newest_flight_record(self) -> Path:
+        """Return the newest flight record, as `motorctl fault show` finds it.
+
+        Raises MotorctlError where there is none, or the daemon does not tell where they are.
+        """
+        with connect(self._heard.path) as machine:
+            told = machine.status().document["recording"].get("flight_records")
+        try:
+            if told is None or not Path(told["folder"]).is_dir():
+                raise UsageError(f"{self.name}: there is no flight record: no axis has tripped")
+            return find_record(list_records(Path(told["folder"])), None).path
+        except OSError as error:
+            why = f"{error.strerror}: start the scope as a user who may read it"
+            raise UsageError(f"{told['folder']}: flight records cannot be read: {why}") from error
+
     def _first_rows(self) -> Samples:
         first = self._heard.read()
         deadline = time.monotonic() + FIRST_ROWS_S
@@ -157,6 +173,7 @@ class LiveMachine(Shown):
                     with self.lock:  # the seconds after it never come
                         self._write_due()
                     samples = next(iter(self._heard))  # of the next daemon, once there is one
+                    keep_off_the_loop_of(self._heard.path)
                 if samples.rows:
                     with self.lock:
                         self._hear(samples)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-import socket
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +17,7 @@ from aiohttp import web
 from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
-from motorctl.own_names import needs_token, own_names
+from motorctl.own_names import name_to_ask, needs_token, own_names
 from motorctl.scope.access import Access, guarded, new_token
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
@@ -33,8 +33,11 @@ from motorctl.version import VERSION
 T = TypeVar("T")
 MOST_ASKED_BYTES = 4096
 """Of a request's body: a trigger has some hundred."""
-EVERYWHERE = ("0.0.0.0", "::")
-"""Addresses that stand for all of this computer's."""
+OF_LOGS = ("logs", "signals", "bands", "plane", "path", "spectrum", "values")
+"""What is asked of anything that is shown."""
+RECORDS = "/flight_record/"
+MOST_RECORDS = 8
+"""How many flight records are open at a time; of a fault more are seldom compared."""
 PAGE = files("motorctl.scope") / "page"
 KINDS = {
     ".html": "text/html",
@@ -136,11 +139,11 @@ class Questions:
 
     async def live(self, request: web.Request) -> web.Response:
         """Tell how far the machine's rows are, and what was captured."""
-        return web.json_response(await asyncio.to_thread(self._machine().state))
+        return web.json_response(await asyncio.to_thread(self.machine().state))
 
     async def trigger(self, request: web.Request) -> web.Response:
         """Arm a trigger, or disarm it where nothing is asked for."""
-        machine = self._machine()
+        machine = self.machine()
         told = await request.text()
         try:
             wanted = Trigger.model_validate_json(told) if told else None
@@ -151,7 +154,8 @@ class Questions:
         await asyncio.to_thread(machine.arm, wanted)
         return web.json_response({"armed": wanted is not None})
 
-    def _machine(self) -> LiveMachine:
+    def machine(self) -> LiveMachine:
+        """Return the machine. Raises UsageError where logs are shown."""
         machine = self._logs.opened[0]
         if not isinstance(machine, LiveMachine):
             raise UsageError("no machine is shown, but logs")
@@ -188,6 +192,44 @@ class Questions:
         return await asyncio.to_thread(answer)
 
 
+class RecordPages:
+    """Flight records of the machine that is shown, each as a page of its own.
+
+    Which one is opened, the daemon tells, and a page then asks for it by the number that it got
+    here: from a browser comes no path.
+    """
+
+    def __init__(self, live: Questions) -> None:
+        self._live = live
+        self._opened: dict[int, tuple[Path, Questions]] = {}
+        self._count = 0
+        self._lock = threading.Lock()
+
+    async def newest(self, request: web.Request) -> web.Response:
+        """Open the newest record, and lead to its page."""
+        number = await asyncio.to_thread(self._open_newest)
+        return web.Response(status=302, headers={"Location": f"{RECORDS}{number}/"})
+
+    async def answer(self, request: web.Request) -> web.Response:
+        """Tell of a record what its page asks for."""
+        _, questions = self._opened.get(int(request.match_info["number"]), (None, None))
+        if questions is None:
+            raise UsageError("this flight record is closed by now: open it from the live page")
+        told: web.Response = await getattr(questions, request.match_info["name"])(request)
+        return told
+
+    def _open_newest(self) -> int:
+        path = self._live.machine().newest_flight_record()
+        with self._lock:
+            for number, (opened, _) in self._opened.items():
+                if opened == path:
+                    return number
+            self._count += 1
+            self._opened[self._count] = path, Questions(Logs.of([path]))
+            self._opened.pop(self._count - MOST_RECORDS, None)
+            return self._count
+
+
 def application(logs: Logs, access: Access) -> web.Application:
     """Return the server's application."""
 
@@ -202,8 +244,13 @@ def application(logs: Logs, access: Access) -> web.Application:
     app = web.Application(middlewares=[guarded(access), in_words], client_max_size=MOST_ASKED_BYTES)
     questions = Questions(logs)
     app.router.add_post("/api/trigger", questions.trigger)
-    for name in ("live", "logs", "signals", "bands", "plane", "path", "spectrum", "values"):
+    app.router.add_get("/api/live", questions.live)
+    for name in OF_LOGS:
         app.router.add_get(f"/api/{name}", getattr(questions, name))
+    records, number = RecordPages(questions), RECORDS + r"{number:\d{1,9}}"
+    app.router.add_get(RECORDS, records.newest)
+    app.router.add_get(f"{number}/api/{{name:{'|'.join(OF_LOGS)}}}", records.answer)
+    app.router.add_get(number + "/{name:[a-zA-Z_/.]*}", _file)
     app.router.add_get("/{name:[a-zA-Z_/.]*}", _file)
     return app
 
@@ -243,8 +290,7 @@ async def serve(
                 "--port 0 takes any that is free"
             ) from error
         bound = runner.addresses[0][1]
-        name = socket.gethostname() if address in EVERYWHERE else address
-        name = f"[{name}]" if ":" in name else name
+        name = name_to_ask(address)
         ready(f"http://{name}:{bound}/" + (f"?token={access.token}" if access.token else ""))
         await asyncio.Event().wait()
     finally:

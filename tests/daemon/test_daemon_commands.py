@@ -16,6 +16,7 @@ import pytest
 from daemon_rig import Daemon, wait_until
 from typer.testing import CliRunner
 
+import motorctl
 from motorctl.cli import make_app
 from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
@@ -220,7 +221,13 @@ def test_the_seconds_before_a_fault_are_shown_by_the_running_daemon(idle: Daemon
     moment = document["moment"]
     assert (moment["before"]["x"]["state"], moment["at"]["x"]["state"]) == ("idle", "fault")
     assert moment["at"]["x"]["values"]["command_v"] == 0.0
-    assert f"motorctl fault show {document['id']}" in idle.cli("status").stdout
+    shown = idle.cli("status").stdout
+    assert f"motorctl fault show {document['id']}" in shown
+    path = idle.ask("status")["recording"]["flight_records"]["newest_path"]
+    assert (Path(path).is_absolute(), Path(path).stem) == (True, document["id"])
+    words = "".join(line.strip("│ ") for line in shown.splitlines())
+    assert f"motorctl scope {path}" in words.replace("scope/", "scope /")  # wrapped, if it is long
+    assert motorctl.open_log(path).rows == document["rows"]
 
 
 @pytest.mark.slow

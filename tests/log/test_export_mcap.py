@@ -119,7 +119,9 @@ def test_what_is_there_is_kept_unless_force_says_otherwise(tmp_path: Path) -> No
     assert exported(path, replace=True) == tmp_path / "run.mcap"
 
 
-@pytest.mark.parametrize(("bad", "told"), [(-0.5, "-0.5 s"), (np.nan, "nan s")])
+@pytest.mark.parametrize(
+    ("bad", "told"), [(-0.5, "-0.5 s"), (np.nan, "nan s"), (1e10, r"1e\+10 s")]
+)
 def test_a_time_that_mcap_cannot_have_is_refused_and_nothing_is_left(
     tmp_path: Path, bad: float, told: str
 ) -> None:
@@ -147,3 +149,18 @@ def test_without_its_extra_it_says_how_to_install_it(
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(UsageError, match=r"needs mcap, .*: pip install 'motorctl\[mcap\]'"):
         exported(tmp_path / "none.parquet")
+
+
+@pytest.mark.parametrize("key", ["states", "faults"])
+@pytest.mark.parametrize("names", [["off", "idle"], {"zero": "off"}, "off"])
+def test_names_that_are_no_table_are_refused_with_the_key(
+    tmp_path: Path, key: str, names: Any
+) -> None:
+    path = write_log(tmp_path / "run.parquet", make_rows(10), METADATA)
+    table = pq.read_table(path)
+    metadata = json.loads(table.schema.metadata[b"motorctl"]) | {key: names}
+    told = {**table.schema.metadata, b"motorctl": json.dumps(metadata).encode()}
+    pq.write_table(table.replace_schema_metadata(told), path)
+    with pytest.raises(DataError, match=f"its metadata's '{key}' is .*off.*--to csv"):
+        exported(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.parquet"]

@@ -41,6 +41,13 @@ def scraped(url: str) -> dict[str, list[float]]:
     return found
 
 
+def nicenesses(process: subprocess.Popen[str]) -> set[int]:
+    """Return how much nicer than this one its threads are."""
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    tasks = [int(task.name) for task in Path(f"/proc/{process.pid}/task").iterdir()]
+    return {os.getpriority(os.PRIO_PROCESS, task) - own for task in tasks}
+
+
 @pytest.mark.slow
 @pytest.mark.wall_clock(lanes=2)
 def test_every_panel_has_a_value_and_every_message_its_time_until_the_daemon_ends(
@@ -59,6 +66,7 @@ def test_every_panel_has_a_value_and_every_message_its_time_until_the_daemon_end
             assert not [n for n in names() - OF_SOME_MACHINES if n not in told]
             assert sum(told["motorctl_axis_state"]) == 2.0  # of each axis one
             wait_until(lambda: len(received) >= 100)
+            assert nicenesses(exporter) == nicenesses(streaming) == {5}
             daemon.end()
             ended, _ = streaming.communicate(timeout=30)
             assert scraped(page)["motorctl_up"] == [0.0]

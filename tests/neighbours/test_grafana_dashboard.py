@@ -15,7 +15,8 @@ from motorctl.api.status import MachineStatus
 from motorctl.neighbours.metrics import metrics_of
 
 COLUMNS = 24
-
+OF_PROMETHEUS = {"up"}
+"""What it has of every target: whether it answered."""
 
 PAGE = DASHBOARD.with_name("neighbours.md")
 
@@ -42,10 +43,22 @@ def exported(families: list[Metric]) -> set[str]:
 
 def test_every_metric_that_the_page_names_or_warns_by_is_exported(exported: set[str]) -> None:
     expressions = rules()
-    assert len(expressions) == 5
-    asked = {str(part.name) for each in expressions for part in selectors(each)}
+    assert len(expressions) == 6
+    asked = {str(part.name) for each in expressions for part in selectors(each)} - OF_PROMETHEUS
     text = PAGE.read_text("utf-8")
     assert asked | set(re.findall(r"`(motorctl_[a-z_]+)`", text)) <= exported
+
+
+def test_the_page_s_alerts_tell_of_an_exporter_that_is_gone_and_of_a_recorder_in_trouble() -> None:
+    away, recorder = (
+        next(each for each in rules() if name in each)
+        for name in ("motorctl_up", "motorctl_recorder_trouble")
+    )
+    assert {str(part.name) for part in selectors(away)} == {"motorctl_up", "up"}
+    assert {str(part.name) for part in selectors(recorder)} == {
+        "motorctl_recorder_trouble",
+        "motorctl_recorder_failed",
+    }
 
 
 def test_every_metric_and_label_of_the_dashboard_is_one_that_is_exported(

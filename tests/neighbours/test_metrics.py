@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import socket
 import sys
@@ -9,6 +10,7 @@ import threading
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -72,7 +74,9 @@ def test_numbers_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
         rig.move("x", 0.1)
         rig.advance(400)
         document = document_of(rig, report)
-    document["recording"] |= {"rows_lost": 7, "disk": {"free_mb": 250.0, "hours_left": 2.0}}
+    assert value(read(text_of(document)), "recorder_trouble") == 0.0
+    document["recording"] |= {"trouble": "the next log cannot be begun", "rows_lost": 7}
+    document["recording"] |= {"disk": {"free_mb": 250.0, "hours_left": 2.0}}
     timing = {"p50_s": 4e-6, "p99_s": 9e-6, "p999_s": 2e-5, "max_s": 3e-4, "max_at_s": 1.0}
     document["loop"]["turnaround"] = timing
     samples, x = read(text_of(document)), document["axes"]["x"]
@@ -86,6 +90,7 @@ def test_numbers_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
     assert value(samples, "axis_homed", axis="x") == 1.0
     assert value(samples, "loop_ticks_total") == document["loop"]["ticks"]
     assert value(samples, "recorder_rows_lost_total") == 7
+    assert value(samples, "recorder_trouble") == 1.0
     assert value(samples, "recorder_disk_free_bytes") == 250e6
     assert value(samples, "recorder_disk_left_seconds") == 7200
     assert value(samples, "loop_turnaround_seconds", quantile="0.99") == 9e-6
@@ -211,6 +216,81 @@ def test_a_daemon_that_is_away_is_down_until_it_is_back(
 
 
 @pytest.mark.wall_clock(lanes=2)
+def test_a_daemon_that_hangs_is_down_for_every_scrape_in_time_and_up_when_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(metrics_server, "ANSWER_S", 0.15)
+    kept_off: list[int] = []
+    monkeypatch.setattr(metrics_server, "keep_off_the_loop", kept_off.append)
+    told: list[str] = []
+    with reported(tmp_path) as (rig, report):
+        document = document_of(rig, report)
+    goes_on, place = threading.Event(), tmp_path / "s"
+
+    async def handle(request: Request) -> dict[str, Any]:
+        while not goes_on.is_set():
+            await asyncio.sleep(0.01)
+        return document
+
+    with (
+        served(place, handle),
+        serving(place, Access("127.0.0.1", None), told) as port,
+        ThreadPoolExecutor(4) as scrapers,
+    ):
+        for _ in range(3):
+            answers = list(scrapers.map(lambda _: asked(port), range(4)))
+            assert [value(read(text), "up") for _, text in answers] == [0.0] * 4
+        asking = [each for each in threading.enumerate() if each.name == "metrics-ask"]
+        assert len(asking) == 1
+        assert not kept_off
+        goes_on.set()
+        asking[0].join()
+        assert value(read(asked(port)[1]), "up") == 1.0
+    assert kept_off == [document["loop"]["pid"]]
+    assert len(told) == 2
+    assert "the daemon did not answer within 0.15 s" in told[0]
+
+
+@pytest.mark.wall_clock(lanes=2)
+def test_it_leaves_the_loop_s_cpu_before_any_thread_serves_and_that_of_the_next_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept_off: list[int] = []
+    monkeypatch.setattr(metrics_server, "keep_off_the_loop", kept_off.append)
+    with reported(tmp_path) as (rig, report):
+        document = document_of(rig, report)
+
+    async def handle(request: Request) -> dict[str, Any]:
+        return document
+
+    with served(tmp_path / "s", handle) as place:
+        collector = DaemonCollector(place, lambda told: None)
+        document["loop"]["pid"] = 2**22 + 1  # of no process
+        collector.begin()
+        document["loop"]["pid"] += 1
+        list(collector.collect())
+    assert kept_off == [2**22 + 1, 2**22 + 2]
+
+
+@pytest.mark.wall_clock(lanes=2)
+def test_a_scrape_may_name_metrics_and_a_head_has_no_body(tmp_path: Path) -> None:
+    with serving(tmp_path / "none", Access("127.0.0.1", None), []) as port:
+        code, text = asked(port, "/metrics?name[]=motorctl_up&name[]=motorctl_loop_ticks_total")
+        assert (code, read(text)) == (200, {("motorctl_up", frozenset()): 0.0})
+        assert asked(port, "/metrics?name[]=none_such") == (200, "")
+        whole = asked(port)[1].encode()
+        for path, status, length in (("/metrics", b"200 OK", len(whole)), ("/", b"404", None)):
+            with socket.create_connection(("127.0.0.1", port)) as connection:
+                asks = f"HEAD {path} HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n"
+                connection.sendall(asks.encode())
+                with connection.makefile("rb") as answer:
+                    head, _, body = answer.read().partition(b"\r\n\r\n")
+            assert status in head.splitlines()[0]
+            assert length is None or f"Content-Length: {length}".encode() in head
+            assert body == b""
+
+
+@pytest.mark.wall_clock(lanes=2)
 def test_only_metrics_are_read_and_only_under_the_server_s_own_name(tmp_path: Path) -> None:
     with serving(tmp_path / "none", Access("127.0.0.1", None), []) as port:
         assert asked(port)[0] == asked(port, Host=f"localhost:{port}")[0] == 200
@@ -253,6 +333,28 @@ def test_an_address_that_others_reach_asks_for_a_token(
     assert "holds 6 characters, should be one word of at least 16" in capsys.readouterr().err
     assert run(monkeypatch, "--token-file", str(tmp_path / "none")) == 2
     assert "the token cannot be read: No such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"), [("0.0.0.0", socket.gethostname()), ("127.0.0.1", "127.0.0.1")]
+)
+def test_the_address_that_it_prints_can_be_asked_from_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    address: str,
+    shown: str,
+) -> None:
+    token = tmp_path / "token"
+    token.write_text(TOKEN)
+
+    def interrupted(server: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("socketserver.BaseServer.serve_forever", interrupted)
+    at = ("--socket", str(tmp_path / "none"), "--port", "0", "--address", address)
+    assert run(monkeypatch, *at, "--token-file", str(token)) == 0
+    assert re.fullmatch(rf"http://{shown}:\d+/metrics  \(Ctrl-C ends\)\n", capsys.readouterr().out)
 
 
 def test_a_port_that_is_taken_is_told_with_what_to_do(

@@ -32,14 +32,16 @@ WAIT_S = 20.0
 
 
 @contextmanager
-def staged(place: Path) -> Iterator[tuple[Ring, Path]]:
+def staged(
+    place: Path, flight_records: dict[str, Any] | None = None
+) -> Iterator[tuple[Ring, Path]]:
     """Serve what the scope asks of a daemon, over a ring that a test fills."""
     with ring() as filled:
 
         async def handle(request: Request) -> dict[str, Any]:
             if request.do == "status":
                 loop = {"rate_hz": 1000.0, "pid": 2**22 + 1}  # of no process
-                recording = {"file": None}
+                recording = {"file": None, "flight_records": flight_records}
                 return {"machine": "bench", "loop": loop, "recording": recording, "axes": {}}
             axes = {a.name: {"theta_names": a.theta_names, "dual_drive": False} for a in AXES}
             layout = filled.memory.layout
@@ -53,7 +55,7 @@ def staged(place: Path) -> Iterator[tuple[Ring, Path]]:
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Ring, LiveMachine]]:
     # The one who tests goes on at the priority that it has.
-    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop_of", lambda path: None)
     with staged(tmp_path / "s") as (filled, path):
         filled.run(500)
         machine = LiveMachine(path, tmp_path / "captures")
@@ -173,7 +175,7 @@ def captured_of_what_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Callable[[LiveMachine], None]
 ) -> list[Any]:
     """Return captures where the seconds after the trigger never came, as something ended before."""
-    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop_of", lambda path: None)
     with staged(tmp_path / "s") as (filled, path):
         filled.run(500)
         machine = LiveMachine(path, tmp_path / "captures")
@@ -198,7 +200,7 @@ def test_what_was_triggered_is_written_though_daemon_or_scope_ends_before_its_ti
 def test_a_loop_that_still_compiles_is_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop", lambda pid: None)
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop_of", lambda path: None)
     monkeypatch.setattr("motorctl.scope.live_machine.FIRST_ROWS_S", 0.3)
     with staged(tmp_path / "s") as (filled, path):
         with pytest.raises(RunError, match=r"its loop has written no row, in 0\.3 s"):
@@ -206,6 +208,22 @@ def test_a_loop_that_still_compiles_is_waited_for(
         threading.Timer(0.1, filled.run, [10]).start()
         machine = LiveMachine(path, tmp_path)
         assert machine.told()["rows"] == 10
+        machine.close()
+
+
+def test_after_a_restart_it_leaves_the_cpu_of_the_next_loop_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[Path] = []
+    monkeypatch.setattr("motorctl.scope.live_machine.keep_off_the_loop_of", left.append)
+    monkeypatch.setattr("motorctl.api.samples.AGAIN_S", 0.01)
+    with staged(tmp_path / "s") as (filled, path):
+        filled.run(500)
+        machine = LiveMachine(path, tmp_path)
+    assert left == [path]
+    with staged(tmp_path / "s") as (filled, path):
+        until(lambda: (filled.run(10), machine.state()["run"] == 1)[1])
+        until(lambda: left == [path, path])
         machine.close()
 
 

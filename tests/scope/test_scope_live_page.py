@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from daemon_rig import Daemon, bench_config
-from scope_browser import Page, browser
+from scope_browser import SETTLED, Page, browser
 
 import motorctl
 
@@ -62,6 +62,7 @@ def test_it_follows_triggers_on_a_fault_and_survives_the_daemons_restart(
             page.page.wait_for_selector("#captured span")
             page.settle()
             sees_the_fault(page, tmp_path)
+            opens_the_flight_record(page, daemon)
             page.page.screenshot(path=pictures / "scope_live.png")
             daemon.process.terminate()
             daemon.process.wait()
@@ -92,6 +93,22 @@ def forgets_a_silence_that_is_over(page: Page) -> None:
     page.page.unroute("**/api/live*")
     page.page.wait_for_selector("#notes li", state="detached")
     page.errors.clear()
+
+
+def opens_the_flight_record(page: Page, daemon: Daemon) -> None:
+    """See the daemon's own record of the fault on a page beside, while this one goes on."""
+    records = daemon.ask("status")["recording"]["flight_records"]
+    while not records["newest"]:
+        time.sleep(0.1)
+        records = daemon.ask("status")["recording"]["flight_records"]
+    with page.page.expect_popup() as beside:
+        page.page.click("text=newest flight record")
+    beside.value.wait_for_selector(SETTLED)
+    assert beside.value.url.partition("#")[0].endswith("/flight_record/1/")
+    assert beside.value.title().startswith(f"{records['newest']}.parquet")
+    assert "fault: estop" in beside.value.locator(".track[data-axis=x]").inner_text()
+    assert beside.value.locator("#live").is_hidden()
+    beside.value.close()
 
 
 def sees_the_fault(page: Page, folder: Path) -> None:
