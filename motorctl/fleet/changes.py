@@ -34,9 +34,9 @@ class Alarm:
 
     @property
     def since(self) -> tuple[datetime, datetime]:
-        """The last point before and the first one after; of a drift the first and the last."""
+        """The last point before and the first one after; of a drift its beginning and the last."""
         if self.change.form == "drift":
-            return self.series.moment(0), self.series.moment(len(self.series.value) - 1)
+            return self.series.moment(self.change.first), self.series.moment(-1)
         return self.series.moment(self.change.first - 1), self.series.moment(self.change.first)
 
     @property
