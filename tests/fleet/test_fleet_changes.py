@@ -30,6 +30,7 @@ FRICTION = "coulomb_friction"
 def head(machine: str, log_id: str, begin: datetime, model_id: str = "model") -> LogHead:
     return LogHead(
         source=f"{machine}/{log_id}.parquet", log_id=log_id, model_id=model_id, machine=machine,
+        limits_id="", copied=False,
         host="computer", run=None, part=None, begin_utc=begin, end_utc=begin, first_s=0.0,
         virtual=False, rate_hz=5000.0, group_rows=(1,), moved={"x": (True,)}, programs={},
     )  # fmt: skip
