@@ -77,6 +77,8 @@ class FleetChanges:
     """That were judged."""
     too_short: int
     """That have too few points, or never differ."""
+    of_other_models: int
+    """Values of these series that were left out because another model than the last gave them."""
     level: float
     """Of Benjamini and Hochberg's procedure."""
     false_alarms_a_year: float
@@ -134,5 +136,10 @@ def judged(series: Sequence[Series], level: float, false_alarms_a_year: float) -
         alarms = [Alarm(each, change, float(q)) for (each, change), q in told if q <= level]
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
     return FleetChanges(
-        tuple(alarms), len(found), len(series) - len(found), level, false_alarms_a_year
+        tuple(alarms),
+        len(found),
+        len(series) - len(found),
+        sum(each.of_other_models for each in series),
+        level,
+        false_alarms_a_year,
     )
