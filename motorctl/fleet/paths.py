@@ -22,6 +22,7 @@ MARK = "store.json"
 FINDINGS = "findings"
 """The folder in it that has them, by months."""
 _PATTERN = set("*?[")
+_REFUSED = (PermissionError, IsADirectoryError)
 _QUERY = "?"
 _WITH_QUERIES = {"http", "https"}
 
@@ -62,16 +63,16 @@ def logs_of(patterns: Sequence[str]) -> list[str]:
 def opened(source: str) -> Iterator[pq.ParquetFile]:
     """Open a log to be read row group by row group. Raises DataError where it is none."""
     files, address = _file_system(source)
-    if isinstance(files, LocalFileSystem):
-        open_table(Path(address))  # says what it is, where it is no Parquet file
     try:
         with files.open(address, "rb") as raw, pq.ParquetFile(raw) as file:
             yield file
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error
     except (pa.ArrowException, ValueError, OSError) as error:
-        if is_passing(error):
+        if is_passing(error) and not isinstance(error, _REFUSED):
             raise
+        if isinstance(files, LocalFileSystem):
+            open_table(Path(address))  # says what it is, where it is no Parquet file
         raise damaged(source, error) from error
 
 
@@ -90,6 +91,8 @@ def ends_of(source: str, most_bytes: int) -> tuple[int, bytes, bytes]:
         end = files.read_block(address, max(0, size - most_bytes), most_bytes) if size else b""
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error
+    except _REFUSED as error:
+        raise DataError(f"{source}: cannot be read: {error}") from error
     return size, begin, end
 
 

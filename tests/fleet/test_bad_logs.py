@@ -58,6 +58,24 @@ def test_a_log_that_is_gone_is_told(tmp_path: Path) -> None:
     assert "no such file" in reason_of(tmp_path / "gone.parquet")
 
 
+def test_a_folder_that_is_named_as_a_log_is_told_and_not_for_ever(tmp_path: Path) -> None:
+    found = looked_at(tmp_path)
+    assert isinstance(found, Refusal)
+    assert found.reason.startswith(f"{tmp_path}: ")
+    assert not found.lasting
+
+
+def test_a_disk_that_fails_while_a_log_is_opened_is_tried_again(
+    good_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(pq, "ParquetFile", fail)
+    with pytest.raises(OSError, match="Input/output error"):
+        look_at_head(str(good_log), Declared("C1"))
+
+
 def test_a_recording_that_names_no_machine_is_told(tmp_path: Path) -> None:
     log = tmp_path / "foreign.parquet"
     pq.write_table(pa.table({"time_s": [0.0], "x.position_m": [0.0], "x.command_v": [0.0]}), log)
