@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from motorctl.cli.recording_argument import AllowCode
@@ -153,22 +154,30 @@ def _alarms(alarms: Sequence[Alarm]) -> Table:
             f" ({series.program})" if series.program else ""
         )
         name = f"{series.name} [{series.unit}]"
-        table.add_row(where, name, before, after, since, f"{change.size:.1f}")
+        cells = (where, name, before, after, since, f"{change.size:.1f}")
+        table.add_row(*(escape(cell) for cell in cells))
     return table
 
 
 def _judged(found: FleetChanges) -> str:
+    others = (
+        f" {found.of_other_models} values of other models than the last were left out."
+        if found.of_other_models
+        else ""
+    )
     return (
         f"{len(found.alarms)} of {found.series} series changed; {found.too_short} have too few "
-        f"points or never differ. If nothing changes, at most {found.false_alarms_a_year:g} looks "
-        f"a year are expected to have a false alarm; of those told at most "
-        f"{100 * found.level:.2g} % are expected to be false. Size: the change over the usual "
-        "scatter of a point."
+        f"points or never differ.{others} If nothing changes, at most "
+        f"{found.false_alarms_a_year:g} looks a year are expected to have a false alarm; "
+        f"of those told at most {100 * found.level:.2g} % are expected to be false. "
+        "Size: the change over the usual scatter of a point."
     )
 
 
 def _summary(run: FleetRun) -> str:
     twins = f", {run.twins} the same as another" if run.twins else ""
+    if run.copies:
+        twins += f", {run.copies} copies of rows of others (flight records, captures)"
     return (
         f"{run.store}: of {run.logs} logs {run.looked_at} were looked at ({run.hours:.3g} h of "
         f"recording in {run.seconds:.3g} s), {run.known} were known{twins}, {len(run.refused)} "

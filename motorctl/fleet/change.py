@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 import ruptures
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.ndimage import median_filter
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,12 @@ new machines later. Chosen by hand: under three days at three points a day."""
 SHORTEST_PART = 3
 """Points that a change must last. Fewer take outliers for changes, more tell later. Chosen by hand:
 a day at three points a day."""
+NEIGHBOURS = 2 * SHORTEST_PART - 1
+"""Points whose median an outlier is told by: fewer than `SHORTEST_PART` of them do not move it."""
+FAR = 3.0
+"""Standard deviations from that median beyond which a point is drawn in. Larger lets outliers make
+changes, smaller bends what merely scatters. Chosen so that three points of which two are outliers
+differ by less than is told; of 3, 3.5 and 4 on simulated series with two outliers at the end."""
 PENALTY = 6.0
 """What a further change must gain, in logarithms of the number of points and squares of the
 scatter. Larger misses changes that the test would confirm, smaller gives it more to refuse. As the
@@ -55,9 +62,9 @@ class Change:
 
     form: Literal["step", "drift"]
     first: int
-    """The first point after a step; of a drift the first of all."""
+    """The first point after a step; where a drift begins."""
     before: Level
-    """Of a drift its line at the first point."""
+    """Of a drift its line where it begins."""
     after: Level
     """Of a drift its line at the last point."""
     scatter: float
@@ -74,11 +81,13 @@ class Change:
 def change_in(value: Array) -> Change | None:
     """Return the clearest change of a series; None where it is too short or never differs.
 
-    Steps are sought by least squares with a penalty for each (ruptures). Each is tested by
+    Points far from their neighbours are drawn in first, so that fewer than `SHORTEST_PART` make no
+    change. Steps are sought by least squares with a penalty for each (ruptures). Each is tested by
     Student's t between its neighbours, times the places that it could have had; a drift by the
-    slope of a straight line. Points that follow each other are counted for as much as they tell
-    that their neighbours do not. Of both forms the one that leaves less counts, and its
-    probability twice.
+    slope of a straight line, and one that begins inside by the slope of a line that is level
+    before, times the places of its beginning. Points that follow each other are counted for as
+    much as they tell that their neighbours do not. Of the three forms the one that leaves least
+    for its parameters counts, and its probability three times.
 
     Parameters
     ----------
@@ -90,26 +99,23 @@ def change_in(value: Array) -> Change | None:
         return None
     if float(np.ptp(value)) <= SAME * float(np.max(np.abs(value), initial=0.0)):
         return None
-    noise = max(_robust(np.diff(value)) / math.sqrt(2.0), SAME * float(np.ptp(value)))
+    value, noise = _drawn_in(value)
     steps = _steps(value, noise)
-    noise, together = scatter_of(value, steps, noise)
-    drift = _drift(value, noise, together)
+    scatter, together = scatter_of(value, steps, noise)
     ends = [0, *steps, n]
     left_by_steps = sum(_squares(value[a:b]) for a, b in pairwise(ends))
-    slope, offset = np.polyfit(np.arange(n), value, 1)
-    left_by_drift = float(np.sum((value - offset - slope * np.arange(n)) ** 2))
     tested = [
-        _step(value[a:c], b - a, a, noise, together, n)
+        _step(value[a:c], b - a, a, scatter, together, n)
         for a, b, c in zip(ends, ends[1:], ends[2:], strict=False)
     ]
-    best = min(tested, key=lambda change: change.p_value, default=None)
-    if best is None or _criterion(left_by_drift, n, 2) <= _criterion(
-        left_by_steps, n, 2 * len(steps) + 1
-    ):
-        best = drift
-    return Change(
-        best.form, best.first, best.before, best.after, best.scatter, min(1.0, 2.0 * best.p_value)
-    )
+    forms = [_drift(value, 0, 1, noise)]
+    if n > FEWEST_POINTS + 1:
+        forms.append(_drift(value, *_beginning(value), noise))
+    if tested:
+        best = min(tested, key=lambda change: change.p_value)
+        forms.append((_criterion(left_by_steps, n, 2 * len(steps) + 1), best))
+    _, best = min(forms, key=lambda form: form[0])
+    return replace(best, p_value=min(1.0, 3.0 * best.p_value))
 
 
 def scatter_of(value: Array, steps: Sequence[int], noise: float) -> tuple[float, float]:
@@ -126,13 +132,31 @@ def scatter_of(value: Array, steps: Sequence[int], noise: float) -> tuple[float,
     """
     ends = [0, *steps, len(value)]
     left = np.concatenate([value[a:b] - np.mean(value[a:b]) for a, b in pairwise(ends)])
-    squares = max(float(left @ left), len(left) * noise**2 * SAME)
-    # each mean that was taken away hides about one neighbour's likeness
-    doubt = DOUBT / math.sqrt(len(value)) + 2.0 * len(steps) / len(value)
+    return _scatter(left, len(steps), noise)
+
+
+def _scatter(left: Array, further: int, noise: float) -> tuple[float, float]:
+    """Return the same of what a form with so many parameters beside one mean leaves."""
+    n = len(left)
+    squares = max(float(left @ left), n * noise**2 * SAME)
+    # each mean or slope that was taken away hides about one neighbour's likeness
+    doubt = DOUBT / math.sqrt(n) + 2.0 * further / n
     correlated = float(left[1:] @ left[:-1]) / squares + doubt
     correlated = float(np.clip(correlated, 0.0, MOST_CORRELATED))
-    freedom = max(len(value) - len(ends) + 1, 1)
+    freedom = max(n - 1 - further, 1)
     return max(noise, math.sqrt(squares / freedom)), (1.0 + correlated) / (1.0 - correlated)
+
+
+def _drawn_in(value: Array) -> tuple[Array, float]:
+    """Return a series whose outliers are drawn in to their neighbours, and its noise."""
+    around = median_filter(value, size=NEIGHBOURS)
+    inside = NEIGHBOURS // 2
+    around[:inside], around[-inside:] = around[inside], around[-inside - 1]
+    kept, noise = value, 0.0
+    for _ in range(2):  # where most points are equal, outliers are in the first noise
+        noise = max(_noise(kept), SAME * float(np.ptp(value)))
+        kept = np.clip(value, around - FAR * noise, around + FAR * noise)
+    return kept, noise
 
 
 def _steps(value: Array, noise: float) -> list[int]:
@@ -159,20 +183,43 @@ def _step(
     return Change("step", begin + split, before, after, scatter, p)
 
 
-def _drift(value: Array, noise: float, together: float) -> Change:
+def _beginning(value: Array) -> tuple[int, int]:
+    """Return where a drift that begins inside fits best, and how many places it could have had.
+
+    As many points as make a series lie after it: of fewer nobody can tell it from a step.
+    """
     n = len(value)
-    place = np.arange(n) - 0.5 * (n - 1)
-    slope = float(place @ value / (place @ place))
-    mean = float(np.mean(value))
-    left = float(np.sum((value - mean - slope * place) ** 2))
-    scatter = max(noise, math.sqrt(left / (n - 2)))
-    error = scatter * math.sqrt(together / float(place @ place))
-    freedom = max(n / together - 2.0, 1.0)
-    t = abs(slope) / error
-    p = 2.0 * float(stats.t.sf(t, freedom))
-    at_end = math.hypot(scatter * math.sqrt(together / n), error * float(place[-1]))
-    first, last = (Level(mean + slope * float(at), at_end, n) for at in (place[0], place[-1]))
-    return Change("drift", 0, first, last, scatter, p)
+    rising = n - 1.0 - np.arange(1, n - FEWEST_POINTS)  # points after each beginning
+    total, squares = (
+        rising * (rising + 1.0) / 2.0,
+        rising * (rising + 1.0) * (2 * rising + 1.0) / 6.0,
+    )
+    after = np.cumsum((value - np.mean(value))[::-1])  # of the last 1, 2, … points
+    product = np.cumsum(after)[rising.astype(int) - 1]
+    explained = product**2 / (squares - total**2 / n)
+    return 1 + int(np.argmax(explained)), len(rising)
+
+
+def _drift(value: Array, first: int, places: int, noise: float) -> tuple[float, Change]:
+    """Return how badly a line fits that is level up to a point, and the change that it tells."""
+    n = len(value)
+    rise = np.maximum(0.0, np.arange(n) - float(first))
+    columns = np.column_stack([np.ones(n), rise])
+    inverse = np.linalg.inv(columns.T @ columns)
+    line = inverse @ (columns.T @ value)
+    left = value - columns @ line
+    parameters = 3 if first else 2
+    scatter, together = _scatter(left, parameters - 1, noise)
+    covariance = scatter**2 * together * inverse
+    freedom = max(n / together - parameters, 1.0)
+    t = abs(float(line[1])) / math.sqrt(covariance[1, 1])
+    p = min(1.0, places * 2.0 * float(stats.t.sf(t, freedom)))
+    before, after = (
+        Level(float(at @ line), math.sqrt(at @ covariance @ at), n)
+        for at in (columns[first], columns[-1])
+    )
+    criterion = _criterion(float(left @ left), n, parameters)
+    return criterion, Change("drift", first, before, after, scatter, p)
 
 
 def _level(part: Array, scatter: float, together: float) -> Level:
@@ -188,5 +235,9 @@ def _squares(part: Array) -> float:
     return float(np.sum((part - np.mean(part)) ** 2))
 
 
-def _robust(differences: Array) -> float:
-    return MAD * float(np.median(np.abs(differences - np.median(differences))))
+def _noise(value: Array) -> float:
+    """Return a point's standard deviation by its neighbours, whatever few of them do."""
+    differences = np.diff(value)
+    usual = MAD * float(np.median(np.abs(differences - np.median(differences))))
+    # where most do not differ, as rounded values, those that do tell it
+    return (usual or float(np.std(differences))) / math.sqrt(2.0)

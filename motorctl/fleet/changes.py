@@ -34,9 +34,9 @@ class Alarm:
 
     @property
     def since(self) -> tuple[datetime, datetime]:
-        """The last point before and the first one after; of a drift the first and the last."""
+        """The last point before and the first one after; of a drift its beginning and the last."""
         if self.change.form == "drift":
-            return self.series.moment(0), self.series.moment(len(self.series.value) - 1)
+            return self.series.moment(self.change.first), self.series.moment(-1)
         return self.series.moment(self.change.first - 1), self.series.moment(self.change.first)
 
     @property
@@ -77,6 +77,8 @@ class FleetChanges:
     """That were judged."""
     too_short: int
     """That have too few points, or never differ."""
+    of_other_models: int
+    """Values of these series that were left out because another model than the last gave them."""
     level: float
     """Of Benjamini and Hochberg's procedure."""
     false_alarms_a_year: float
@@ -134,5 +136,10 @@ def judged(series: Sequence[Series], level: float, false_alarms_a_year: float) -
         alarms = [Alarm(each, change, float(q)) for (each, change), q in told if q <= level]
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
     return FleetChanges(
-        tuple(alarms), len(found), len(series) - len(found), level, false_alarms_a_year
+        tuple(alarms),
+        len(found),
+        len(series) - len(found),
+        sum(each.of_other_models for each in series),
+        level,
+        false_alarms_a_year,
     )

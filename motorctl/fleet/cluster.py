@@ -73,7 +73,13 @@ def _connected(scheduler: str) -> Iterator[Client]:
     except (OSError, ValueError, TimeoutError) as error:
         raise UsageError(f"--scheduler {scheduler}: does not answer: {error}") from error
     with client:
-        versions = client.run(_version)
+        try:
+            versions = client.run(_version)
+        except ModuleNotFoundError as error:
+            raise UsageError(
+                f"--scheduler {scheduler}: its workers have no motorctl ({error}): install "
+                f"{VERSION} there"
+            ) from error
         if not versions:
             raise UsageError(f"--scheduler {scheduler}: it has no workers: start some first")
         for worker, version in versions.items():
@@ -86,8 +92,4 @@ def _connected(scheduler: str) -> Iterator[Client]:
 
 
 def _version() -> str:
-    try:
-        from motorctl.version import VERSION
-    except ImportError:
-        return "(not installed)"
     return VERSION

@@ -13,6 +13,10 @@ from motorctl.fleet.head import LogHead
 CLOCK_SLACK = timedelta(minutes=1)
 """What clocks and ends of logs may be off. Larger overlooks clocks that were set back a little,
 smaller trips over slow starts. Chosen by hand."""
+TURNS_WITHIN = timedelta(days=7)
+"""Within so long computers that record one name must change three times to be told for two
+machines. Longer takes repairs for them, shorter misses machines that record seldom. Chosen by
+hand: a computer that is lent and given back changes twice."""
 _SHOWN = "%Y-%m-%d %H:%M:%S"
 
 
@@ -75,13 +79,19 @@ def _two_machines(machine: str, logs: Sequence[LogHead]) -> Iterator[Refusal]:
                 )
         if last is None or log.end_utc > last.end_utc:
             last = log
-    turns = [log.host for k, log in enumerate(logs) if k == 0 or logs[k - 1].host != log.host]
-    if len(turns) > len(set(turns)):
-        hosts = ", ".join(sorted(set(turns)))
-        for log in logs:
+    changes = [k for k in range(1, len(logs)) if logs[k - 1].host != logs[k].host]
+    in_turns: set[int] = set()
+    for first, then, last_change in zip(changes, changes[1:], changes[2:], strict=False):
+        hosts = {logs[k].host for k in (first - 1, first, then, last_change)}
+        if len(hosts) < 4 and logs[last_change].begin_utc - logs[first].begin_utc <= TURNS_WITHIN:
+            in_turns.update(range(first - 1, last_change + 1))
+    if in_turns:
+        named = ", ".join(sorted({logs[k].host for k in in_turns}))
+        for k in sorted(in_turns):
+            log = logs[k]
             yield _refusal(
                 log,
-                f"logs of machine {machine} come from {hosts} in turns: two machines have one "
+                f"logs of machine {machine} come from {named} in turns: two machines have one "
                 "name; give each its own",
             )
 

@@ -28,7 +28,10 @@ FIELDS: Mapping[str, tuple[pa.DataType, str]] = {
     "model_id": (pa.string(), "hash of what was fitted: declared effects, and what is tried"),
     "version": (pa.string(), "of motorctl"),
     "source": (pa.string(), "where the log was"),
-    "machine": (pa.string(), "as the log says; null of a log that cannot be read"),
+    "machine": (
+        pa.string(),
+        "as the log says, told apart where it was simulated; null of one that cannot be read",
+    ),
     "host": (pa.string(), "the computer that recorded it"),
     "axis": (pa.string(), "null where a row is of the whole log"),
     "program": (pa.string(), "what the axis was to follow; empty where nothing"),
@@ -45,7 +48,10 @@ FIELDS: Mapping[str, tuple[pa.DataType, str]] = {
     "std_error": (pa.float64(), "of a parameter"),
     "unit": (pa.string(), "of value and std_error"),
     "confidence": (pa.float64(), "of an effect, 0 to 1"),
-    "text": (pa.string(), "the verdict's sentence, or why nothing is told"),
+    "text": (
+        pa.string(),
+        "the verdict's sentence, at which bound a value is, or why nothing is told",
+    ),
     "written_utc": (_MOMENT, "when it was kept"),
 }
 """Columns of the store, and what they mean."""
@@ -71,17 +77,29 @@ class Refusal:
 def fit_rows(head: LogHead, window: Window, span_s: tuple[float, float], fit: AxisFit) -> list[Row]:
     """Return a row for each parameter, the delay and the residual of a window's fit."""
     unit = fit.data.command_unit
-    found = {
-        name: (entry["value"], entry["std_error"], entry["unit"])
+    found: list[tuple[str, float, float, str, str | None]] = [
+        (
+            name,
+            entry["value"],
+            math.nan if "at_bound" in entry else entry["std_error"],
+            entry["unit"],
+            f"at its {entry['at_bound']} bound" if "at_bound" in entry else None,
+        )
         for name, entry in parameter_values(fit).items()
-        if "at_bound" not in entry
-    }
-    found[DELAY] = fit.delay_s, fit.estimate.delay_std_error_s, "s"
-    found[RESIDUAL] = fit.error.rms, math.nan, unit
+    ]
+    found.append((DELAY, fit.delay_s, fit.estimate.delay_std_error_s, "s", None))
+    found.append((RESIDUAL, fit.error.rms, math.nan, unit, None))
     return [
         _of(head, window, span_s)
-        | {"kind": "parameter", "name": name, "value": finite(v), "std_error": finite(e), "unit": u}
-        for name, (v, e, u) in found.items()
+        | {
+            "kind": "parameter",
+            "name": name,
+            "value": finite(value),
+            "std_error": finite(std_error),
+            "unit": unit_of,
+            "text": text,
+        }
+        for name, value, std_error, unit_of, text in found
     ]
 
 

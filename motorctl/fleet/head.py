@@ -15,6 +15,7 @@ from motorctl.config import Machine, load_resolved
 from motorctl.config.chosen_code import allowed_by
 from motorctl.errors import ConfigError, DataError
 from motorctl.fleet.paths import ends_of, opened
+from motorctl.flight.records import METADATA as FLIGHT_RECORD
 from motorctl.log.convert import load_metadata
 from motorctl.log.parquet_pieces import ParquetPieces
 from motorctl.model import known_effects
@@ -22,6 +23,15 @@ from motorctl.model.columns import form_key
 
 _END_BYTES = 1 << 16
 _POSITION = ".position_m"
+_FOOTER_END = b"PAR1"
+SIMULATED = " (simulated)"
+"""What is told behind a machine's name of logs that no machine recorded: they are no days of it."""
+COPIES = (FLIGHT_RECORD, "capture")
+"""Keys of metadata of logs whose rows another log has, too."""
+
+
+class ConfigurationError(DataError):
+    """A log's configuration cannot be read by who asks so, as without `--allow-code`."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +53,9 @@ class Declared:
                 plain, source if own else self.model or source, may_run=allowed_by(self.allow_code)
             )
         except ConfigError as error:
-            raise DataError(f"{source}: its configuration cannot be read:\n{error}") from error
+            raise ConfigurationError(
+                f"{source}: its configuration cannot be read:\n{error}"
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -55,7 +67,10 @@ class LogHead:
     """Of its content, whatever its name, place and age."""
     model_id: str
     """Of what is fitted to it."""
+    limits_id: str
+    """Of what it is held against to tell whether it is of the machine: encoder, travel, voltage."""
     machine: str
+    """As it says; of one that was simulated in virtual time with `SIMULATED` behind."""
     host: str
     """The computer that recorded it."""
     run: str | None
@@ -64,6 +79,8 @@ class LogHead:
     end_utc: datetime
     first_s: float
     """Time of its first row in the log's own count."""
+    copied: bool
+    """Whether its rows are those of another log: a flight record, or what a scope caught."""
     virtual: bool
     """Whether it was simulated in virtual time, which no clock of the day measured."""
     rate_hz: float
@@ -117,28 +134,37 @@ def read_head(source: str, declared: Declared) -> LogHead:
     described = config.get("axes")
     own = described if isinstance(described, Mapping) else {}
     rate = told.get("rate_hz") or config.get("rate_hz")
+    host, run, part = told.get("host"), told.get("run"), told.get("part")
+    virtual = "virtual_time" in told
     return LogHead(
         source=source,
         log_id=_identity(source),
         model_id=_model_id(meant, declared),
-        machine=machine,
-        host=str((told.get("host") or {}).get("name", "")),
-        run=told.get("run"),
-        part=told.get("part"),
+        limits_id=_limits_id(meant),
+        machine=machine + SIMULATED if virtual else machine,
+        host=str(host.get("name", "")) if isinstance(host, Mapping) else "",
+        run=run if isinstance(run, str) else None,
+        part=part if isinstance(part, int) else None,
         begin_utc=begin_utc,
         end_utc=begin_utc + timedelta(seconds=last_s - first_s),
         first_s=first_s,
-        virtual="virtual_time" in told,
+        copied=any(key in told for key in COPIES),
+        virtual=virtual,
         rate_hz=float(rate) if isinstance(rate, int | float) and rate > 0 else 0.0,
         group_rows=group_rows,
         moved=moved,
-        programs={axis: str((own.get(axis) or {}).get("program") or "") for axis in axes},
+        programs={axis: _program(own.get(axis)) for axis in axes},
     )
 
 
 def damaged_id(source: str) -> str:
-    """Return the identity of a file that has no footer. Raises DataError where it is not there."""
+    """Return the identity of a file that is no log. Raises DataError where it is not there.
+
+    Where it has a footer it is that of a log: should it be used later, it is known for the same.
+    """
     size, begin, end = ends_of(source, _END_BYTES)
+    if end.endswith(_FOOTER_END) and int.from_bytes(end[-8:-4], "little") + 8 <= size:
+        return _identity(source)
     return hashlib.sha256(b"damaged %d " % size + begin + end).hexdigest()
 
 
@@ -168,6 +194,19 @@ def _model_id(machine: Machine, declared: Declared) -> str:
     controller = declared.model if declared.resolved is None else None
     text = json.dumps([controller, axes, tried], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _limits_id(machine: Machine) -> str:
+    """Hash what a log can be refused by, beside what is fitted."""
+    axes = {
+        name: [axis.encoder.resolution_m, *axis.limits.travel_m, axis.limits.max_voltage_v]
+        for name, axis in machine.axes.items()
+    }
+    return hashlib.sha256(json.dumps(axes, sort_keys=True).encode()).hexdigest()
+
+
+def _program(axis: object) -> str:
+    return str(axis.get("program") or "") if isinstance(axis, Mapping) else ""
 
 
 def _moment(source: str, began: object) -> datetime:

@@ -8,8 +8,8 @@ from motorctl.config import Machine
 from motorctl.errors import DataError, MotorctlError
 from motorctl.fleet.excitation import Excitation, Scanned, excitation_of
 from motorctl.fleet.findings import Refusal, Row, diagnosis_rows, fit_rows, nothing_row
-from motorctl.fleet.head import Declared, LogHead, damaged_id, read_head
-from motorctl.fleet.paths import opened
+from motorctl.fleet.head import ConfigurationError, Declared, LogHead, damaged_id, read_head
+from motorctl.fleet.paths import is_there, opened
 from motorctl.fleet.windows import Window
 from motorctl.identify.columns.measured import SIGNALS, with_others
 from motorctl.identify.diagnose.freed_memory import give_freed_memory_back
@@ -27,6 +27,8 @@ def look_at_head(source: str, declared: Declared) -> LogHead | tuple[Refusal, st
     """Return what a log says of itself; else why not, and the identity of the file."""
     try:
         return read_head(source, declared)
+    except ConfigurationError as error:
+        return Refusal(source, str(error), lasting=False), None
     except MotorctlError as error:
         try:
             return Refusal(source, str(error)), damaged_id(source)
@@ -59,7 +61,7 @@ def scan(head: LogHead, declared: Declared, groups: Sequence[int]) -> Scanned | 
                     found, options[axis] = excitation_of(data, models[axis], options[axis])
                     told[axis].append(found)
     except DataError as error:
-        return Refusal(head.source, str(error))
+        return Refusal(head.source, str(error), is_there(head.source))
     finally:
         give_freed_memory_back()
     return told
@@ -93,7 +95,7 @@ def look_at_window(
         models = declared_models(recording, declared.model, axis, machine=machine)
         check_belongs(recording, machine, models)
     except MotorctlError as error:
-        return Refusal(head.source, str(error))
+        return Refusal(head.source, str(error), is_there(head.source))
     span_s = (
         float(recording.time_s[0]) - head.first_s,
         float(recording.time_s[-1]) - head.first_s,

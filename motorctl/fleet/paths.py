@@ -12,14 +12,25 @@ import pyarrow.parquet as pq
 from fsspec.implementations.local import LocalFileSystem
 
 from motorctl.errors import DataError, UsageError
+from motorctl.log.folder import EXPORT_SUFFIX
 from motorctl.log.open_table import open_table
+from motorctl.log.row_groups import is_passing
 from motorctl.log.table_parquet import damaged
 
+MARK = "store.json"
+"""The file that makes a folder a store of findings."""
+FINDINGS = "findings"
+"""The folder in it that has them, by months."""
 _PATTERN = set("*?[")
+_REFUSED = (PermissionError, IsADirectoryError)
+_QUERY = "?"
+_WITH_QUERIES = {"http", "https"}
 
 
 def logs_of(patterns: Sequence[str]) -> list[str]:
     """Return the files that paths and patterns mean, each once, in order.
+
+    Patterns leave out what `log export` wrote, as its log is there, and files of stores.
 
     Parameters
     ----------
@@ -34,10 +45,14 @@ def logs_of(patterns: Sequence[str]) -> list[str]:
     found: dict[str, None] = {}
     for pattern in patterns:
         files, address = _file_system(pattern)
-        if not _PATTERN & set(address):
+        if not _is_pattern(files, address):
             found[_name(files, address)] = None  # whether it is there is told when it is looked at
             continue
-        met = [_name(files, path) for path in sorted(files.glob(address)) if not files.isdir(path)]
+        met = [
+            _name(files, path)
+            for path in sorted(files.glob(address))
+            if not path.endswith(EXPORT_SUFFIX) and not files.isdir(path) and not _in_store(path)
+        ]
         if not met:
             raise UsageError(f"{pattern}: no file is meant by it; in a shell, quote it")
         found |= dict.fromkeys(met)
@@ -48,15 +63,23 @@ def logs_of(patterns: Sequence[str]) -> list[str]:
 def opened(source: str) -> Iterator[pq.ParquetFile]:
     """Open a log to be read row group by row group. Raises DataError where it is none."""
     files, address = _file_system(source)
-    if isinstance(files, LocalFileSystem):
-        open_table(Path(address))  # says what it is, where it is no Parquet file
     try:
         with files.open(address, "rb") as raw, pq.ParquetFile(raw) as file:
             yield file
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error
-    except (pa.ArrowException, ValueError) as error:
+    except (pa.ArrowException, ValueError, OSError) as error:
+        if is_passing(error) and not isinstance(error, _REFUSED):
+            raise
+        if isinstance(files, LocalFileSystem):
+            open_table(Path(address))  # says what it is, where it is no Parquet file
         raise damaged(source, error) from error
+
+
+def is_there(source: str) -> bool:
+    """Tell whether a file can be seen."""
+    files, address = _file_system(source)
+    return bool(files.exists(address))
 
 
 def ends_of(source: str, most_bytes: int) -> tuple[int, bytes, bytes]:
@@ -68,6 +91,8 @@ def ends_of(source: str, most_bytes: int) -> tuple[int, bytes, bytes]:
         end = files.read_block(address, max(0, size - most_bytes), most_bytes) if size else b""
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error
+    except _REFUSED as error:
+        raise DataError(f"{source}: cannot be read: {error}") from error
     return size, begin, end
 
 
@@ -77,6 +102,20 @@ def _file_system(address: str) -> tuple[fsspec.AbstractFileSystem, str]:
     except (ImportError, ValueError) as error:
         raise UsageError(f"{address}: cannot be reached: {error}") from error
     return files, str(path)
+
+
+def _is_pattern(files: fsspec.AbstractFileSystem, address: str) -> bool:
+    signs = _PATTERN & set(address)
+    protocols = (files.protocol,) if isinstance(files.protocol, str) else files.protocol
+    if _WITH_QUERIES & set(protocols):
+        signs -= {_QUERY}
+    return bool(signs) and not files.exists(address)
+
+
+def _in_store(path: str) -> bool:
+    """Tell whether a local file is one of a store's."""
+    folder = Path(path).parent.parent
+    return folder.name == FINDINGS and (folder.parent / MARK).is_file()
 
 
 def _name(files: fsspec.AbstractFileSystem, path: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from asyncio import CancelledError
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from distributed import Client, Future, as_completed
+from distributed.client import FutureCancelledError
 
 from motorctl.config import load
-from motorctl.errors import UsageError
+from motorctl.errors import RunError, UsageError
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.conflicts import conflicts_of
 from motorctl.fleet.findings import Refusal, Row, table_of_log, table_of_refusal
@@ -46,6 +48,8 @@ class FleetRun:
     """Whose findings were there already."""
     twins: int = 0
     """The same as another one under another name."""
+    copies: int = 0
+    """Of rows of other logs: flight records, and what a scope caught; they are not looked at."""
     looked_at: int = 0
     hours: float = 0.0
     """Of recording that were looked at."""
@@ -105,7 +109,7 @@ def diagnose_fleet(
     ConfigError
         Where the configuration is not valid.
     RunError
-        Where findings cannot be written.
+        Where findings cannot be written, or the scheduler is gone.
     """
     if diagnoses < 0:
         raise UsageError(f"--diagnoses {diagnoses}: should be 0 or more")
@@ -118,7 +122,13 @@ def diagnose_fleet(
     tell = _forward_only(progress)
     with kept.locked(), engine(scheduler, workers) as client:
         fleet = _Fleet(client, kept, declared, diagnoses, run, tell)
-        fleet.look_at(fleet.chosen(sources))
+        try:
+            fleet.look_at(fleet.chosen(sources))
+        except (CancelledError, FutureCancelledError, OSError) as error:
+            raise RunError(
+                f"{scheduler or 'the local cluster'}: the scheduler is gone ({error}); what was "
+                f"done is kept in {store}, and the same command does the rest"
+            ) from error
     run.refused.sort(key=lambda refusal: refusal.source)
     run.seconds = time.monotonic() - began
     return run
@@ -151,23 +161,26 @@ class _Fleet:
         for refusal, identity in damaged:
             self._refuse(refusal, identity, None)
         heads.sort(key=lambda head: (head.begin_utc, head.source))
-        for conflict in (conflicts := {each.source: each for each in conflicts_of(heads)}).values():
-            self.run.refused.append(conflict)
-        told = self.store.refusals({self._key(head) for head in heads})
-        wanted: dict[str, LogHead] = {}
+        logs: dict[str, LogHead] = {}
         for head in heads:
-            if head.source in conflicts:
-                continue
-            key = self._key(head)
-            if key in wanted:
+            if head.copied:
+                self.run.copies += 1
+            elif logs.setdefault(self._key(head), head) is not head:
                 self.run.twins += 1
-            elif key in told:
-                self.run.refused.append(Refusal(head.source, told[key]))
+        conflicts = {each.source: each for each in conflicts_of(list(logs.values()))}
+        told = self.store.refusals({self._refused_key(head) for head in logs.values()})
+        wanted: list[LogHead] = []
+        for key, head in logs.items():
+            refused_key = self._refused_key(head)
+            if head.source in conflicts:
+                self.run.refused.append(conflicts[head.source])
+            elif refused_key in told:
+                self.run.refused.append(Refusal(head.source, told[refused_key]))
             elif key in self.store:
                 self.run.known += 1
             else:
-                wanted[key] = head
-        return list(wanted.values())
+                wanted.append(head)
+        return wanted
 
     def look_at(self, heads: Sequence[LogHead]) -> None:
         """Look at logs, and keep what is found of each once it is whole."""
@@ -212,6 +225,10 @@ class _Fleet:
     def _key(self, head: LogHead) -> str:
         return key_of(head.log_id, head.model_id, self.diagnoses)
 
+    def _refused_key(self, head: LogHead) -> str:
+        """Return the key of why a log cannot be used, which limits may say that are not fitted."""
+        return key_of(head.log_id, f"{head.model_id} {head.limits_id}", self.diagnoses)
+
     def _keep(self, head: LogHead, found: list[Row] | Refusal) -> None:
         if isinstance(found, Refusal):
             self._refuse(found, head.log_id, head)
@@ -227,7 +244,7 @@ class _Fleet:
         self.run.refused.append(refusal)
         if identity is None or not refusal.lasting:
             return
-        key = self._key(head) if head else key_of(identity, "", self.diagnoses)
+        key = self._refused_key(head) if head else key_of(identity, "", self.diagnoses)
         if key not in self.store:
             table = table_of_refusal(refusal, key, identity, head)
             self.store.write(key, head.begin_utc if head else None, table)

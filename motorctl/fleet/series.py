@@ -43,7 +43,9 @@ class Series:
     value: Array
     """(N,)"""
     sources: tuple[str, ...]
-    """A log of each point."""
+    """A log of each point, as near to its value as any."""
+    of_other_models: int = 0
+    """Values that were left out because another model gave them."""
 
     def moment(self, point: int) -> datetime:
         """Return when a point was."""
@@ -67,15 +69,20 @@ def series_of(store: Store) -> list[Series]:
         )
     rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
     rows.sort(key=lambda row: (row["begin_utc"], row["log_id"]))
-    model = {(row["machine"], row["axis"]): row["model_id"] for row in rows}
+    in_writing = sorted(rows, key=lambda row: row["written_utc"])
+    model = {(row["machine"], row["axis"]): row["model_id"] for row in in_writing}
     told: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
+    others: dict[tuple[str, ...], int] = defaultdict(int)
     for row in rows:
+        key = tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))
         if row["model_id"] == model[row["machine"], row["axis"]]:
-            told[tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))].append(row)
-    return [_binned(key, found) for key, found in sorted(told.items())]
+            told[key].append(row)
+        else:
+            others[key] += 1
+    return [_binned(key, found, others[key]) for key, found in sorted(told.items())]
 
 
-def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> Series:
+def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]], others: int) -> Series:
     value, error = (
         np.array([row[name] for row in rows], np.float64) for name in ("value", "std_error")
     )
@@ -95,5 +102,11 @@ def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> Series:
         unit,
         time_s=np.array([np.mean(begin[at]) for at in points]),
         value=np.array([np.median(value[at]) for at in points]),
-        sources=tuple(str(rows[int(at[0])]["source"]) for at in points),
+        sources=tuple(str(rows[_typical(value, at)]["source"]) for at in points),
+        of_other_models=others,
     )
+
+
+def _typical(value: Array, at: NDArray[np.intp]) -> int:
+    """Return the place whose value is nearest to the median: where a step is, it is after it."""
+    return int(at[np.argmin(np.abs(value[at] - np.median(value[at])))])

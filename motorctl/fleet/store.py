@@ -17,10 +17,9 @@ import pyarrow.parquet as pq
 
 from motorctl.errors import DataError, RunError, UsageError
 from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION
+from motorctl.fleet.paths import FINDINGS, MARK
 from motorctl.version import VERSION
 
-_MARK = "store.json"
-_FINDINGS = "findings"
 _DRAFT = ".draft-"
 _UNDATED = "undated"
 
@@ -40,14 +39,14 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._known = {path.stem for path in (folder / _FINDINGS).glob("*/*.parquet")}
+        self._known = {path.stem for path in (folder / FINDINGS).glob("*/*.parquet")}
 
     def __contains__(self, key: str) -> bool:
         return key in self._known
 
     def write(self, key: str, began: datetime | None, table: pa.Table) -> None:
         """Keep the findings of a log. Raises RunError where they cannot be written."""
-        month = self.folder / _FINDINGS / (f"{began:%Y-%m}" if began else _UNDATED)
+        month = self.folder / FINDINGS / (f"{began:%Y-%m}" if began else _UNDATED)
         draft, target = month / f"{_DRAFT}{key}", month / f"{key}.parquet"
         try:
             month.mkdir(parents=True, exist_ok=True)
@@ -69,7 +68,7 @@ class Store:
         self, columns: list[str] | None = None, where: ds.Expression | None = None
     ) -> pa.Table:
         """Return findings of all logs, in no order. Raises DataError where a file is damaged."""
-        files = sorted(map(str, (self.folder / _FINDINGS).glob("*/*.parquet")))
+        files = sorted(map(str, (self.folder / FINDINGS).glob("*/*.parquet")))
         try:
             return ds.dataset(files, schema=SCHEMA, format="parquet").to_table(columns, where)
         except (pa.ArrowException, OSError) as error:
@@ -81,12 +80,12 @@ class Store:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep other runs from writing meanwhile. Raises UsageError where one does."""
-        with (self.folder / _MARK).open("rb") as mark:
+        with (self.folder / MARK).open("rb") as mark:
             try:
                 fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise UsageError(f"{self.folder}: another run writes to this store") from None
-            for draft in (self.folder / _FINDINGS).glob(f"*/{_DRAFT}*"):
+            for draft in (self.folder / FINDINGS).glob(f"*/{_DRAFT}*"):
                 draft.unlink()  # of a run that was ended
             yield
 
@@ -106,13 +105,13 @@ def open_store(folder: Path, *, create: bool = False) -> Store:
     UsageError
         Where the folder is something else, of another schema, or cannot be made.
     """
-    mark = folder / _MARK
+    mark = folder / MARK
     try:
         if create and not mark.exists():
             if folder.exists() and any(folder.iterdir()):
                 raise UsageError(f"{folder}: is there already, and is no store of findings")
             folder.mkdir(parents=True, exist_ok=True)
-            draft = folder / f"{_MARK}{_DRAFT}{os.getpid()}"
+            draft = folder / f"{MARK}{_DRAFT}{os.getpid()}"
             draft.write_text(json.dumps({"motorctl": "findings", "schema": SCHEMA_VERSION}) + "\n")
             draft.replace(mark)
         told = json.loads(mark.read_text())
@@ -122,9 +121,10 @@ def open_store(folder: Path, *, create: bool = False) -> Store:
         ) from error
     except (OSError, ValueError) as error:
         raise UsageError(f"{folder}: cannot be used as a store: {error}") from error
-    if told.get("schema") != SCHEMA_VERSION:
+    schema = told.get("schema") if isinstance(told, dict) else None
+    if schema != SCHEMA_VERSION:
         raise UsageError(
-            f"{folder}: its schema is {told.get('schema')}, this motorctl has {SCHEMA_VERSION}: "
+            f"{folder}: its schema is {schema}, this motorctl has {SCHEMA_VERSION}: "
             "begin a new store"
         )
     return Store(folder)

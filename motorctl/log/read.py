@@ -107,7 +107,7 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
     if "time_s" not in table.names or not axes:
         missing = "time_s" if "time_s" not in table.names else f"<axis>{_POSITION}"
         raise DataError(
-            f"{table.path}: no column '{missing}'. There are: {table.listing()}. For a "
+            f"{table.called}: no column '{missing}'. There are: {table.listing()}. For a "
             "foreign file, write a YAML description that names its columns, and pass that instead"
         )
     for axis in axes:
@@ -132,7 +132,7 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
         columns, wild = _without_wild(table, columns, [axis + _POSITION for axis in axes])
     notes = (*table.notes, *grid.notes, *wild, *blank, *_learned_notes(columns))
     return Recording(
-        source=str(table.path),
+        source=table.called,
         sample_rate_hz=grid.sample_rate_hz,
         time_s=grid.time_s,
         axes={

@@ -14,6 +14,12 @@ from motorctl.log.table import Array, Table
 from motorctl.log.table_parquet import damaged, floats_of, require_numbers
 
 
+def is_passing(error: Exception) -> bool:
+    """Tell whether a disk or a network failed, and not the file; pyarrow calls both OSError."""
+    from_outside = isinstance(error, TimeoutError | ConnectionError)
+    return from_outside or (isinstance(error, OSError) and error.errno is not None)
+
+
 class RowGroupTable(Table):
     """Row groups of an open file, one after the other; between them time may jump.
 
@@ -35,6 +41,7 @@ class RowGroupTable(Table):
         self._begins = np.concatenate(([0], np.cumsum(np.array(counts, np.int64))))
         self._ends = np.cumsum([counts[k] for k in self._groups])
         super().__init__(Path(source), file.schema_arrow.names, load_metadata(file.schema_arrow))
+        self.called = source  # a path makes one slash of the two of an address
 
     def row(self, index: int) -> str:
         """Return where the row with this index stands in the whole file, counting from 1."""
@@ -43,9 +50,11 @@ class RowGroupTable(Table):
         return super().row(int(self._begins[self._groups[k]]) + index - before)
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
-        require_numbers(self.path, self._file.schema_arrow, names)
+        require_numbers(self.called, self._file.schema_arrow, names)
         try:
             read = self._file.read_row_groups(self._groups, columns=list(names))
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            raise damaged(self.path, error) from error
+            if is_passing(error):
+                raise
+            raise damaged(self.called, error) from error
         return {name: floats_of(read.column(name)) for name in names}

@@ -37,6 +37,8 @@ class Table(ABC):
         self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None
     ) -> None:
         self.path = path
+        self.called = str(path)
+        """What messages call it."""
         self.names, self.repeated = _told_apart(names)
         self.metadata = dict(metadata or {})
 
@@ -64,7 +66,7 @@ class Table(ABC):
         if max(lengths.values()) - rows > 1:
             name = next(name for name in wanted if lengths[name] != lengths[first])
             raise DataError(
-                f"{self.path}: column '{name}' has {lengths[name]} rows, "
+                f"{self.called}: column '{name}' has {lengths[name]} rows, "
                 f"but '{first}' has {lengths[first]}"
             )
         longer = [name for name in wanted if lengths[name] > rows]
@@ -86,10 +88,12 @@ class Table(ABC):
     def missing(self, name: str) -> str:
         """Return a sentence: there is no such column, or more than one, and which there are."""
         if name in self.repeated:
-            return f"{self.path}: there is more than one column '{name}'; say '{name} (1)', or (2)"
+            return (
+                f"{self.called}: there is more than one column '{name}'; say '{name} (1)', or (2)"
+            )
         close = difflib.get_close_matches(name, self.names, n=1, cutoff=0.75)
         hint = f"; did you mean '{close[0]}'?" if close else "."
-        return f"{self.path}: no column '{name}'{hint} There are: {self.listing()}"
+        return f"{self.called}: no column '{name}'{hint} There are: {self.listing()}"
 
     def listing(self) -> str:
         """List the columns, shortened where they are many."""
@@ -129,7 +133,7 @@ class Table(ABC):
             k = int(wrong[0])
             value = "empty or not a number" if np.isnan(values[k]) else "infinite"
             raise DataError(
-                f"{self.path}: {self.row(k)}: column '{name}' is {value} "
+                f"{self.called}: {self.row(k)}: column '{name}' is {value} "
                 f"({wrong.size} such of {len(values)} rows)"
             )
 

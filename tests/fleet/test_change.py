@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from motorctl.fleet.change import FEWEST_POINTS, change_in, scatter_of
-from motorctl.fleet.changes import judged
+from motorctl.fleet.changes import LEAST_SIZE, judged
 from motorctl.fleet.series import Series
 
 
@@ -109,3 +111,53 @@ def test_the_largest_change_beside_its_scatter_comes_first() -> None:
     assert [alarm.series.machine for alarm in found.alarms] == ["m7", "m4"]
     assert found.alarms[0].since[1] == found.alarms[0].series.moment(30)
     assert found.alarms[0].to_dict()["since"][1].startswith("1970-01-11")
+
+
+def told_in_a_fleet(found: Any) -> bool:
+    """Return whether an alarm would be told in a fleet of 800 series."""
+    return found is not None and found.p_value <= 0.0027 / 800 and found.size >= LEAST_SIZE
+
+
+@pytest.mark.parametrize(("outliers", "at_end"), [(1, False), (1, True), (2, False)])
+def test_fewer_points_than_a_change_must_last_are_none(outliers: int, at_end: bool) -> None:
+    told = 0
+    for seed in range(40):
+        value = noise(180, seed)
+        first = 180 - outliers if at_end else 20 + 3 * seed
+        value[first : first + outliers] += 20.0
+        told += told_in_a_fleet(change_in(value))
+    assert told <= 2
+
+
+def test_a_drift_that_begins_inside_is_told_with_its_beginning() -> None:
+    value = noise(180, 4)
+    value[120:] += np.linspace(0.0, 12.0, 60)
+
+    found = change_in(value)
+
+    assert found is not None
+    assert found.form == "drift"
+    assert found.first == pytest.approx(120, abs=8)
+    assert found.before.value == pytest.approx(0.0, abs=4.0 * found.before.std_error)
+    assert found.after.value == pytest.approx(12.0, abs=4.0 * found.after.std_error)
+    assert told_in_a_fleet(found)
+    (alarm,) = judged([series(0, value)], 0.01, 1.0).alarms
+    assert alarm.since == (alarm.series.moment(found.first), alarm.series.moment(179))
+
+
+def test_a_step_of_rounded_values_is_told() -> None:
+    value = np.round(0.2 * noise(180, 5))
+    value[90:] += 3.0
+    found = change_in(value)
+    assert found is not None
+    assert (found.form, found.first) == ("step", 90)
+    assert told_in_a_fleet(found)
+
+
+def test_rounded_values_in_which_nothing_changes_are_told_as_none() -> None:
+    assert not any(told_in_a_fleet(change_in(np.round(0.2 * noise(180, k)))) for k in range(40))
+
+
+def test_a_series_as_short_as_is_judged_has_no_room_for_a_drift_that_begins_inside() -> None:
+    for points in range(FEWEST_POINTS, FEWEST_POINTS + 4):
+        assert change_in(noise(points, points)) is not None

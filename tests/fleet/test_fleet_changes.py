@@ -30,6 +30,7 @@ FRICTION = "coulomb_friction"
 def head(machine: str, log_id: str, begin: datetime, model_id: str = "model") -> LogHead:
     return LogHead(
         source=f"{machine}/{log_id}.parquet", log_id=log_id, model_id=model_id, machine=machine,
+        limits_id="", copied=False,
         host="computer", run=None, part=None, begin_utc=begin, end_utc=begin, first_s=0.0,
         virtual=False, rate_hz=5000.0, group_rows=(1,), moved={"x": (True,)}, programs={},
     )  # fmt: skip
@@ -90,6 +91,48 @@ def test_values_of_another_model_are_no_change(store: Store) -> None:
     (m1,) = (series for series in series_of(store) if series.machine == "m1")
     assert len(m1.value) == 20
     assert m1.value.min() >= 0.5
+    assert m1.of_other_models == 40
+
+
+def test_the_model_that_was_fitted_last_counts_though_it_did_not_fit_the_last_log(
+    store: Store,
+) -> None:
+    again = [
+        head("m1", f"m1-{k}", BEGAN + k * timedelta(hours=8), model_id="another") for k in range(59)
+    ]
+    keep(store, "again", [kept(told, 0.5) for told in again])
+    (m1,) = (series for series in series_of(store) if series.machine == "m1")
+    assert len(m1.value) == 59
+    assert changes_in(store).of_other_models == 1
+    shown = CliRunner().invoke(make_app(), ["fleet", "changes", "--store", str(store.folder)])
+    assert "1 values of other models than the last were left out" in shown.stdout
+
+
+def test_a_point_names_a_log_that_has_its_value(store: Store) -> None:
+    values = [0.1, 0.5, 0.51]  # it changed after the first log of the shift
+    shift = [
+        kept(head("m5", f"m5-{k}", BEGAN + timedelta(hours=k)), v) for k, v in enumerate(values)
+    ]
+    keep(store, "m5", shift)
+    (m5,) = (series for series in series_of(store) if series.machine == "m5")
+    assert m5.sources == ("m5/m5-1.parquet",)
+
+
+def test_names_that_look_like_markup_are_shown_as_they_are(tmp_path: Path) -> None:
+    store = open_store(tmp_path / "marked", create=True)
+    name, rng = "[/m]", np.random.default_rng(1)
+    logs = [
+        kept(
+            head(name, f"{k}", BEGAN + k * timedelta(hours=8)),
+            float(k >= 30) + 0.01 * rng.standard_normal(),
+        )
+        for k in range(60)
+    ]
+    keep(store, "all", logs)
+    shown = CliRunner().invoke(make_app(), ["fleet", "changes", "--store", str(store.folder)])
+    assert shown.exit_code == 0, shown.output
+    assert "[/m] x" in shown.stdout
+    assert "[V]" in shown.stdout
 
 
 def test_windows_of_one_shift_are_one_point_and_vague_ones_none(store: Store) -> None:

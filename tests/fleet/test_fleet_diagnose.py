@@ -13,19 +13,22 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import psutil
 import pytest
 from distributed import LocalCluster
+from fleet_bench import head_of
 from fleet_logs import plant_log, told_anew
 from typer.testing import CliRunner
 
 import motorctl
 from motorctl.cli import make_app
-from motorctl.errors import UsageError
+from motorctl.errors import RunError, UsageError
 from motorctl.fleet.cluster import engine
+from motorctl.fleet.findings import table_of_log
 from motorctl.fleet.run import FleetRun, diagnose_fleet
-from motorctl.fleet.store import open_store
+from motorctl.fleet.store import key_of, open_store
 
 MAIN = "from motorctl.cli import main; main()"
 BEGAN = datetime(2026, 3, 1, 6, tzinfo=UTC)
@@ -128,6 +131,58 @@ def test_what_cannot_begin_is_told_at_once(good_log: Path, tmp_path: Path, sched
         diagnose_fleet([str(good_log)], store, scheduler=scheduler, workers=2)
     with pytest.raises(UsageError, match="--diagnoses -1"):
         diagnose_fleet([str(good_log)], store, scheduler=scheduler, diagnoses=-1)
+
+
+def test_a_log_that_is_there_twice_is_one_and_its_flight_records_are_no_other_machine(
+    good_log: Path, tmp_path: Path, scheduler: str
+) -> None:
+    log = told_anew(good_log, tmp_path / "log.parquet", started=BEGAN, rest_s=90.0)
+    shutil.copy(log, tmp_path / "copy.parquet")
+    flight = {"started": BEGAN + timedelta(seconds=5), "flight_record": {"axis": "x"}}
+    told_anew(good_log, tmp_path / "faults" / "record.parquet", **flight)
+    head = head_of(log)
+    key = key_of(head.log_id, head.model_id, 0)
+    store = open_store(tmp_path / "store", create=True)
+    store.write(key, BEGAN, table_of_log(head, key, []))
+
+    run = look(tmp_path, store.folder, scheduler)
+
+    assert not run.refused
+    assert (run.logs, run.known, run.twins, run.copies) == (3, 1, 1, 1)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_is_told_with_what_to_do(good_log: Path, tmp_path: Path) -> None:
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as cluster:
+
+        def go_away(_: str, __: float) -> None:
+            cluster.close()
+
+        with pytest.raises(RunError, match="the same command does the rest"):
+            diagnose_fleet(
+                [str(good_log)],
+                tmp_path / "store",
+                model="C1",
+                diagnoses=0,
+                scheduler=cluster.scheduler_address,
+                progress=go_away,
+            )
+
+
+def test_workers_without_motorctl_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(*_: object) -> None:
+        raise ModuleNotFoundError("No module named 'motorctl'")
+
+    client = MagicMock()
+    client.return_value.run = run
+    monkeypatch.setattr("motorctl.fleet.cluster.Client", client)
+    with (
+        pytest.raises(UsageError, match="its workers have no motorctl"),
+        engine("tcp://127.0.0.1:1", None),
+    ):
+        pass
 
 
 @pytest.mark.slow

@@ -46,6 +46,9 @@ def test_a_store_of_another_schema_is_refused(store: Store) -> None:
     (store.folder / "store.json").write_text(json.dumps({"schema": 999}))
     with pytest.raises(UsageError, match="its schema is 999"):
         open_store(store.folder)
+    (store.folder / "store.json").write_text("[1]")
+    with pytest.raises(UsageError, match="its schema is None"):
+        open_store(store.folder)
 
 
 def test_only_one_run_writes_at_a_time(store: Store) -> None:

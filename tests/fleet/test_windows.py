@@ -132,3 +132,14 @@ def test_what_is_kept_of_a_short_log_is_what_fit_tells(good_log: Path) -> None:
         assert kept[name]["unit"] == parameter["unit"]
     assert kept["residual_rms"]["value"] == told["error"]["rms"]
     assert kept["input_delay_s"]["value"] == told["input_delay_s"]["value"]
+
+
+def test_a_parameter_at_its_bound_is_kept_and_says_so(tmp_path: Path) -> None:
+    gone = [*X_THETA[:2], -0.05, *X_THETA[3:]]  # beyond what the model allows
+    rows = looked_at(plant_log(tmp_path / "log.parquet", theta=gone, duration_s=4.0, seed=3))
+    assert not isinstance(rows, Refusal), rows
+    told = {row["name"]: row for row in rows}
+    assert {"inertia", "viscous_friction", "coulomb_friction", "offset"} <= set(told)
+    assert told["coulomb_friction"]["text"] == "at its lower bound"
+    assert told["coulomb_friction"]["std_error"] is None
+    assert told["inertia"]["text"] is None
