@@ -171,9 +171,15 @@ def _roughness(places: Array, values: Array) -> float:
     """Return what a cubic through two samples on each side misses, over the range of the values."""
     finite = np.isfinite(values)
     x, y = places[finite], values[finite]
-    if len(x) < FEWEST_SAMPLES or np.ptp(y) == 0.0:
+    if len(x) < FEWEST_SAMPLES:
         return 0.0
-    return float(np.sqrt(np.mean(_missed(x, y) ** 2)) / np.ptp(y))
+    # a damaged file may hold times and values whose products are no numbers: nothing is rougher
+    with np.errstate(over="ignore", invalid="ignore"):
+        span = float(np.ptp(y))
+        missed = float(np.sqrt(np.mean(_missed(x, y) ** 2))) if span else 0.0
+    if span == 0.0:
+        return 0.0
+    return missed / span if np.isfinite(missed) and np.isfinite(span) else np.inf
 
 
 def _missed(x: Array, y: Array) -> Array:

@@ -133,6 +133,7 @@ def test_what_cannot_begin_is_told_at_once(good_log: Path, tmp_path: Path, sched
         diagnose_fleet([str(good_log)], store, scheduler=scheduler, diagnoses=-1)
 
 
+@pytest.mark.slow
 def test_a_log_that_is_there_twice_is_one_and_its_flight_records_are_no_other_machine(
     good_log: Path, tmp_path: Path, scheduler: str
 ) -> None:
