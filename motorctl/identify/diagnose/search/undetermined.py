@@ -19,6 +19,11 @@ UNSURE = 0.02
 """Standard error of the input map at the largest command, in parts of the command, beyond which an
 electromagnetic term is left out. Larger keeps terms that bend other estimates, smaller drops useful
 ones. Chosen by hand."""
+HIDDEN = 3.0
+"""How far below that limit the standard error has to come beside the effects that were found, for a
+term that was left out to be taken back. Larger leaves out what a missing effect hid, smaller takes
+back what an effect of chance lets pass. Chosen by hand: a coupling that was found brings it 180
+times below, a swing that was found in noise 1.2 times."""
 ONE_WAY = 1e-4
 """How much of the direction's column is no constant, up to which the motion is one-way. Larger
 drops an offset that a few reversals show, smaller keeps two parameters of which only the sum is
@@ -46,7 +51,7 @@ def without_undetermined(
     }
     if alone:
         declared = EffectList([e for e in declared.effects if e.name not in alone])
-    declared, dropped = _with_bend(signals, declared, ())
+    declared, dropped = _with_bend(signals, declared)
     declared, mimicked = _with_offset(signals, declared)
     return declared, alone | dropped | mimicked
 
@@ -112,11 +117,14 @@ def with_determined(
     if len(whole.effects) == len(kept.effects):
         return kept
     beside = tuple(effect for effect in added if effect.kind != "input")
-    return _with_bend(signals, whole, beside)[0]
+    return _with_bend(signals, whole, beside, UNSURE / HIDDEN)[0] if beside else kept
 
 
 def _with_bend(
-    signals: Signals, declared: EffectList, added: tuple[Effect, ...]
+    signals: Signals,
+    declared: EffectList,
+    added: tuple[Effect, ...] = (),
+    unsure: float = UNSURE,
 ) -> tuple[EffectList, dict[str, str]]:
     """Drop the electromagnetic effects where the recording does not determine them."""
     curved = [effect.name for effect in declared.effects if effect.electromagnetic]
@@ -127,10 +135,10 @@ def _with_bend(
         why = f"the command is in {signals.data.command_unit}, not the voltage that saturates"
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
     error = _bend_error_v(signals, declared, added)
-    if error > UNSURE * largest:
+    if error > unsure * largest:
         why = (
             f"commands of up to {largest:.3g} V do not determine the bend of the input map: its "
-            f"standard error there would be {error:.2g} V, the limit is {UNSURE * largest:.2g} V"
+            f"standard error there would be {error:.2g} V, the limit is {unsure * largest:.2g} V"
         )
         return declared.without_electromagnetic(), dict.fromkeys(curved, why)
     return declared, {}
