@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -55,8 +54,11 @@ def running(start: str, folder: Path) -> Iterator[dict[str, str]]:
         wait_until(lambda: answers(socket), 240.0)
         yield environment
     finally:
-        daemon.send_signal(signal.SIGINT)
-        daemon.wait(60.0)
+        daemon.terminate()  # as a service manager does: SIGINT may be ignored here, and inherited
+        try:
+            daemon.wait(60.0)
+        finally:
+            daemon.kill()
 
 
 def answers(socket: Path) -> bool:
