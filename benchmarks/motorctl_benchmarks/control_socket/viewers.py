@@ -88,6 +88,8 @@ def watching(control_socket: Path, captures: Path, watched: Watched) -> Iterator
             thread.join()
         scope.terminate()
         scope.wait()
+        if scope.stdout is not None:
+            scope.stdout.close()
 
 
 def _address(scope: subprocess.Popen[str]) -> str:
