@@ -111,13 +111,18 @@ def with_determined(
         What it was given.
     added
         The effects that were found.
+
+    Returns
+    -------
+    EffectList
+        `kept` itself where nothing came back: what was searched with it stands.
     """
-    names = [e.name for e in declared.effects if e.name in kept.names or e.electromagnetic]
-    whole = EffectList([e for e in declared.effects if e.name in names])
-    if len(whole.effects) == len(kept.effects):
-        return kept
+    whole = EffectList([e for e in declared.effects if e.name in kept.names or e.electromagnetic])
     beside = tuple(effect for effect in added if effect.kind != "input")
-    return _with_bend(signals, whole, beside, UNSURE / HIDDEN)[0] if beside else kept
+    if not beside or len(whole.effects) == len(kept.effects):
+        return kept
+    restored, dropped = _with_bend(signals, whole, beside, UNSURE / HIDDEN)
+    return kept if dropped else restored
 
 
 def _with_bend(
