@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from motorctl.errors import UsageError
+from motorctl.extras import require
 from motorctl.printable import printable
 
 if TYPE_CHECKING:
@@ -56,12 +56,9 @@ def frame_of_rows(rows: Iterable[Mapping[str, object]], columns: Sequence[str]) 
 
 def pandas() -> Any:
     """Return pandas. Raises UsageError, telling how to install it, where it is not there."""
-    try:
-        import pandas as module
-    except ImportError:
-        raise UsageError(
-            "to_pandas needs pandas, which is not installed: pip install 'motorctl[notebook]'"
-        ) from None
+    require("to_pandas", "notebook", "pandas")
+    import pandas as module
+
     return module
 
 

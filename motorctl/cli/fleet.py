@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +15,7 @@ from motorctl.cli.recording_argument import AllowCode
 from motorctl.cli.say import say
 from motorctl.cli.terminal import Terminal, open_table
 from motorctl.cli.whole_help import WholeHelp
-from motorctl.errors import UsageError
+from motorctl.extras import require
 
 if TYPE_CHECKING:
     from motorctl.fleet.changes import Alarm, FleetChanges
@@ -85,7 +84,7 @@ def _diagnose(
     A bad log is told with its file and the reason, and the others go on. What is done stays,
     whatever ends the run: the same command again does the rest.
     """
-    _require_extra()
+    require("motorctl fleet", "fleet", *NEEDED)
     from motorctl.cli.progress import showing_stages
     from motorctl.fleet.run import diagnose_fleet
 
@@ -124,7 +123,7 @@ def _changes(
     as_json: AsJson = False,
 ) -> None:
     """Tell which parameters of which machines changed, since when, and what to look at first."""
-    _require_extra()
+    require("motorctl fleet", "fleet", *NEEDED)
     from motorctl.fleet.changes import changes_in
     from motorctl.fleet.store import open_store
 
@@ -183,12 +182,3 @@ def _summary(run: FleetRun) -> str:
         f"recording in {run.seconds:.3g} s), {run.known} were known{twins}, {len(run.refused)} "
         f"cannot be used; {run.findings} findings were added"
     )
-
-
-def _require_extra() -> None:
-    missing = [name for name in NEEDED if find_spec(name) is None]
-    if missing:
-        raise UsageError(
-            f"motorctl fleet needs {', '.join(missing)}, not installed: pip install "
-            "'motorctl[fleet]'"
-        )

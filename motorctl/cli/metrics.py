@@ -10,7 +10,7 @@ import typer
 
 from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
-from motorctl.errors import UsageError
+from motorctl.extras import require
 
 
 def register(app: typer.Typer) -> None:
@@ -41,13 +41,7 @@ def _metrics(
     A process of its own, which asks the daemon for its status once a scrape; the daemon itself
     listens nowhere. While no daemon answers, motorctl_up is 0.
     """
-    try:
-        import prometheus_client  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "motorctl metrics needs prometheus-client, which is not installed: "
-            "pip install 'motorctl[metrics]'"
-        ) from None
+    require("motorctl metrics", "metrics", "prometheus_client")
     from motorctl.neighbours.metrics_server import (
         Access,
         DaemonCollector,

@@ -12,6 +12,7 @@ import typer
 from motorctl.cli.say import say
 from motorctl.cli.socket_option import SocketOption
 from motorctl.errors import UsageError
+from motorctl.extras import require
 
 
 def register(app: typer.Typer) -> None:
@@ -46,12 +47,7 @@ def _scope(
     ] = "127.0.0.1",
 ) -> None:
     """Show logs, or a running machine, in a browser: from the whole down to single rows."""
-    try:
-        import aiohttp  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "motorctl scope needs aiohttp, which is not installed: pip install 'motorctl[scope]'"
-        ) from None
+    require("motorctl scope", "scope", "aiohttp")
     from motorctl.scope.server import Logs, serve
 
     if logs and socket is not None:

@@ -16,8 +16,9 @@ from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
 from motorctl.errors import DataError, UsageError
+from motorctl.extras import require
 from motorctl.log.columns import METADATA_KEY
-from motorctl.log.export_mcap import require_mcap, write_mcap
+from motorctl.log.export_mcap import write_mcap
 from motorctl.log.folder import EXPORT_SUFFIX
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
@@ -76,7 +77,7 @@ def export(
         Where the new file cannot be written.
     """
     if to == "mcap":
-        require_mcap()
+        require("log export --to mcap", "mcap", "mcap")
     table = open_recorded(paths, whole_run)
     if not isinstance(table, ParquetTable | RunTable):
         raise DataError(f"{table.path}: is a {table.kind} file; only logs (Parquet) are exported")

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from motorctl.errors import DataError, UsageError
+from motorctl.errors import DataError
 from motorctl.log.table import Table
-from motorctl.log.table_parquet import ParquetTable
+from motorctl.log.table_parquet import ParquetTable, require_numbers
 from motorctl.printable import one_line
 from motorctl.version import VERSION
 
@@ -49,16 +49,6 @@ class _Topic:
             if key in NAMED:
                 properties[f"{key}_name"] = {"type": "string", "description": f"{key}, in words"}
         return {"title": f"motorctl.{self.name}", "type": "object", "properties": properties}
-
-
-def require_mcap() -> None:
-    """Raise UsageError where the library that writes MCAP is not installed."""
-    try:
-        import mcap.writer  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "log export --to mcap needs mcap, which is not installed: pip install 'motorctl[mcap]'"
-        ) from None
 
 
 def write_mcap(
@@ -116,11 +106,9 @@ def _topics(table: Table, schema: pa.Schema) -> list[_Topic]:
     """Return the loop's topic and one an axis. Raises DataError where the file is no log."""
     if TIME not in schema.names:
         raise DataError(f"{table.path}: has no column '{TIME}': only logs are exported to MCAP")
+    require_numbers(table.path, schema, schema.names)
     grouped: dict[str, dict[str, str]] = {}
     for name in schema.names:
-        kind = schema.field(name).type
-        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-            raise DataError(f"{table.path}: column '{name}' holds {kind}, not numbers")
         axis, _, signal = name.rpartition(".")
         grouped.setdefault(axis or LOOP, {})[signal] = name
     return [_Topic(name, columns) for name, columns in grouped.items()]

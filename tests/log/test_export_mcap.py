@@ -146,7 +146,7 @@ def test_a_file_that_is_no_log_is_refused(tmp_path: Path) -> None:
 def test_without_its_extra_it_says_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setitem(sys.modules, "mcap", None)
     with pytest.raises(UsageError, match=r"needs mcap, .*: pip install 'motorctl\[mcap\]'"):
         exported(tmp_path / "none.parquet")
 
