@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from motorctl.errors import DataError, RunError, UsageError
 from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION
 from motorctl.fleet.paths import FINDINGS, MARK
+from motorctl.log.synced import sync
 from motorctl.version import VERSION
 
 _DRAFT = ".draft-"
@@ -51,9 +52,9 @@ class Store:
         try:
             month.mkdir(parents=True, exist_ok=True)
             pq.write_table(table, draft, compression="zstd")
-            _sync(draft)
+            sync(draft)
             draft.replace(target)
-            _sync(month)
+            sync(month)
         except OSError as error:
             raise RunError(f"{target}: cannot be written: {error}") from error
         self._known.add(key)
@@ -128,11 +129,3 @@ def open_store(folder: Path, *, create: bool = False) -> Store:
             "begin a new store"
         )
     return Store(folder)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import pyarrow.parquet as pq
 
 from motorctl.log.columns import METADATA_KEY
 from motorctl.log.partial import Ending, PartialFile
+from motorctl.log.synced import sync
 from motorctl.log.timing import TimingSummary
 
 ROW_GROUP_ROWS = 1 << 16
@@ -77,10 +77,10 @@ def convert(partial: Path, target: Path, without_end: Mapping[str, Any]) -> Conv
         with _parquet_writer(draft, schema) as writer:
             for group in _row_groups(source, schema):
                 writer.write_table(group, row_group_size=ROW_GROUP_ROWS)
-                _sync(draft)
-        _sync(draft)
+                sync(draft)
+        sync(draft)
         draft.replace(target)
-        _sync(target.parent)
+        sync(target.parent)
     finally:
         source.close()
         with suppress(OSError):
@@ -131,11 +131,3 @@ def _row_groups(source: PartialFile, schema: pa.Schema) -> Iterator[pa.Table]:
             rows -= ROW_GROUP_ROWS
     if rows:
         yield pa.Table.from_batches(waiting).replace_schema_metadata(schema.metadata)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -20,6 +20,7 @@ from motorctl.log.columns import LogAxis, log_columns, log_schema
 from motorctl.log.convert import convert
 from motorctl.log.partial import SUFFIX, Ending, encode_batch, encode_ending, encode_head
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
+from motorctl.log.synced import sync
 from motorctl.version import VERSION
 
 BATCH_ROWS = 8192
@@ -224,11 +225,7 @@ class LogWriter:
 
     def _sync_folder(self) -> None:
         os.fdatasync(self._file)
-        folder = os.open(self.path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync(self.path.parent)
 
 
 def _opening(axes: Sequence[LogAxis]) -> dict[str, Any]:

@@ -190,7 +190,7 @@ def test_a_log_that_cannot_be_finished_leaves_what_was_recorded(tmp_path, monkey
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr("motorctl.log.convert.os.fsync", full)
+        patch.setattr("motorctl.log.synced.os.fsync", full)
         with pytest.raises(RunError, match=r"log recover"):
             writer.close({})
     assert not (tmp_path / "run.parquet").exists()

@@ -16,6 +16,7 @@ from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 from motorctl.errors import RunError
+from motorctl_benchmarks.running_daemon import MAIN
 
 VIEWERS = 5
 DRAW_S = 0.1
@@ -28,7 +29,6 @@ COLUMNS = ("r_m", "y_m", "e_m", "u_v")
 """Each viewer draws these of every axis."""
 READY_S = 60.0
 """A scope that takes longer to start has failed. Chosen by hand: it compiles nothing."""
-MAIN = "from motorctl.cli import main; main()"
 
 
 @dataclass
