@@ -62,7 +62,7 @@ def _all_orders(
         base = 1.0 / (parts * wave.options.pitch_m)
         orders = {round(line / base) for line in lines}
         fits = all(abs(line - round(line / base) * base) < tolerance for line in lines)
-        if fits and 1 <= min(orders) and max(orders) <= HIGHEST_ORDER:
+        if fits and min(orders) >= 1 and max(orders) <= HIGHEST_ORDER:
             whole = wave.with_options(pitch_m=1.0 / base, orders=tuple(sorted(orders)))
             form = measure(rest, whole)
             return None if form is None else pruned(rest, by_simplex(rest, form, spans))

@@ -39,7 +39,7 @@ def worse_in_other_direction(final: Hypothesis) -> tuple[Effect, str] | None:
     if final.regressors.side != "command":
         return None
     for effect in final.added:
-        if "resonance" not in effect.groups or not effect.lines:
+        if "resonance" not in effect.groups or effect.over_acceleration(np.ones(1)) is None:
             continue
         rest = final.without(effect.name).refreshed()
         above_hz = BELOW * min(effect.lines)
@@ -61,10 +61,11 @@ def _missed(model: Hypothesis, effect: Effect, above_hz: float) -> float:
     own = [i for i, name in enumerate(model.names) if name == effect.name]
     forces = [i for i in range(1, len(b)) if i not in own]
     left = rows[-1] - b[forces] @ rows[forces]  # what is there to accelerate the machine
-    hz = np.fft.rfftfreq(signals.rows, signals.row_period_s)
+    hz = np.fft.rfftfreq(signals.rows, signals.row_period_s).astype(np.float64)
     inertia = np.full(len(hz), b[0], dtype=np.complex128)
-    if own:
-        inertia += float(b[own[0]]) * effect.over_acceleration(2.0 * math.pi * hz)
+    response = effect.over_acceleration(2.0 * math.pi * hz)
+    if own and response is not None:
+        inertia += float(b[own[0]]) * response
     asked = (hz > above_hz) & (hz < signals.band_hz) & (np.abs(inertia) > 0.0)
     acceleration = np.fft.rfft(rows[0])[asked]
     told = np.fft.rfft(left)[asked] / inertia[asked]
