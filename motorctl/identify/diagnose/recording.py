@@ -31,7 +31,11 @@ from motorctl.identify.diagnose.search.undetermined import with_determined, with
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.far_spring import far_spring
-from motorctl.identify.diagnose.verdict.late_command import late_command, read_between
+from motorctl.identify.diagnose.verdict.late_command import (
+    beside_found,
+    late_command,
+    read_between,
+)
 from motorctl.identify.diagnose.verdict.position_faults import without_stuck
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
     UnexplainedMotionError,
@@ -211,6 +215,8 @@ def diagnose_axis(
             model = whole
             dropped = {name: why for name, why in dropped.items() if name not in model.names}
             found = searched(rows, model, sign_of(declared.effects), tell, tried)
+        if hint and not far:
+            hint = late_command(beside_found(heard, found.final.added))
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)

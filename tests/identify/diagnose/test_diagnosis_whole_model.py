@@ -59,6 +59,19 @@ def test_friction_that_drives_the_axis_one_way_is_refuted(side):
     assert "the friction of the whole model drives the axis at -" in why[0]
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_beside_friction_that_drives_the_axis_anyway_nothing_is_named(side):
+    data = PLANT.run(seed=4, duration_s=8.0)
+    speed = np.gradient(data.position, data.period_s)
+    driven = replace(data, command=data.command - 2.0 * speed)
+    ripple = make_effect(effect_class("cogging"), {"pitch_m": 0.06, "orders": (1,)})
+    found = outcome(driven, ripple, side=side)
+    assert friction_power(found.base).given > GIVES
+    kept, why = without_refuted(found)
+    assert not kept.final.added
+    assert "cogging is not named: with it and without it the friction of the whole model" in why[0]
+
+
 @pytest.mark.parametrize("scale", [0.01, 20.0])
 def test_what_friction_gives_is_the_same_for_light_and_heavy_axes_on_either_side(scale):
     asymmetric = make_effect(effect_class("asymmetric_friction"))

@@ -288,7 +288,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
         if found is None:
             continue
         found = by_simplex(hypothesis, found, spans)
-        found = _pruned(hypothesis, found)
+        found = pruned(hypothesis, found)
         if found.held_out < best.held_out * (1.0 - BETTER):
             best = found
     for _ in range(RICHER_STEPS):
@@ -297,7 +297,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
         if found_ is None or found_.held_out > best.held_out * (1.0 - RICHER_GAIN):
             break
         best = found_
-    return _fundamental(hypothesis, _pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
+    return _fundamental(hypothesis, pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
 
 
 def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
@@ -384,7 +384,7 @@ def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     return form
 
 
-def _pruned(hypothesis: Hypothesis, form: Form) -> Form:
+def pruned(hypothesis: Hypothesis, form: Form) -> Form:
     """Drop orders that hardly take anything away."""
     orders = _orders(form.effect)
     without = hypothesis.solution.sse

@@ -13,6 +13,7 @@ from motorctl.identify.diagnose.search.parameters import (
     theta_of,
     values_of,
 )
+from motorctl.identify.diagnose.search.whole_model import FAR_OFF, seen_inertia
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                     f"{value:.3g}, and no more than all of it, 1, can be lost"
                 )
         force = _largest_force(hypothesis, effect, theta)
-        if force > BEYOND * largest:
+        if force > BEYOND * largest and force > BEYOND * _resisting(hypothesis):
             return own, (
                 f"{effect.name} is refuted: its force would be {force:.3g}, and the largest "
                 f"command of the recording is {largest:.3g}"
@@ -119,6 +120,21 @@ def _largest_force(hypothesis: Hypothesis, effect: Effect, theta: Array) -> floa
     return float(max(forces, default=0.0))
 
 
+def _resisting(hypothesis: Hypothesis) -> float:
+    """Return the largest force with which the inertia resists along the motion; 0 where unseen.
+
+    What swings freely passes places where its weight is many times its motor's command. Its inertia
+    is that which is seen beside any function of place and of speed, whatever the effects.
+    """
+    base = Hypothesis(hypothesis.regressors)
+    seen = seen_inertia(base)
+    if seen is None or seen.high > FAR_OFF * seen.low:
+        return 0.0
+    rows = base.problem.joined(hypothesis.regressors.signals.rows)
+    acceleration = rows[0] if hypothesis.regressors.side == "command" else rows[-1]
+    return seen.low * float(np.max(np.abs(acceleration)))
+
+
 def inertia_is_negative(hypothesis: Hypothesis) -> bool:
     """Return whether a model's inertia is negative.
 
@@ -144,4 +160,5 @@ def is_physical(hypothesis: Hypothesis, beside: Compensation) -> bool:
         return False
     theta, _ = theta_of(values_of(hypothesis, beside), beside[0])
     force = _largest_force(hypothesis, beside[0], theta)
-    return force <= BEYOND * hypothesis.regressors.signals.largest_command
+    largest = hypothesis.regressors.signals.largest_command
+    return force <= BEYOND * largest or force <= BEYOND * _resisting(hypothesis)

@@ -41,6 +41,7 @@ from motorctl.identify.diagnose.search.mending import (
     without_unneeded,
 )
 from motorctl.identify.diagnose.search.noise_twins import largest_gain
+from motorctl.identify.diagnose.search.one_wave import one_wave
 from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.identify.diagnose.search.parting import parted
 from motorctl.identify.diagnose.search.physics import physical
@@ -280,6 +281,7 @@ def search(
         hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, sign, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, sign)
+        hypothesis = one_wave(hypothesis, spans) or hypothesis
         hypothesis = told_apart(hypothesis, spans, sign, steps)
         hypothesis = backward(hypothesis, noise, spans)
         if {e.name for e in hypothesis.added} == {e.name for e in added if e is not taken.effect}:

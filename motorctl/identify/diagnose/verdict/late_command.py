@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from motorctl.identify.columns.command_timing import later
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.model import Effect
 
 Array = NDArray[np.float64]
 
@@ -57,6 +59,23 @@ def late_command(heard: Hypothesis) -> str | None:
         f"(this leaves {100.0 * left[best] / left[0]:.0f} % of the squared residual): where the "
         f"column is late, give the command late_s: {lead_s:.2g} in the description"
     )
+
+
+def beside_found(heard: Hypothesis, found: Sequence[Effect]) -> Hypothesis:
+    """Return the declared model with what was found beside it that does not filter the command.
+
+    What is still to be explained may look late by chance. A lag, a delay or a resonance may
+    themselves be found for a column that is late.
+
+    Parameters
+    ----------
+    heard
+        The declared model over the band in which motion outweighs noise.
+    found
+        The effects that it lacks.
+    """
+    kept = [e for e in found if e.kind == "state" and "resonance" not in e.groups]
+    return Hypothesis(heard.regressors, tuple(kept)).refreshed() if kept else heard
 
 
 def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | None]:
