@@ -147,6 +147,7 @@ def beam_host(bus: BeamBus, endpoint: str, port: int, **driver: Any) -> Options:
         "minimum_m": 0.02, "per_velocity_s": 0.1, "filter_time_s": 0.1,
     }  # fmt: skip
     axis["guards"]["skew"]["limit_m"] = 2e-3
+    data["loop"]["supervisor_timeout_s"] = 5.0  # a busy computer is not what is tried here
     axis["dual_drive"]["max_out_of_square_m"] = 3e-3
     data["programs"]["shuttle"] |= {
         "distance_m": 0.06, "max_velocity_m_s": 0.1, "max_acceleration_m_s2": 1.0,
