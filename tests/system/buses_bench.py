@@ -174,7 +174,15 @@ class DeviceProcess:
             options.append("--raise-workers")
         real_time.begins()
         self._process = subprocess.Popen(
-            [sys.executable, "-c", ended_with_the_tests(MAIN), "gantry-device", str(path), "--json", *options],
+            [
+                sys.executable,
+                "-c",
+                ended_with_the_tests(MAIN),
+                "gantry-device",
+                str(path),
+                "--json",
+                *options,
+            ],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
