@@ -60,6 +60,7 @@ class CanDriver(BusDriver):
         self.exchange_delay_periods = 0.0 if options.sync else 0.5
         self.longest_wait_s = options.sync.wait_s if options.sync else 0.0
         self.watchdog_s = options.watchdog_s
+        self.sampled_apart_s = fits.sampled_apart_s(options, self.channels, period_s)
         age = options.max_age_s
         self._max_age_s = AGE_PERIODS * period_s if age is None else age or float("inf")
         self._took: Callable[..., int] = kernels.take
@@ -85,6 +86,10 @@ class CanDriver(BusDriver):
     def advice(self) -> Sequence[str]:
         """Tell which signals a layout for a safe machine would have besides."""
         return tuple(missing_from_layout(self._layout))
+
+    def switches(self) -> Sequence[Status]:
+        """Tell which switches and marks the layout carries."""
+        return fits.switches(self._layout, self.channels)
 
     def network_interfaces(self) -> Sequence[NetworkInterface]:
         """Tell the SocketCAN interface, and the bit rates that it has to have."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from motorctl.hal import Channel
+from motorctl.hal import Channel, Status
 from motorctl_can import budget
 from motorctl_can.checks import ROUNDING
-from motorctl_can.layout import Key, Means, Signal
+from motorctl_can.layout import Key, Layout, Means, Signal
 from motorctl_can.options import ALL, CanOptions
 
 Problem = tuple[Key, str]
@@ -36,6 +36,27 @@ def problems(
     yield from _impatient(options)
     yield from _too_few_frames(options)
     yield from _hasty(options, period_s)
+
+
+def switches(layout: Layout, channels: Sequence[Channel]) -> list[Status]:
+    """Return which switches and marks the layout carries, an entry a channel."""
+    means = (Means.HOME_SWITCH, Means.INDEX_LATCHED, Means.LIMIT_NEGATIVE, Means.LIMIT_POSITIVE)
+    found = []
+    for channel in channels:
+        told = Status(0)
+        for flag in means:
+            if layout.find(flag, channel.axis) is not None:
+                told |= Status[flag.name]
+        found.append(told)
+    return found
+
+
+def sampled_apart_s(options: CanOptions, channels: Sequence[Channel], period_s: float) -> float:
+    """Return how far apart two axes' samples may lie [s]: frames come as their senders like."""
+    layout = options.layout
+    counts = [layout.find(Means.COUNTS, channel.axis) for channel in channels]
+    frames = {layout.frame_of(signal).key for signal in counts if signal is not None}
+    return 0.0 if options.sync is not None or len(frames) <= 1 else period_s
 
 
 def _layout_key(options: CanOptions) -> str:

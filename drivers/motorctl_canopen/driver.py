@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
+from operator import or_
 from typing import Any, ClassVar
 
 from motorctl.hal import (
@@ -16,6 +18,7 @@ from motorctl.hal import (
     NetworkInterface,
     Outputs,
     RateBudget,
+    Status,
     unseen_limit_switches,
 )
 from motorctl_can import budget
@@ -79,6 +82,15 @@ class CanopenDriver(BusDriver):
         return tuple(
             unseen_limit_switches({axis: of.named() if of else {} for axis, of in inputs.items()})
         )
+
+    def switches(self) -> Sequence[Status]:
+        """Tell which switches are among the inputs that the drives send; none has a mark."""
+        found = []
+        for channel in self.channels:
+            inputs = self._canopen.nodes[channel.axis].inputs
+            names = inputs.named() if inputs else {}
+            found.append(reduce(or_, (Status[name.upper()] for name in names), Status(0)))
+        return found
 
     def network_interfaces(self) -> Sequence[NetworkInterface]:
         """Tell the SocketCAN interface, and the bit rate that it has to have."""

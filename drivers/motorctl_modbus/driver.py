@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import reduce
+from operator import or_
 from typing import ClassVar
 
 import numpy as np
@@ -138,6 +140,16 @@ class ModbusDriver(Driver):
                 found.append(f"no {flag} for {axes}: the device has no way to tell of one")
         told = {c.axis: dict(options.channels[c.number].status.named()) for c in self.channels}
         return [*found, *unseen_limit_switches(told)]
+
+    def switches(self) -> Sequence[Status]:
+        """Tell which switches and marks have a bit in the map."""
+        known = Status.HOME_SWITCH | Status.INDEX_LATCHED | Status.LIMIT_NEGATIVE
+        known |= Status.LIMIT_POSITIVE
+        found = []
+        for channel in self.channels:
+            names = dict(self._modbus.channels[channel.number].status.named())
+            found.append(reduce(or_, (Status[name.upper()] for name in names), Status(0)) & known)
+        return found
 
     @classmethod
     def first_options(cls, axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:

@@ -43,6 +43,14 @@ def _check(
         Path | None,
         typer.Option(metavar="DIR", help="Draw each axis' loop there: bode_AXIS.png."),
     ] = None,
+    compiled: Annotated[
+        bool,
+        typer.Option(
+            "--compile",
+            help="Compile the loop into this user's cache as well, so that its first start does "
+            "not wait for that.",
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of configurations, for editors.")
@@ -86,6 +94,11 @@ def _check(
         say(json.dumps(summary, indent=2))
     else:
         (print_summary if everything else print_screen)(Terminal(), summary)
+    if compiled:
+        from motorctl.loop.compiled_beside import compile_machine
+
+        took_s = compile_machine(machine)
+        say(f"compiled in {took_s:.1f} s: `motorctl run {config}` finds it in the cache", err=True)
     if out is not None:
         from motorctl.config.loop_picture import draw_loops
 

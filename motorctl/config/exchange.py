@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from motorctl.config.machine import DriverSetup
 from motorctl.errors import MotorctlError, UsageError
-from motorctl.hal import Channel, Driver, RateBudget
+from motorctl.hal import Channel, Driver, RateBudget, Status
 from motorctl.located_yaml import KeyPath
 
 
@@ -34,6 +35,10 @@ class Exchange:
     """What it leaves open that a safe machine would want."""
     own_clock: bool
     """Whether the device samples by a clock of its own."""
+    sampled_apart_s: float
+    """How far apart in time the samples of two channels may lie that come together."""
+    switches: tuple[Status, ...] | None
+    """Which switches and marks of each channel the device tells; None where nobody knows."""
 
 
 def has_own_clock(delay_periods: float) -> bool:
@@ -63,13 +68,26 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         wait_s = _amount("longest_wait_s", driver.longest_wait_s)
         watchdog_s = _watchdog(driver.watchdog_s)
         medium = _medium(driver.medium)
+        apart_s = _amount("sampled_apart_s", driver.sampled_apart_s)
+        switches = None if problems else _switches(driver.switches(), len(channels))
     except MotorctlError:
         raise
     except (Exception, SystemExit) as error:  # a driver of a third party may fail in any way
         raise UsageError(f"{type(error).__name__}: {error}") from error
     advice = () if problems else _advice(driver)
     delay_s, own_clock = delay_periods * period_s, has_own_clock(delay_periods)
-    return Exchange(problems, budget, delay_s, wait_s, watchdog_s, medium, advice, own_clock)
+    return Exchange(
+        problems,
+        budget,
+        delay_s,
+        wait_s,
+        watchdog_s,
+        medium,
+        advice,
+        own_clock,
+        apart_s,
+        switches,
+    )
 
 
 def _wrong(what: str, told: Any, right: str) -> UsageError:
@@ -89,6 +107,15 @@ def _medium(told: Any) -> str | None:
     if told is None or isinstance(told, str):
         return told
     raise _wrong("medium", told, "words, or None")
+
+
+def _switches(told: Any, channels: int) -> tuple[Status, ...] | None:
+    if told is None:
+        return None
+    if isinstance(told, list | tuple) and len(told) == channels:
+        with suppress(TypeError, ValueError):
+            return tuple(Status(bits) for bits in told)
+    raise _wrong("switches()", told, f"bits of Status for each of {channels} channels, or None")
 
 
 def _budget(told: Any) -> RateBudget:

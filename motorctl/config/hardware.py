@@ -11,6 +11,7 @@ from motorctl.config.dual_drive_keys import SECOND_END, DualDrive
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.keys import DriverKeys
 from motorctl.config.machine import Axis, DriverSetup
+from motorctl.config.seen_rules import check_seen
 from motorctl.config.validation import read_keys, suggest, validate_options
 from motorctl.errors import MotorctlError, Problem, UsageError
 from motorctl.hal import Channel, driver_class
@@ -154,6 +155,7 @@ def check_rates(
             continue
         for path, message in exchange.problems:
             add(name, message, *path)
+        problems += check_seen(document, name, exchange, channels)
         if exchange.own_clock and setup.late.hold_ticks == 0:
             add(name, _NO_HOLD, "late", "hold_ticks")
         if exchange.medium is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ from motorctl.loop.next_steps import next_step
 
 def faults_of(
     machine: Machine, statuses: NDArray[np.void], *, with_remedy: bool = True
-) -> dict[str, dict[str, str] | None]:
+) -> dict[str, dict[str, Any] | None]:
     """Return cause and message of every axis' fault; None for an axis without one.
 
     Parameters
@@ -46,8 +48,8 @@ def fault_of(
     partner: str = "",
     *,
     with_remedy: bool = True,
-) -> dict[str, str] | None:
-    """Return cause and message of an axis' fault; None without one.
+) -> dict[str, Any] | None:
+    """Return cause, guard, code and message of an axis' fault; None without one.
 
     Parameters
     ----------
@@ -70,8 +72,9 @@ def fault_of(
     message = fault_message(
         cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
     )
+    named = {"cause": cause.name.lower(), "guard": cause.guard, "code": int(cause)}
     if not with_remedy:
-        return {"cause": cause.name.lower(), "message": message}
+        return {**named, "message": message}
     step = next_step(
         cause,
         axis,
@@ -84,4 +87,4 @@ def fault_of(
         remedy = (
             f"once the device is back, `motorctl reset {axis}` opens it anew and clears the fault"
         )
-    return {"cause": cause.name.lower(), "message": f"{message}; {step}; {remedy}"}
+    return {**named, "message": f"{message}; {step}; {remedy}"}

@@ -123,7 +123,7 @@ class FlightRecorder:
 
     def _new_faults(self) -> dict[str, dict[str, Any]]:
         statuses = self._memory.axis_status
-        told: dict[str, dict[str, str] | None] = {}
+        told: dict[str, dict[str, Any] | None] = {}
         new = {}
         for name, status in zip(self.machine.axes, statuses, strict=True):
             if AxisState(int(status["state"])) is not AxisState.FAULT:
@@ -195,7 +195,7 @@ class FlightRecorder:
         return ticks[rows], samples[rows]
 
 
-def _fault(status: np.void, told: Mapping[str, str] | None) -> dict[str, Any]:
+def _fault(status: np.void, told: Mapping[str, Any] | None) -> dict[str, Any]:
     number = {
         key: float(status[f"fault_{key}"]) if math.isfinite(status[f"fault_{key}"]) else None
         for key in ("value", "limit")

@@ -106,16 +106,21 @@ class Report:
         }
 
     def _let_go(
-        self, statuses: NDArray[np.void], faults: Mapping[str, dict[str, str] | None], why: str
-    ) -> tuple[NDArray[np.void], dict[str, dict[str, str] | None]]:
+        self, statuses: NDArray[np.void], faults: Mapping[str, dict[str, Any] | None], why: str
+    ) -> tuple[NDArray[np.void], dict[str, dict[str, Any] | None]]:
         """Return what is true of axes that were led by a loop that is gone: where is not known."""
         led = ~np.isin(statuses["state"], (AxisState.OFF, AxisState.FAULT))
         statuses["state"][led], statuses["inner_state"][led] = AxisState.FAULT, State.FAULT
         statuses["excitation_left"][led] = 0
         for name in _OF_THE_MOMENT:
             statuses[name][led] = np.nan
-        told = {"cause": LOOP_ENDED, "message": f"{why}; the journal tells whether its outputs are "
-                "disabled; it can be commanded once the daemon is started anew"}  # fmt: skip
+        told = {
+            "cause": LOOP_ENDED,
+            "guard": LOOP_ENDED,
+            "code": None,
+            "message": f"{why}; the journal tells whether its outputs are disabled; it can be "
+            "commanded once the daemon is started anew",
+        }
         return statuses, {
             name: told if gone else fault
             for (name, fault), gone in zip(faults.items(), led, strict=True)
@@ -200,7 +205,7 @@ class Report:
         status: np.void,
         axis: Axis,
         motion: dict[str, Any] | None,
-        fault: dict[str, str] | None,
+        fault: dict[str, Any] | None,
     ) -> dict[str, Any]:
         state = AxisState(int(status["state"]))
         theta = status["theta_hat"][: len(axis.model)]

@@ -211,6 +211,10 @@ class Driver(ABC):
     """How long the device goes on without a command at least, before it disables by itself [s];
     infinite where it never does, None where nobody knows. A loop that was stalled for longer is the
     cause of what the device then reports."""
+    sampled_apart_s: float = 0.0
+    """How far apart the samples of two channels may lie that one `read` brings [s]; 0 where all are
+    of one moment, as where one message carries them, or one order makes every device sample. The
+    two ends of a beam are compared with each other."""
     medium: str | None = None
     """The bus or line that it has for itself, in words, as in "serial port /dev/ttyUSB0"; two
     drivers of one machine may not have the same."""
@@ -292,6 +296,15 @@ class Driver(ABC):
         `check` shows it as notes; it is no reason to refuse a configuration.
         """
         return ()
+
+    def switches(self) -> Sequence[Status] | None:
+        """Return which switches and marks the device can tell of, without any I/O.
+
+        An entry a channel, of `HOME_SWITCH`, `INDEX_LATCHED`, `LIMIT_NEGATIVE` and
+        `LIMIT_POSITIVE`; None where only the device knows. An axis that is homed by what can never
+        come is refused.
+        """
+        return None
 
     def network_interfaces(self) -> Sequence[NetworkInterface]:
         """Return the network interfaces that only it uses, without any I/O.

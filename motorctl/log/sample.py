@@ -93,7 +93,7 @@ class FaultCause(IntEnum):
     HOMING_FAILED = 11
     """Homing found no switch or mark, or took too long."""
     OVERRUN = 12
-    """Ticks came too late, too often: `loop.overrun_policy`."""
+    """Ticks came too late, too often: `loop.overrun_policy`, the guard `late_ticks`."""
     SUPERVISOR_LOST = 13
     """The supervisor process gave no sign of life."""
     NO_NEW_SAMPLE = 14
@@ -112,6 +112,13 @@ class FaultCause(IntEnum):
     """The two ends of a dual drive were too far apart."""
     NOT_SQUARE = 21
     """Homing found the switches or marks of the two ends of a dual drive too far apart."""
+    HOST_FROZEN = 22
+    """The computer paused for longer than the axis, its device or its counter stands."""
+
+    @property
+    def guard(self) -> str:
+        """Return which guard it is, as `guards:` of an axis and the documentation name it."""
+        return "late_ticks" if self is FaultCause.OVERRUN else self.name.lower()
 
 
 @dataclass(frozen=True)

@@ -182,9 +182,6 @@ STANDSTILL_RATIO = 0.01
 # A motor that tripped on its heat has cooled down at this share of its continuous voltage: a fifth
 # less heat. Nearer to 1 it would trip again at once, lower down it would have to wait for long.
 COOLED_RATIO = 0.9
-# Of `quick_stops`, where every other guard has the number of its cause: a computer that stood still
-# is told by the same cause as late ticks are.
-HOST_FROZEN_BIT = 62
 # Where the number of a `StallLimit` stands in `fault_status`: above a driver's 32 bits.
 STALL_LIMIT_SHIFT = 32
 DEVICE_WORD_MASK = (1 << STALL_LIMIT_SHIFT) - 1  # those
@@ -252,11 +249,8 @@ def fill_axis_settings(
     record["homing_ticks"] = round(asked["timeout_s"] / period_s)
 
 
-def _bit_of(guard: str) -> int:
-    """Return which bit of `quick_stops` is a guard's, by its key."""
-    if guard == "host_frozen":
-        return HOST_FROZEN_BIT
-    return int(FaultCause.OVERRUN if guard == "late_ticks" else FaultCause[guard.upper()])
+_CAUSES = {cause.guard: cause for cause in FaultCause}
+"""By the key of the guard: its number is its bit of `quick_stops`."""
 
 
 def fill_guards(record: np.void, axis: Axis, period_s: float, watchdog_s: float | None) -> None:
@@ -268,7 +262,7 @@ def fill_guards(record: np.void, axis: Axis, period_s: float, watchdog_s: float 
     guards, limits = axis.guards, axis.limits
     record["skew_limit_m"] = guards.skew.limit_m if guards.skew else 0.0
     record["quick_stops"] = sum(
-        1 << _bit_of(name)
+        1 << _CAUSES[name]
         for name, guard in guards
         if guard is not None and guard.reaction == "quick_stop"
     )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import suppress
+from functools import partial
 
 from motorctl.config.machine import Machine
+from motorctl.kernels import CompilingBeside
 from motorctl.loop.tick import make_drivers
-from motorctl.loop.warm_up import analyse_steps
+from motorctl.loop.warm_up import analyse_steps, warm_up
 
 
 def compile_beside(machine: Machine) -> None:
@@ -19,3 +22,24 @@ def compile_beside(machine: Machine) -> None:
     for driver in make_drivers(machine).values():
         with suppress(Exception):
             driver.prepare()
+
+
+def compile_machine(machine: Machine) -> float:
+    """Leave in the cache of kernels all that a start of this machine takes from it.
+
+    In two processes, as a start does. No device is opened.
+
+    Returns
+    -------
+    float
+        How long it took [s].
+    """
+    began_s = time.monotonic()
+    beside = CompilingBeside(partial(compile_beside, machine))
+    try:
+        warm_up(machine)
+        for driver in make_drivers(machine).values():
+            driver.prepare()
+    finally:
+        beside.end()
+    return time.monotonic() - began_s

@@ -91,8 +91,7 @@ def _homing_words(value: float, limit: float, status: int) -> str:
     )
 
 
-def _overrun_words(value: float, limit: float, status: int) -> str:
-    """Of the bucket of overruns; a pause of the loop has ticks to tell."""
+def _late_words(value: float, limit: float, status: int) -> str:
     return (
         f"late ticks: {limit:.0f} more overruns and skipped periods than ticks in time, by "
         "loop.overrun_policy and bucket_size"
@@ -110,7 +109,7 @@ _SENTENCES: dict[FaultCause, Callable[[float, float, int], str]] = {
     FaultCause.ENCODER_JUMP: _jump_words,
     FaultCause.LIMIT_SWITCH: _switch_words,
     FaultCause.HOMING_FAILED: _homing_words,
-    FaultCause.OVERRUN: _overrun_words,
+    FaultCause.OVERRUN: _late_words,
     FaultCause.SUPERVISOR_LOST: _silence_words,
 }
 """Of value, limit and the driver's status word."""
@@ -251,7 +250,7 @@ def fault_message(
             f"no new sample from the device for {_ticks(value, period_s)}; limit {limit:.0f} "
             "(hold_ticks)"
         )
-    elif cause is FaultCause.OVERRUN and value > 0.0:
+    elif cause is FaultCause.HOST_FROZEN:
         text = (
             f"the loop was stalled for {_ticks(value, period_s)}; limit {_ticks(limit, period_s)}"
             f"{_stall_limit_words(status)}"
@@ -266,7 +265,7 @@ def fault_message(
     if end := _ENDS.get(status & ENDS):
         text += f", {end} of the beam"
     told = []
-    if cause is FaultCause.OVERRUN and value > 0.0:
+    if cause is FaultCause.HOST_FROZEN:
         reported = [said for bit, said in _TROUBLES.items() if status & bit & FAULT_BITS]
         told = [f"since then {said}" for said in reported]
     if cause is FaultCause.AMPLIFIER or told:

@@ -7,6 +7,7 @@ from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import STALL_LIMIT_MASK, STALL_LIMIT_SHIFT, StallLimit
 
 _SEEN = "`motorctl fault show --out pictures` draws its last seconds"
+_COMPUTER = "`motorctl latency` measures this computer, and says what to change"
 _STEPS = {
     FaultCause.FOLLOWING_ERROR: (
         f"{_SEEN}: look for a blocked way, a command at its limit, or a gain or a limit "
@@ -44,7 +45,8 @@ _STEPS = {
         "homing.search_velocity_m_s leads towards the switch, and that homing.timeout_s is enough "
         "for the way"
     ),
-    FaultCause.OVERRUN: "`motorctl latency` measures this computer, and says what to change",
+    FaultCause.OVERRUN: _COMPUTER,
+    FaultCause.HOST_FROZEN: _COMPUTER,
     FaultCause.SUPERVISOR_LOST: (
         "read in the daemon's journal whether it was ended or hung; on a busy computer "
         "loop.supervisor_timeout_s lets it be silent for longer"
@@ -81,6 +83,7 @@ _LOSES_PLACE = (
     FaultCause.COMMUNICATION,
     FaultCause.HOMING_FAILED,
     FaultCause.OVERRUN,
+    FaultCause.HOST_FROZEN,
     FaultCause.NO_NEW_SAMPLE,
     FaultCause.NOT_SQUARE,
 )
@@ -113,7 +116,7 @@ def next_step(
             "look for why no sample came, at the device and its bus; more encoder.counter_bits "
             "stand longer gaps"
         )
-    if cause is FaultCause.OVERRUN and _stall_limit(status) == StallLimit.COUNTER:
+    if cause is FaultCause.HOST_FROZEN and _stall_limit(status) == StallLimit.COUNTER:
         step += "; the encoder is in order, and more encoder.counter_bits stand longer pauses"
     if cause in _LOSES_PLACE and not homed:
         step += f"; it does not know its place: `motorctl home {axis}` after the reset"

@@ -28,10 +28,11 @@ from motorctl_benchmarks.safety.bus_expectations import (
 )
 from motorctl_benchmarks.safety.bus_faults import COMPUTER, KILLS, NOT_ORDERED, WIRE
 from motorctl_benchmarks.safety.bus_kills import kill_judged
-from motorctl_benchmarks.safety.bus_lines import LINES, STOP
+from motorctl_benchmarks.safety.bus_lines import LINES, STOP, device_file, host_file
 from motorctl_benchmarks.safety.bus_run import sessions_of
 from motorctl_benchmarks.safety.bus_session import Kept, Spell
 from motorctl_benchmarks.safety.findings import findings_of
+from motorctl_devices import load_device
 from motorctl_devices.orders import FaultKind
 
 KEY = "bus:serial-poll:C2:shuttle:silence:default:1"
@@ -156,6 +157,18 @@ def test_an_axis_that_is_off_stays_off_and_comes_back_as_is_expected():
     assert "started without a reset, should be only after one" in outcome_of(kept).failures
     tripped = kept_log(key, met=AxisState.OFF, off_after_s=0.0)
     assert "axis x: false trip: no_new_sample" in outcome_of(tripped).failures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LINES.values(), ids=LINES)
+def test_every_bus_takes_the_configuration_of_a_session_that_homes(tmp_path, line):
+    endpoint = "127.0.0.1:1502" if "tcp" in line.name else "/dev/gantry"
+    config = tmp_path / "gantry.yaml"
+    config.write_text(host_file(line, "C2", endpoint, 43113, "homes"))
+    assert {axis.homing.method for axis in load(config).axes.values()} == {"switch"}
+    device = tmp_path / "device.yaml"
+    device.write_text(device_file(line, 43113, []))
+    assert load_device(device).machine.channels == 2
 
 
 def test_late_ticks_are_judged_as_a_ramp():

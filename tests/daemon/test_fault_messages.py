@@ -87,7 +87,7 @@ def test_no_other_fault_sends_anybody_to_the_encoder(cause):
 
 def test_a_pause_that_a_counter_does_not_stand_says_that_the_encoder_is_in_order():
     bits = StallLimit.COUNTER << STALL_LIMIT_SHIFT
-    message = told(FaultCause.OVERRUN, 42, 33, device=bits, homed=False)
+    message = told(FaultCause.HOST_FROZEN, 42, 33, device=bits, homed=False)
     assert (
         "the loop was stalled for 42 ticks (8.4 ms); limit 33 ticks (6.6 ms), in which" in message
     )
@@ -116,7 +116,7 @@ def test_a_counter_that_may_have_gone_round_sends_to_the_bus_and_not_to_the_enco
 
 
 def test_a_stalled_loop_tells_ticks_time_limit_and_what_measures_the_computer():
-    message = told(FaultCause.OVERRUN, 42, 3)
+    message = told(FaultCause.HOST_FROZEN, 42, 3)
     for part in ("stalled", "42 ticks (8.4 ms)", "limit 3", "`motorctl latency`"):
         assert part in message
 
@@ -130,10 +130,10 @@ def test_a_stalled_loop_tells_the_one_limit_that_acted(limit):
         StallLimit.HOLD_TICKS: "late.hold_ticks",
         StallLimit.COUNTER: "encoder.counter_bits",
     }
-    message = told(FaultCause.OVERRUN, 42, 3, device=limit << STALL_LIMIT_SHIFT)
+    message = told(FaultCause.HOST_FROZEN, 42, 3, device=limit << STALL_LIMIT_SHIFT)
     assert [key for key in keys.values() if key in message] == [keys[limit]]
     assert "limit 3 ticks (0.6 ms), " in message
-    assert "late ticks" not in message  # which have the same cause
+    assert "late ticks" not in message
 
 
 @pytest.mark.parametrize(

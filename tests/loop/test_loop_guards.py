@@ -195,7 +195,7 @@ def test_a_computer_that_stood_still_for_too_long_is_the_cause():
         hand.steps(500)
         hand.step(round(0.1 / TS) + 2)
         status = hand.status()
-        assert FaultCause(int(status["fault"])) is FaultCause.OVERRUN
+        assert FaultCause(int(status["fault"])) is FaultCause.HOST_FROZEN
         assert (status["fault_value"], status["fault_limit"]) == (501, 500)
         assert hand.row()["command_v"] == 0.0
 
@@ -222,7 +222,7 @@ def test_a_pause_of_the_computer_is_never_told_as_the_encoders_fault(elapsed):
             FaultCause.ENCODER_NOISE,
         )
         if elapsed >= 200:
-            assert fault is FaultCause.OVERRUN
+            assert fault is FaultCause.HOST_FROZEN
             assert hand.status()["fault_value"] == elapsed - 1
 
 

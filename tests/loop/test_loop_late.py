@@ -407,7 +407,7 @@ def test_a_loop_that_was_stopped_for_too_long_is_the_cause_itself():
         now = time.monotonic_ns()
         # The loop wakes 20 periods late, and reads late once more.
         hand.tick.step(hand.number, 20, True, now - round(25 * TS * 1e9), now)
-        assert FaultCause(int(hand.status()["fault"])) is FaultCause.OVERRUN
+        assert FaultCause(int(hand.status()["fault"])) is FaultCause.HOST_FROZEN
         assert (hand.status()["fault_value"], hand.status()["fault_limit"]) == (19, 5)
 
 

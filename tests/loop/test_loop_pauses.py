@@ -157,7 +157,7 @@ def test_whatever_a_device_says_after_a_pause_that_its_watchdog_did_not_stand_th
         if report == "nothing" and stalled <= DOG_TICKS:
             assert cause_of(hand) is FaultCause.NONE  # nobody can know yet
             return
-        assert cause_of(hand) is FaultCause.OVERRUN
+        assert cause_of(hand) is FaultCause.HOST_FROZEN
         assert hand.status()["fault_value"] == stalled
         assert f"the loop was stalled for {stalled} ticks" in told(hand)
         assert hand.row()["command_v"] == 0.0
@@ -194,7 +194,7 @@ def test_a_pause_is_told_with_the_one_limit_that_it_was_beyond_and_its_key(limit
     with moving(machine) as hand:
         hand.step(stalled + 1)
         hand.steps(2)
-        assert cause_of(hand) is FaultCause.OVERRUN
+        assert cause_of(hand) is FaultCause.HOST_FROZEN
         assert f"stalled for {stalled} ticks" in told(hand)
         assert words in told(hand)
         others = [text for name, (*_, text) in LIMITS.items() if name != limit]
@@ -216,7 +216,7 @@ def test_a_pause_explains_nothing_once_the_device_was_heard_to_be_well_after_it(
     frozen = HostFrozen(time_s=0.5)
     machine = with_axes(with_sim(gantry()), guards={"host_frozen": frozen})
     machine = on(machine, 0, hold_ticks=3, watchdog_s=None)
-    for ticks, cause in ((1, FaultCause.AMPLIFIER), (0, FaultCause.OVERRUN)):
+    for ticks, cause in ((1, FaultCause.AMPLIFIER), (0, FaultCause.HOST_FROZEN)):
         with moving(machine) as hand:
             hand.step(5)  # skips four, which nobody knows that the device stands
             hand.steps(ticks)
@@ -229,7 +229,7 @@ def test_a_pause_explains_nothing_once_the_device_was_heard_to_be_well_after_it(
 def test_a_pause_while_the_answer_is_waited_for_is_the_cause_as_well(report):
     with moving(on(with_sim(gantry()), REPORTS[report], hold_ticks=200)) as hand:
         read_late(hand, DOG_TICKS + 10)
-        assert cause_of(hand) is FaultCause.OVERRUN
+        assert cause_of(hand) is FaultCause.HOST_FROZEN
         assert hand.status()["fault_value"] >= DOG_TICKS + 10
         assert WORDS[report] in told(hand)
 
@@ -251,7 +251,7 @@ def test_a_device_that_cannot_tell_is_not_led_on_after_its_watchdog_has_fired():
     with moving(on(machine, 0, hold_ticks=1000)) as hand:
         hand.step(DOG_TICKS + 2)
         assert hand.driver.tripped is False  # the tick has disabled it
-        assert cause_of(hand) is FaultCause.OVERRUN
+        assert cause_of(hand) is FaultCause.HOST_FROZEN
         assert hand.status()["fault_limit"] == DOG_TICKS
 
 
@@ -261,7 +261,7 @@ def test_a_ramp_that_the_pause_began_goes_on_until_the_device_says_that_it_is_of
     for report, goes_on in ((0, True), (REPORTS["amplifier"], False)):
         with moving(on(machine, report, hold_ticks=1000)) as hand:
             hand.step(DOG_TICKS + 2)
-            assert cause_of(hand) is FaultCause.OVERRUN
+            assert cause_of(hand) is FaultCause.HOST_FROZEN
             assert hand.driver.enabled is goes_on
 
 
@@ -275,7 +275,7 @@ def test_a_computer_that_stood_still_has_the_reaction_that_was_chosen_for_it_on_
     frozen = HostFrozen(time_s=60 * TS, reaction=reaction)
     machine = with_axes(with_sim(gantry()), guards={"host_frozen": frozen})
     machine = on(machine, 0, hold_ticks=40, exchanges=exchanges, watchdog_s=None)
-    for stalled, cause in ((allowed, FaultCause.NONE), (allowed + 1, FaultCause.OVERRUN)):
+    for stalled, cause in ((allowed, FaultCause.NONE), (allowed + 1, FaultCause.HOST_FROZEN)):
         with moving(machine) as hand:
             hand.step(stalled + 1)
             assert cause_of(hand) is cause
@@ -316,9 +316,9 @@ def test_no_pause_is_told_as_a_fault_of_device_or_encoder(
         hand.step()
         reported = hand.driver.tripped and REPORTS[report] & FAULT_BITS
         hand.steps(3)
-        assert cause_of(hand) in (FaultCause.NONE, FaultCause.OVERRUN)
+        assert cause_of(hand) in (FaultCause.NONE, FaultCause.HOST_FROZEN)
         if stalled > DOG_TICKS or (stalled >= DOG_TICKS - 1 and REPORTS[report] & FAULT_BITS):
-            assert cause_of(hand) is FaultCause.OVERRUN
+            assert cause_of(hand) is FaultCause.HOST_FROZEN
         if reported:
             assert not hand.driver.enabled
             assert hand.row()["command_v"] == 0.0
@@ -362,7 +362,7 @@ def test_a_ramp_after_a_pause_begins_where_the_axis_has_come_to_on_every_device(
             read_late(hand, 42)
         else:
             hand.step(42)
-        assert cause_of(hand) is FaultCause.OVERRUN
+        assert cause_of(hand) is FaultCause.HOST_FROZEN
         assert hand.driver.enabled
         most_v = 0.0
         while hand.driver.enabled:

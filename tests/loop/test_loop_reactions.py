@@ -176,7 +176,7 @@ def test_a_computer_that_stood_still_may_be_answered_by_a_ramp_from_where_the_ax
         hand.tick.watch["bucket_size"] = 0
         hand.step(round(0.1 / TS) + 2)
         assert hand.status()["state"] == AxisState.STOPPING
-        assert hand.status()["fault"] == FaultCause.OVERRUN
+        assert hand.status()["fault"] == FaultCause.HOST_FROZEN
         assert abs(hand.row()["following_error_m"]) < 1e-9
         errors = []
         while hand.status()["state"] == AxisState.STOPPING:

@@ -67,7 +67,7 @@ def test_a_computer_that_stood_still_as_a_whole_is_told_and_the_loop_goes_on(pau
         moving(bench)
         bench.steps(500)
         bench.step(round(pause_s / TS), beat=False)  # the loop is the first that wakes
-        assert bench.status("x")["fault"] == FaultCause.OVERRUN
+        assert bench.status("x")["fault"] == FaultCause.HOST_FROZEN
         bench.steps(100, beat=False)
         bench.step()
         assert not bench.may_end

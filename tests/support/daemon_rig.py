@@ -19,6 +19,8 @@ from motorctl.daemon.client import Client, DaemonRefusedError
 
 START_TIMEOUT_S = 240.0  # the first run compiles
 END_TIMEOUT_S = 60.0
+PR_SET_PDEATHSIG = 1
+"""From <linux/prctl.h>."""
 
 AXIS = """
   {name}:
@@ -226,10 +228,25 @@ def command(*arguments: str) -> list[str]:
     return [
         sys.executable,
         "-c",
-        "import signal as s; s.signal(s.SIGINT, s.default_int_handler);"
-        "import motorctl.cli as c; c.GROUPS=('daemon',); c.main()",
+        ended_with_the_tests(
+            "import signal as s; s.signal(s.SIGINT, s.default_int_handler);"
+            "import motorctl.cli as c; c.GROUPS=('daemon',); c.main()"
+        ),
         *arguments,
     ]
+
+
+def ended_with_the_tests(code: str) -> str:
+    """Return Python code that is told to end, as by SIGTERM, where this process is gone.
+
+    A run of tests that is killed would leave its daemons behind, which disturb the next one.
+    """
+    tests = Path(f"/proc/{os.getpid()}")
+    return (
+        f"import ctypes, os, signal; ctypes.CDLL(None).prctl({PR_SET_PDEATHSIG}, signal.SIGTERM);"
+        f"os.path.exists('{tests}') or os._exit(1);"  # it was gone before
+        f"{code}"
+    )
 
 
 def wait_until(reached: Callable[[], bool], timeout_s: float = 60.0) -> None:

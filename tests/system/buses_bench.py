@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import real_time
 import yaml
-from daemon_rig import Daemon, bench_config
+from daemon_rig import Daemon, bench_config, ended_with_the_tests
 from gantry_device_bench import MODBUS
 from gantry_device_frames import FRAMES, SYNC_ID
 from numpy.typing import NDArray
@@ -174,7 +174,15 @@ class DeviceProcess:
             options.append("--raise-workers")
         real_time.begins()
         self._process = subprocess.Popen(
-            [sys.executable, "-c", MAIN, "gantry-device", str(path), "--json", *options],
+            [
+                sys.executable,
+                "-c",
+                ended_with_the_tests(MAIN),
+                "gantry-device",
+                str(path),
+                "--json",
+                *options,
+            ],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -80,7 +80,7 @@ def test_a_pause_that_outlasts_the_devices_watchdog_is_told_as_a_pause_and_not_a
             status = daemon.ask("status")
             for axis in AXES:
                 fault = status["axes"][axis]["fault"]
-                assert fault["cause"] == "overrun", fault
+                assert fault["cause"] == "host_frozen", fault
                 assert "the loop was stalled for" in fault["message"]
                 assert TOLD.get(bus_name, "") in fault["message"]
             for axis in AXES:
@@ -100,7 +100,7 @@ def test_a_pause_that_outlasts_the_devices_watchdog_is_told_as_a_pause_and_not_a
         assert recorded.state[pause] == AxisState.RUNNING
         # Where the pause came while the answer was waited for, that tick has it already.
         assert recorded.state[pause + 1] == AxisState.FAULT
-        assert recorded.fault[pause + 1] == FaultCause.OVERRUN
+        assert recorded.fault[pause + 1] == FaultCause.HOST_FROZEN
         assert recorded.command[pause + 1] == 0.0
 
 
@@ -144,7 +144,7 @@ def test_a_pause_that_a_counter_of_16_bits_behind_a_bus_does_not_stand_is_told_a
             wait_until(lambda: all(daemon.state(name) == "fault" for name in AXES), 5.0)
             for name, told in daemon.ask("status")["axes"].items():
                 message = told["fault"]["message"]
-                assert told["fault"]["cause"] == "overrun", message
+                assert told["fault"]["cause"] == "host_frozen", message
                 assert "the loop was stalled for" in message
                 assert "in which the counter may turn a quarter round" in message
                 assert "the encoder is in order" in message

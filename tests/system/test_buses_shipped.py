@@ -30,7 +30,7 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
     host = yaml.safe_load(shipped_config(f"{bus}_gantry").read_text())
     served = yaml.safe_load((SHIPPED / f"{device}.yaml").read_text())
     driver = host["drivers"]["gantry"]
-    if bus == "serial":
+    if driver["type"] == "serial":
         driver["port"] = str(folder / "link")
     elif bus in ("can", "canopen"):
         port = free_port()
@@ -48,22 +48,27 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
     [
         ("serial", "serial_box"),
         ("canopen", "canopen_drives"),
+        pytest.param("dual_serial", "dual_serial_box", marks=pytest.mark.long),
         pytest.param("can", "can_node", marks=pytest.mark.long),
         pytest.param("modbus", "modbus_coupler", marks=pytest.mark.long),
     ],
 )
 def test_a_shipped_pair_follows_its_programs(tmp_path, bus, device):
     host, served = _files(bus, device, tmp_path)
-    link = tmp_path / "link" if bus == "serial" else None
+    link = tmp_path / "link" if host["drivers"]["gantry"]["type"] == "serial" else None
+    axes = list(host["axes"])
     with (
         DeviceProcess(tmp_path, served, link) as process,
         Daemon(tmp_path / "daemon", yaml.safe_dump(host)) as daemon,
     ):
-        for axis in ("x", "y"):
+        for axis in axes:
+            if host["axes"][axis]["homing"]["method"] != "absolute":
+                daemon.ask("home", axis=axis)
+                wait_until(lambda axis=axis: daemon.ask("status")["axes"][axis]["homed"], 30.0)
             daemon.ask("start", axis=axis)
             wait_until(lambda axis=axis: daemon.state(axis) == "running", 10.0)
         time.sleep(RUN_S)
-        assert [daemon.state(axis) for axis in ("x", "y")] == ["running", "running"]
+        assert {daemon.state(axis) for axis in axes} == {"running"}
         assert daemon.end() == 0
         process.end()
     assert process.report["watchdog_trips"] == 0

@@ -19,7 +19,7 @@ from motorctl_devices.load import SHIPPED
 
 Setup = Literal["plain", "ramps", "homes"]
 """What a session is configured for: axes that are on their way, hold or are off; ramps that last
-long enough to be met by a fault; homing by a switch that nobody presses, and nobody tells of."""
+long enough to be met by a fault; homing by a switch that nobody presses."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ def _canopen() -> Line:
     def serve(port: int) -> Options:
         return {"canopen": {"port": port}}
 
-    return Line(CANOPEN, "canopen_gantry", "canopen_drives", 500.0, driver, serve)
+    # So slow that the drives' inputs, which homing asks for, fit in as well.
+    return Line(CANOPEN, "canopen_gantry", "canopen_drives", 375.0, driver, serve)
 
 
 def _tcp() -> Line:
@@ -134,8 +135,10 @@ def device_file(
     data |= {"rate_hz": 4 * line.rate_hz, "watchdog_s": watchdog_s, "faults": faults}
     (bus,) = data["serve"]
     data["serve"] = {bus: _changed(data["serve"][bus], line.serve(port).get(bus, {}))}
-    if bus == "can" and watchdog_s > SHIPPED_MOST_S:
-        data["serve"][bus] = _with_long_watchdog(data["serve"][bus])
+    if bus == "can":
+        data["serve"][bus] = _with_room(data["serve"][bus])
+        if watchdog_s > SHIPPED_MOST_S:
+            data["serve"][bus] = _with_long_watchdog(data["serve"][bus])
     return yaml.safe_dump(data)
 
 
@@ -156,8 +159,10 @@ def host_file(
     driver = _changed(data["drivers"][name], line.driver(endpoint, port))
     if driver.get("watchdog_s") is not None:
         driver["watchdog_s"] = watchdog_s
-    if driver["type"] == "can" and watchdog_s > SHIPPED_MOST_S:
-        driver = _with_long_watchdog(driver)
+    if driver["type"] == "can":
+        driver = _with_room(driver)
+        if watchdog_s > SHIPPED_MOST_S:
+            driver = _with_long_watchdog(driver)
     data["drivers"][name] = driver | {"late": late}
     data["programs"] = {}
     for axis, keys in data["axes"].items():
@@ -196,6 +201,8 @@ def _set_up(data: Options, line: Line, setup: Setup) -> Options:
             frozen = {"host_frozen": {"time_s": FROZEN_S}}
             keys["guards"] = merged(keys.get("guards") or {}, late_ticks | frozen)
     if setup == "homes":
+        (name,) = data["drivers"]
+        data["drivers"][name] = _with_home_switch(data["drivers"][name])
         for keys in data["axes"].values():
             keys["homing"] = {
                 "method": "switch",
@@ -205,6 +212,28 @@ def _set_up(data: Options, line: Line, setup: Setup) -> Options:
                 "timeout_s": 60.0,
             }
     return data
+
+
+def _with_room(frames: Mapping[str, Any]) -> Options:
+    """Return frames whose last bit is left for a home switch; the number of a start has two."""
+    return merged(frames, {"frames": {"state": {"signals": {"boot": {"bits": 2}}}}})
+
+
+def _with_home_switch(driver: Mapping[str, Any]) -> Options:
+    """Return a driver that is told of home switches, in bits that the device leaves at 0."""
+    if driver["type"] == "can":
+        home: Options = {"home": {"means": "home_switch", "start": 63, "bits": 1}}
+        return merged(driver, {"frames": {"state": {"signals": home}}})
+    if driver["type"] == "canopen":
+        inputs: Options = {"inputs": {"home_switch": 31}}
+        return merged(driver, {"nodes": dict.fromkeys(driver["nodes"], inputs)})
+    if driver["type"] == "modbus":
+        bits = {
+            key: {"status": {"home_switch": {"address": 4, "bit": 7 + 8 * i}}}
+            for i, key in enumerate(driver["channels"])
+        }
+        return merged(driver, {"channels": bits})
+    return dict(driver)
 
 
 def _with_long_watchdog(frames: Mapping[str, Any]) -> Options:

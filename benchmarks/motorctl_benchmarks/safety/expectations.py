@@ -248,7 +248,7 @@ EXPECTED: Mapping[str, Callable[[Setting], Expected]] = {
     "overload": saturation,
     "overheating": thermal,
     "obstacle": obstacle,
-    "host_pause": at_once("overrun"),
+    "host_pause": at_once("host_frozen"),
     "short_pause": nothing,
     "late_ticks": late_ticks,
     "late_now_and_then": nothing,

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from motorctl.hal import Driver, DriverOptions, driver_class
+from motorctl.hal import Driver, DriverOptions, Status, driver_class
 from motorctl.hal.conformance.driver_bench import Bench
 from motorctl.hal.conformance.io_watch import touched_by
 from motorctl.hal.conformance.rig import Rig
@@ -60,7 +60,7 @@ class DeclarationChecks:
         touched = touched_by(lambda: drivers.append(rig.make_driver()))
         assert not touched, f"the constructor touches {touched}"
         (driver,) = drivers
-        for name in ("rate_budget", "problems", "prepare"):
+        for name in ("rate_budget", "problems", "switches", "prepare"):
             touched = touched_by(getattr(driver, name))
             assert not touched, f"{name} touches {touched}"
 
@@ -68,6 +68,18 @@ class DeclarationChecks:
         """Options and channels of the rig fit together."""
         problems = rig.make_driver().problems()
         assert not problems, problems
+
+    def test_it_tells_the_switches_of_each_channel_or_that_nobody_knows(self, rig: Rig) -> None:
+        """Whoever homes an axis can be told that its switch would never come."""
+        driver = rig.make_driver()
+        told = driver.switches()
+        every = Status.HOME_SWITCH | Status.INDEX_LATCHED
+        every |= Status.LIMIT_NEGATIVE | Status.LIMIT_POSITIVE
+        if told is not None:
+            assert len(told) == len(rig.channels)
+            assert all(0 <= int(bits) <= int(every) and not bits & ~every for bits in told)
+        assert math.isfinite(driver.sampled_apart_s)
+        assert driver.sampled_apart_s >= 0.0
 
     def test_virtual_time_is_refused_where_it_is_not_supported(self, rig: Rig) -> None:
         """What cannot run in virtual time says so, and names itself."""

@@ -62,7 +62,7 @@ def trip(axis: Any, cause: int, value: float, limit: float, t: float) -> None:
 def trip_on_stall(axis: Any, stalled: float, limit: float, by: int, t: float) -> None:
     """Put the axis into FAULT because the loop was stalled, keeping which limit that was beyond."""
     before = axis.fault
-    trip(axis, FaultCause.OVERRUN, stalled, limit, t)
+    trip(axis, FaultCause.HOST_FROZEN, stalled, limit, t)
     _note_limit(axis, before, by)
 
 
@@ -70,13 +70,13 @@ def trip_on_stall(axis: Any, stalled: float, limit: float, by: int, t: float) ->
 def ramp_on_stall(axis: Any, stalled: float, limit: float, by: int, t: float) -> None:
     """Let the axis ramp down because the loop was stalled, keeping which limit that was beyond."""
     before = axis.fault
-    quick_stop(axis, FaultCause.OVERRUN, stalled, limit, t)
+    quick_stop(axis, FaultCause.HOST_FROZEN, stalled, limit, t)
     _note_limit(axis, before, by)
 
 
 @inner_kernel
 def _note_limit(axis: Any, before: int, by: int) -> None:
-    if before == 0 and axis.fault == FaultCause.OVERRUN:
+    if before == 0 and axis.fault == FaultCause.HOST_FROZEN:
         axis.fault_status |= by << STALL_LIMIT_SHIFT
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.axis_records import HOST_FROZEN_BIT
 from motorctl.loop.fences import load_acquire
 from motorctl.loop.guards.reactions import ramp_on_stall, react_to_others, trip_on_stall
 
@@ -109,7 +108,7 @@ def check_pause(settings: Any, axis: Any, elapsed: int, t: float) -> bool:
     """
     skipped, before = elapsed - 1, axis.state
     if skipped > settings.frozen_ticks:
-        if settings.quick_stops >> HOST_FROZEN_BIT & 1:
+        if settings.quick_stops >> FaultCause.HOST_FROZEN & 1:
             ramp_on_stall(axis, float(skipped), float(settings.frozen_ticks), settings.frozen_by, t)
         else:
             trip_on_stall(axis, float(skipped), float(settings.frozen_ticks), settings.frozen_by, t)

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from wire_driver import WireDriver, WireOptions
 
 from broken_drivers.registry import ABSENT, UNOPENED, UNTOUCHED, fails
-from motorctl.hal import RateBudget
+from motorctl.hal import RateBudget, Status
 
 
 @fails("test_it_is_a_driver_and_is_found_under_its_name")
@@ -46,6 +46,18 @@ class HasNoArithmetic(WireDriver):
 class IsTooSlowForItself(WireDriver):
     def rate_budget(self) -> RateBudget:
         return RateBudget(10.0, "one call in memory takes 100 ms")
+
+
+@fails("test_it_tells_the_switches_of_each_channel_or_that_nobody_knows")
+class TellsTheSwitchesOfOneChannel(WireDriver):
+    def switches(self) -> list[Status]:
+        return [Status.HOME_SWITCH]
+
+
+@fails("test_it_tells_the_switches_of_each_channel_or_that_nobody_knows")
+class TakesAFaultForASwitch(WireDriver):
+    def switches(self) -> list[Status]:
+        return [Status.AMPLIFIER_FAULT for _ in self.channels]
 
 
 @fails(UNTOUCHED)

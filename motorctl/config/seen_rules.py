@@ -1,0 +1,61 @@
+"""What axes need of a driver's samples: switches that are told, both ends of one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from motorctl.config.dual_drive_keys import SECOND_END
+from motorctl.config.exchange import Exchange
+from motorctl.errors import Problem
+from motorctl.hal import Channel, Status
+from motorctl.located_yaml import Document
+
+_SOUGHT = {
+    "switch": (Status.HOME_SWITCH,),
+    "index": (Status.INDEX_LATCHED,),
+    "switch_index": (Status.HOME_SWITCH, Status.INDEX_LATCHED),
+}
+"""What each method of homing waits for."""
+_WORDS = {
+    Status.HOME_SWITCH: "home switch (home_switch)",
+    Status.INDEX_LATCHED: "index mark (index_latched)",
+}
+
+
+def check_seen(
+    document: Document, driver: str, exchange: Exchange, channels: Sequence[Channel]
+) -> Iterator[Problem]:
+    """Check that a driver tells what its axes are homed by, and both ends of a beam at once."""
+    for i, channel in enumerate(channels):
+        axis, second = channel.axis.removesuffix(SECOND_END), channel.axis.endswith(SECOND_END)
+        if exchange.switches is not None:
+            path = ("axes", axis, "homing", "method")
+            method = document.at(path)
+            for sought in _SOUGHT.get(method if isinstance(method, str) else "", ()):
+                if not exchange.switches[i] & sought:
+                    whose = f"'{channel.axis}', the second end" if second else f"'{channel.axis}'"
+                    message = (
+                        f"found '{method}', but driver '{driver}' is told of no {_WORDS[sought]} "
+                        f"of {whose}: homing would never find it; name it among the driver's "
+                        "signals, or home by another method"
+                    )
+                    yield document.problem(path, message)
+        if second and exchange.sampled_apart_s:
+            yield from _check_moments(document, driver, exchange.sampled_apart_s, axis)
+
+
+def _check_moments(document: Document, driver: str, apart_s: float, axis: str) -> Iterator[Problem]:
+    path = ("axes", axis, "guards", "skew", "limit_m")
+    limit_m = document.at(path)
+    speed_m_s = document.at(("axes", axis, "limits", "max_velocity_m_s"))
+    if not (isinstance(limit_m, int | float) and isinstance(speed_m_s, int | float)):
+        return
+    passed_m = speed_m_s * apart_s
+    if limit_m <= passed_m:
+        message = (
+            f"found {limit_m:g}, would trip in ordinary motion: the samples of the two ends that "
+            f"driver '{driver}' brings may lie {apart_s * 1e3:g} ms apart, in which a beam goes "
+            f"{passed_m:.3g} m at limits.max_velocity_m_s {speed_m_s:g}; let the device sample "
+            "both at once (CAN: sync, or both counts in one frame)"
+        )
+        yield document.problem(path, message)
