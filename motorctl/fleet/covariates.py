@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.fleet.series import BIN_S
 
 Array = NDArray[np.float64]
 
@@ -63,8 +62,8 @@ class Covariates:
         Returns
         -------
         tuple
-            Names, and a column of each, (N, m): the mean of the readings within the time that a
-            point stands for, else between the readings around it, none of them further than a day.
+            Names, and a column of each, (N, m): between the readings around each point, neither of
+            them further than a day.
         """
         names, columns = [], []
         for name in self.names:
@@ -131,19 +130,12 @@ def _sorted(pairs: list[tuple[float, float]]) -> Readings:
 def _at(readings: Readings, time_s: Array) -> Array | None:
     """Return readings at the points of a series; None where one of them has none near."""
     times, values = readings.time_s, readings.value
-    begin = np.floor(time_s / BIN_S) * BIN_S
-    first, last = np.searchsorted(times, begin), np.searchsorted(times, begin + BIN_S)
-    sums = np.concatenate(([0.0], np.cumsum(values)))
-    inside = (sums[last] - sums[first]) / np.maximum(last - first, 1)
     after = np.clip(np.searchsorted(times, time_s), 0, len(times) - 1)
-    before = np.maximum(after - 1, 0)
+    before = np.where((times[after] > time_s) & (after > 0), after - 1, after)
     far = np.maximum(np.abs(times[after] - time_s), np.abs(time_s - times[before]))
-    at_end = np.minimum(np.abs(times[after] - time_s), np.abs(time_s - times[before]))
-    outside = (time_s < times[0]) | (time_s > times[-1])
-    far = np.where(outside, at_end, far)
-    if ((last == first) & (far > MOST_GAP_S)).any():
+    if (far > MOST_GAP_S).any():
         return None
-    return np.where(last > first, inside, np.interp(time_s, times, values))
+    return np.interp(time_s, times, values)
 
 
 def _moment(where: str, told: str) -> float:

@@ -29,9 +29,7 @@ class LogIndex:
         if source is None:
             raise UsageError(f"{self._folder}: knows no such log: is the page of another store?")
         if "://" in source:
-            raise UsageError(
-                f"{source}: is on no disk here: fetch it, and open that"
-            )
+            raise UsageError(f"{source}: is on no disk here: fetch it, and open that")
         return Path(source)
 
     def _count(self) -> int:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
-from motorctl.fleet.change import SAME, Level, drawn_in, scatter_of, steps_in
+from motorctl.fleet.change import MAD, SAME, Level, drawn_in, scatter_of, steps_in
 from motorctl.fleet.head import SIMULATED
 from motorctl.fleet.series import Series
 
@@ -107,7 +107,7 @@ def standings(series: Sequence[Series], levels: Sequence[Level]) -> list[Standin
 def _standing(level: Level, value: Array, error: Array) -> Standing | None:
     n = len(value)
     median = float(np.median(value))
-    spread = float(stats.median_abs_deviation(value, scale="normal")) * n / (n - SMALL)
+    spread = MAD * float(np.median(np.abs(value - median))) * n / (n - SMALL)
     usual_error = float(np.median(error))
     spread = max(spread, usual_error, SAME * abs(median))
     if not spread or not math.isfinite(level.std_error):
@@ -117,5 +117,5 @@ def _standing(level: Level, value: Array, error: Array) -> Standing | None:
     z = away / spread
     z_error = math.sqrt((level.std_error / spread) ** 2 + (OF_MEDIAN + OF_SPREAD * z**2) / n)
     t = abs(away) / math.sqrt(spread**2 * (1.0 + OF_MEDIAN / n) + more)
-    p = 2.0 * float(stats.t.sf(t, FREEDOM * n))
+    p = 2.0 * float(special.stdtr(FREEDOM * n, -t))
     return Standing(level, median, spread, n, z, z_error, p)

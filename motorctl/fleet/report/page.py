@@ -21,7 +21,7 @@ from motorctl.fleet.changes import (
     level_of,
 )
 from motorctl.fleet.covariates import Covariates
-from motorctl.fleet.report.machines import MachineSeen, machines_in
+from motorctl.fleet.report.machines import UNNAMED, MachineSeen, machines_in
 from motorctl.fleet.report.trend import HEIGHT, SMALL_HEIGHT, SMALL_WIDTH, WIDTH, small, trend_of
 from motorctl.fleet.series import Seen, Series, newest_rows, series_from
 from motorctl.fleet.siblings import latest_level
@@ -32,6 +32,8 @@ MOST_PICTURES = 60
 """Changes that are shown with a large picture; the others are rows of a table."""
 MOST_REFUSED = 10
 """Logs of a machine that are named with why they cannot be used; the others are counted."""
+CLEAR = 3.0
+"""Standard errors from which on what a covariate moves is told beside an alarm."""
 SILENT = timedelta(days=2)
 """How much older than the fleet's a machine's last log is where that is pointed out."""
 PORT = 8765
@@ -103,6 +105,7 @@ def write_fleet_page(
         command=f"motorctl scope --store {shlex.quote(str(store.folder.resolve()))} "
         f"--port {scope_port}",
         found=found,
+        named=sum(name != UNNAMED for name in machines),
         begin=min(begins, default=None),
         end=max(ends, default=None),
         logs=sum(len(machine.logs) for machine in machines.values()),
@@ -140,9 +143,11 @@ def _place(one: Judged, numbers: dict[str, int]) -> dict[str, Any]:
 
 def _alarm_row(alarm: Alarm, links: _Links, numbers: dict[str, int]) -> dict[str, Any]:
     series, change = alarm.series, alarm.change
+    moved_by = _place(alarm.judged, numbers)["influence"] or ()
     before = 0 if change.form == "drift" else change.first - 1
     return _place(alarm.judged, numbers) | {
         "form": change.form,
+        "moved_by": [each for each in moved_by if abs(each[1]) > CLEAR * each[2]],
         "since": alarm.since,
         "before": change.before,
         "after": change.after,
