@@ -80,12 +80,12 @@ def noise(seed: int, likeness: float = 0.0) -> np.ndarray:
     return value
 
 
-@pytest.mark.parametrize("likeness", [0.0, 0.5])
+@pytest.mark.parametrize("likeness", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 @pytest.mark.parametrize("kind", ["days and seasons", "wandering", "a ramp"])
 def test_of_series_that_only_follow_a_covariate_no_more_are_told_than_is_stated(
     kind: str, likeness: float
 ) -> None:
-    days, level, told, series = np.arange(POINTS) / 3.0, 0.05, 0, 40
+    days, level, told, series = np.arange(POINTS) / 3.0, 0.05, 0, 30
     for seed in range(series):
         beside = {
             "days and seasons": hall(days),
