@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.own_names import name_to_ask, needs_token, own_names
-from motorctl.scope.access import Access, guarded, new_token
+from motorctl.scope.access import LOG_PAGE, Access, guarded, new_token
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog
@@ -36,7 +36,6 @@ MOST_ASKED_BYTES = 4096
 OF_LOGS = ("logs", "signals", "bands", "plane", "path", "spectrum", "values")
 """What is asked of anything that is shown."""
 RECORDS = "/flight_record/"
-LOGS = "/log/"
 MOST_RECORDS = 8
 """How many of these are open at a time; of a fault, or a fleet, more are seldom compared."""
 Find = Callable[[str], Path]
@@ -278,10 +277,10 @@ def application(logs: Logs | Find, access: Access) -> web.Application:
 
     app = web.Application(middlewares=[guarded(access), in_words], client_max_size=MOST_ASKED_BYTES)
     if not isinstance(logs, Logs):
-        pages, of_log = LogPages(logs), LOGS + r"{log_id:[0-9a-f]{64}}"
+        pages = LogPages(logs)
         app.router.add_get("/", pages.first)
-        app.router.add_get(f"{of_log}/api/{{name:{'|'.join(OF_LOGS)}}}", pages.answer)
-        app.router.add_get(of_log + "/{name:[a-zA-Z_/.]*}", _file)
+        app.router.add_get(f"{LOG_PAGE}/api/{{name:{'|'.join(OF_LOGS)}}}", pages.answer)
+        app.router.add_get(LOG_PAGE + "/{name:[a-zA-Z_/.]*}", _file)
         return app
     questions = Questions(logs)
     app.router.add_post("/api/trigger", questions.trigger)

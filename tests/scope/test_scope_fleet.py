@@ -6,10 +6,12 @@ import asyncio
 import json
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlparse
 
 import pytest
 from fleet_findings import BEGAN, head, parameter
 from recorded_rows import make_rows, write_log
+from scope_browser import SETTLED, browser, served
 from typer.testing import CliRunner
 
 pytest.importorskip("aiohttp", reason="the scope needs the extra [scope]")
@@ -21,6 +23,7 @@ from motorctl.errors import UsageError
 from motorctl.fleet.findings import table_of_log
 from motorctl.fleet.head import LogHead
 from motorctl.fleet.log_index import LogIndex
+from motorctl.fleet.report import write_fleet_page
 from motorctl.fleet.store import Store, open_store
 from motorctl.scope.access import Access
 from motorctl.scope.server import application
@@ -28,8 +31,9 @@ from motorctl.scope.server import application
 
 def kept(store: Store, log_id: str, source: Path | str) -> None:
     told = head("bench", log_id, BEGAN)
+    row = parameter(0.1, begin_s=0.1, end_s=0.25)
     told = LogHead(**{**vars(told), "source": str(source)})
-    store.write(log_id[:32], BEGAN, table_of_log(told, log_id[:32], [parameter(0.1)]))
+    store.write(log_id[:32], BEGAN, table_of_log(told, log_id[:32], [row]))
 
 
 @pytest.fixture
@@ -42,13 +46,15 @@ def store(tmp_path: Path) -> Store:
     return store
 
 
-def asked(store: Store, *paths: str) -> list[tuple[int, bytes]]:
+def asked(
+    store: Store, *paths: str, headers: dict[str, str] | None = None
+) -> list[tuple[int, bytes]]:
     async def run() -> list[tuple[int, bytes]]:
         app = application(LogIndex(store.folder).find, Access("127.0.0.1", None))
         async with TestClient(TestServer(app)) as client:
             answers = []
             for path in paths:
-                answer = await client.get(path, allow_redirects=False)
+                answer = await client.get(path, allow_redirects=False, headers=headers)
                 answers.append((answer.status, await answer.read()))
             return answers
 
@@ -67,6 +73,25 @@ def test_each_link_opens_its_own_log(store: Store) -> None:
     assert b"fleet report" in first[1]
 
 
+@pytest.mark.slow
+def test_a_click_on_the_fleet_page_shows_the_window_in_the_browser(
+    store: Store, tmp_path: Path
+) -> None:
+    report = tmp_path / "fleet.html"
+    with browser() as chromium, served(LogIndex(store.folder).find) as url:
+        write_fleet_page(store, report, scope_port=int(url.rsplit(":", 1)[1].strip("/")))
+        tab = chromium.new_page()
+        tab.goto(report.as_uri())
+        tab.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+        with tab.expect_popup() as led:
+            tab.click("a[href*='/log/']")
+        scope = led.value
+        scope.wait_for_selector(SETTLED)
+        assert scope.title().startswith("a.parquet")
+        layout = parse_qs(urlparse(scope.url).fragment)
+        assert (layout["from"], layout["to"], layout["axes"]) == (["0.1"], ["0.25"], ["x"])
+
+
 def test_what_the_store_does_not_know_is_not_opened(store: Store, tmp_path: Path) -> None:
     kept(store, "c" * 64, "s3://bucket/log.parquet")
     kept(store, "d" * 64, tmp_path / "gone.parquet")
@@ -83,6 +108,15 @@ def test_what_the_store_does_not_know_is_not_opened(store: Store, tmp_path: Path
     assert b"is on no disk here" in remote[1]
     assert b"gone.parquet" in gone[1]
     assert (outside[0], live[0]) == (404, 404)
+
+
+def test_other_pages_may_link_to_a_log_and_ask_for_nothing_of_it(store: Store) -> None:
+    page, other = f"/log/{'a' * 64}/", {"Sec-Fetch-Site": "cross-site"}
+    followed = {**other, "Sec-Fetch-Mode": "navigate"}
+    assert asked(store, page, headers=followed)[0][0] == 200
+    refused = [(page, other), (page + "api/logs", other), (page + "api/logs", followed)]
+    for path, headers in refused:
+        assert asked(store, path, headers=headers)[0][0] == 403
 
 
 def test_findings_that_came_later_are_known(store: Store, tmp_path: Path) -> None:
