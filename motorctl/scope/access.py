@@ -115,7 +115,7 @@ def new_token() -> str:
 
 
 def _leads_here(request: web.Request) -> bool:
-    """Tell whether a person followed a link from elsewhere to a page itself, and asks for no data."""
+    """Tell whether a person followed a link from elsewhere to a page itself, not its data."""
     page = request.path == "/" or LINKED.fullmatch(request.path)
     return bool(page) and request.headers.get("Sec-Fetch-Mode") == "navigate"
 

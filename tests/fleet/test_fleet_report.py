@@ -89,6 +89,7 @@ def test_the_page_shows_changes_with_pictures_and_every_machine(
     assert "11 machines" in words
     assert f"1. {EVIL} · axis x (p): {FRICTION}" in words
     assert "between 2026-03-15 16:00 and 2026-03-16 00:00" in words
+    assert re.search(r"\(\+2\d(\.\d)? %\)", words)
     assert "beside its 10 siblings now +" in words
     assert "at most 1 looks a year" in words
     assert "1 that cannot be used" in words

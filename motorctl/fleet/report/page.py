@@ -35,7 +35,8 @@ MOST_REFUSED = 10
 CLEAR = 3.0
 """Standard errors from which on what a covariate moves is told beside an alarm."""
 SILENT = timedelta(days=2)
-"""How much older than the fleet's a machine's last log is where that is pointed out."""
+"""How much older than the fleet's a machine's last log is where that is pointed out; how young a
+step is that is called new."""
 PORT = 8765
 """Where the page's links expect the scope, unless another one is asked for."""
 
@@ -163,7 +164,18 @@ def _alarm(
     alarm: Alarm, found: FleetChanges, links: _Links, numbers: dict[str, int]
 ) -> dict[str, Any]:
     series = alarm.series
+    before, after = alarm.change.before.value, alarm.change.after.value
+    newest = max(float(one.series.time_s[-1]) for one in found.judged)
+    others = [
+        f"{other.series.axis} {other.series.name}"
+        for other in found.alarms
+        if other is not alarm and other.series.machine == series.machine
+    ]
     return _alarm_row(alarm, links, numbers) | {
+        "percent": 100.0 * (after / before - 1.0) if before * after > 0.0 else None,
+        "new": alarm.change.form == "step"
+        and newest - float(series.time_s[alarm.change.first]) < SILENT.total_seconds(),
+        "others": others,
         "trend": trend_of(alarm.judged, alarm.change, found.judged, plain=False),
         "span": (series.moment(0), series.moment(-1)),
     }
