@@ -63,7 +63,7 @@ class Judged:
             "parameter": series.name,
             "unit": series.unit,
             "siblings": self.standing and self.standing.to_dict(),
-            "covariates": self.influence and self.influence.to_dict(),
+            "influence": self.influence and self.influence.to_dict(),
         }
 
 

@@ -61,7 +61,7 @@ def test_a_trend_that_goes_with_temperature_is_no_alarm_and_a_step_beside_it_is(
     (alarm,) = document["alarms"]
     assert (alarm["machine"], alarm["form"]) == (BOTH, "step")
     assert alarm["since"][1] == (BEGAN + timedelta(days=45)).isoformat()
-    slope = alarm["covariates"]["covariates"]["temperature_C"]
+    slope = alarm["influence"]["covariates"]["temperature_C"]
     assert slope["slope"] == pytest.approx(-0.8 * 0.003, abs=4.0 * slope["std_error"])
     told = {each["machine"]: each for each in document["explained"]}
     assert told[SENSITIVE]["certain"]
