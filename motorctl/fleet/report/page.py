@@ -68,7 +68,7 @@ def write_fleet_page(
     covariates: Covariates | None = None,
     scope_port: int = PORT,
 ) -> FleetChanges:
-    """Write a fleet as one self-contained page, and return what changed in it.
+    """Write a fleet as one self-contained page.
 
     Parameters
     ----------
@@ -80,6 +80,11 @@ def write_fleet_page(
         As `motorctl.fleet.changes.changes_in` takes them.
     scope_port
         Of the scope that links lead to.
+
+    Returns
+    -------
+    FleetChanges
+        What changed, as the page shows it.
 
     Raises
     ------
