@@ -18,10 +18,25 @@ from motorctl.cli.whole_help import WholeHelp
 from motorctl.extras import require
 
 if TYPE_CHECKING:
-    from motorctl.fleet.changes import Alarm, FleetChanges
+    from motorctl.fleet.changes import Alarm, Explained, FleetChanges, Unlike
     from motorctl.fleet.run import FleetRun
 
 NEEDED = ("distributed", "fsspec", "ruptures")
+FalseAlarms = Annotated[
+    float,
+    typer.Option(
+        metavar="N", help="Looks with a false alarm that are accepted a year, fleet-wide."
+    ),
+]
+LooksADay = Annotated[float, typer.Option(metavar="N", help="How often you ask; that counts.")]
+CovariatesFile = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="CSV",
+        help="machine, time and columns as temperature_C: what goes with them is no alarm.",
+        show_default=False,
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 StoreOption = Annotated[
     Path, typer.Option("--store", metavar="DIR", help="The folder of findings.", show_default=False)
@@ -38,6 +53,9 @@ def register(app: typer.Typer) -> None:
     group.command(
         "changes", epilog="Example: motorctl fleet changes --store findings --false-alarms 2"
     )(_changes)
+    group.command("report", epilog="Example: motorctl fleet report findings --out fleet.html")(
+        _report
+    )
     app.add_typer(
         group,
         name="fleet",
@@ -111,23 +129,23 @@ def _diagnose(
 
 def _changes(
     store: StoreOption,
-    false_alarms: Annotated[
-        float,
-        typer.Option(
-            metavar="N", help="Looks with a false alarm that are accepted a year, fleet-wide."
-        ),
-    ] = 1.0,
-    looks_a_day: Annotated[
-        float, typer.Option(metavar="N", help="How often you ask; that counts.")
-    ] = 1.0,
+    false_alarms: FalseAlarms = 1.0,
+    looks_a_day: LooksADay = 1.0,
+    covariates: CovariatesFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Tell which parameters of which machines changed, since when, and what to look at first."""
     require("motorctl fleet", "fleet", *NEEDED)
     from motorctl.fleet.changes import changes_in
+    from motorctl.fleet.covariates import read_covariates
     from motorctl.fleet.store import open_store
 
-    found = changes_in(open_store(store), false_alarms_a_year=false_alarms, looks_a_day=looks_a_day)
+    found = changes_in(
+        open_store(store),
+        false_alarms_a_year=false_alarms,
+        looks_a_day=looks_a_day,
+        covariates=read_covariates(covariates) if covariates else None,
+    )
     if as_json:
         say(json.dumps(found.to_dict()))
         return
@@ -136,7 +154,45 @@ def _changes(
         console.print(_alarms(found.alarms))
         first = found.alarms[0]
         say(f"look at first: machine {first.series.machine}, axis {first.series.axis}: {first.log}")
+    if found.unlike:
+        console.print(_unlike(found.unlike))
+    for one in found.explained:
+        say(_explained(one))
     say(_judged(found))
+
+
+def _report(
+    store: Annotated[
+        Path, typer.Argument(metavar="STORE", help="The folder of findings.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The page.")] = Path(
+        "fleet.html"
+    ),
+    false_alarms: FalseAlarms = 1.0,
+    looks_a_day: LooksADay = 1.0,
+    covariates: CovariatesFile = None,
+    scope_port: Annotated[
+        int,
+        typer.Option(
+            min=1, max=65535, metavar="N", help="Of the scope that the page's links lead to."
+        ),
+    ] = 8765,
+) -> None:
+    """Write the fleet as one page: what to look at first, every machine, links into the logs."""
+    require("motorctl fleet", "fleet", *NEEDED)
+    from motorctl.fleet.covariates import read_covariates
+    from motorctl.fleet.report import write_fleet_page
+    from motorctl.fleet.store import open_store
+
+    found = write_fleet_page(
+        open_store(store),
+        out,
+        false_alarms_a_year=false_alarms,
+        looks_a_day=looks_a_day,
+        covariates=read_covariates(covariates) if covariates else None,
+        scope_port=scope_port,
+    )
+    say(f"{out}: {_judged(found)}")
 
 
 def _alarms(alarms: Sequence[Alarm]) -> Table:
@@ -158,15 +214,50 @@ def _alarms(alarms: Sequence[Alarm]) -> Table:
     return table
 
 
+def _unlike(unlike: Sequence[Unlike]) -> Table:
+    table = open_table(
+        "unlike their siblings", ("machine", "parameter", "level", "siblings", "distance", "log")
+    )
+    for one in unlike:
+        series, at = one.judged.series, one.standing
+        cells = (
+            f"{series.machine} {series.axis}" + (f" ({series.program})" if series.program else ""),
+            f"{series.name} [{series.unit}]",
+            f"{at.level.value:.4g} ± {at.level.std_error:.1g}",
+            f"{at.median:.4g} ± {at.spread:.1g} ({at.others})",
+            f"{at.z:+.1f} ± {at.z_error:.1f}",
+            series.seen[-1].source,
+        )
+        table.add_row(*(escape(cell) for cell in cells))
+    return table
+
+
+def _explained(one: Explained) -> str:
+    series, influence = one.judged.series, one.judged.influence
+    named = ", ".join(influence.names if influence else ())
+    left = f"{one.remainder.value:+.2g} ± {one.remainder.std_error:.1g}"
+    verdict = f"goes with {named}" if one.certain else f"cannot be told apart from {named}"
+    return (
+        f"no alarm: {series.machine} {series.axis} {series.name}: changed by {one.moved:+.3g} "
+        f"{series.unit}, which {verdict}; {left} are left"
+    )
+
+
 def _judged(found: FleetChanges) -> str:
     others = (
         f" {found.of_other_models} values of other models than the last were left out."
         if found.of_other_models
         else ""
     )
+    if found.without_covariates:
+        others += (
+            f" For {found.without_covariates} series no covariate is known at every point: they "
+            "were judged as they are."
+        )
     return (
-        f"{len(found.alarms)} of {found.series} series changed; {found.too_short} have too few "
-        f"points or never differ.{others} If nothing changes, at most "
+        f"{len(found.alarms)} of {found.series} series changed, {len(found.unlike)} of "
+        f"{found.compared} are unlike their siblings; {found.too_short} have too few "
+        f"points or never differ.{others} If nothing changes and machines are alike, at most "
         f"{found.false_alarms_a_year:g} looks a year are expected to have a false alarm; "
         f"of those told at most {100 * found.level:.2g} % are expected to be false. "
         "Size: the change over the usual scatter of a point."

@@ -78,7 +78,7 @@ class Change:
         return abs(self.after.value - self.before.value) / self.scatter
 
 
-def change_in(value: Array) -> Change | None:
+def change_in(value: Array, beside: Array | None = None) -> Change | None:
     """Return the clearest change of a series; None where it is too short or never differs.
 
     Points far from their neighbours are drawn in first, so that fewer than `SHORTEST_PART` make no
@@ -93,29 +93,51 @@ def change_in(value: Array) -> Change | None:
     ----------
     value
         In order of time, (N,).
+    beside
+        Of a series from which what covariates move was taken: they, (N, m). As far as a change
+        looks like them its error is larger.
     """
     n = len(value)
+    beside = np.empty((n, 0)) if beside is None else beside
     if n < FEWEST_POINTS:
         return None
     if float(np.ptp(value)) <= SAME * float(np.max(np.abs(value), initial=0.0)):
         return None
-    value, noise = _drawn_in(value)
-    steps = _steps(value, noise)
+    value, noise = drawn_in(value)
+    steps = steps_in(value, noise)
     scatter, together = scatter_of(value, steps, noise)
     ends = [0, *steps, n]
     left_by_steps = sum(_squares(value[a:b]) for a, b in pairwise(ends))
     tested = [
-        _step(value[a:c], b - a, a, scatter, together, n)
+        _step(value[a:c], beside[a:c], b - a, a, scatter, together, n)
         for a, b, c in zip(ends, ends[1:], ends[2:], strict=False)
     ]
-    forms = [_drift(value, 0, 1, noise)]
+    forms = [_drift(value, beside, 0, 1, noise)]
     if n > FEWEST_POINTS + 1:
-        forms.append(_drift(value, *_beginning(value), noise))
+        forms.append(_drift(value, beside, *beginning_of(value), noise))
     if tested:
         best = min(tested, key=lambda change: change.p_value)
-        forms.append((_criterion(left_by_steps, n, 2 * len(steps) + 1), best))
+        forms.append((criterion(left_by_steps, n, 2 * len(steps) + 1), best))
     _, best = min(forms, key=lambda form: form[0])
     return replace(best, p_value=min(1.0, 3.0 * best.p_value))
+
+
+def told_alone(column: Array, beside: Array) -> float:
+    """Return which part of a form's squares covariates do not look like, above 0 to 1.
+
+    Parameters
+    ----------
+    column
+        The form that a change has, (N,).
+    beside
+        Covariates, (N, m).
+    """
+    if not beside.shape[1]:
+        return 1.0
+    own = column - np.mean(column)
+    others = beside - np.mean(beside, axis=0)
+    left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return max(float(left @ left) / float(own @ own), SAME)
 
 
 def scatter_of(value: Array, steps: Sequence[int], noise: float) -> tuple[float, float]:
@@ -132,10 +154,10 @@ def scatter_of(value: Array, steps: Sequence[int], noise: float) -> tuple[float,
     """
     ends = [0, *steps, len(value)]
     left = np.concatenate([value[a:b] - np.mean(value[a:b]) for a, b in pairwise(ends)])
-    return _scatter(left, len(steps), noise)
+    return rest_scatter(left, len(steps), noise)
 
 
-def _scatter(left: Array, further: int, noise: float) -> tuple[float, float]:
+def rest_scatter(left: Array, further: int, noise: float) -> tuple[float, float]:
     """Return the same of what a form with so many parameters beside one mean leaves."""
     n = len(left)
     squares = max(float(left @ left), n * noise**2 * SAME)
@@ -147,7 +169,7 @@ def _scatter(left: Array, further: int, noise: float) -> tuple[float, float]:
     return max(noise, math.sqrt(squares / freedom)), (1.0 + correlated) / (1.0 - correlated)
 
 
-def _drawn_in(value: Array) -> tuple[Array, float]:
+def drawn_in(value: Array) -> tuple[Array, float]:
     """Return a series whose outliers are drawn in to their neighbours, and its noise."""
     around = median_filter(value, size=NEIGHBOURS)
     inside = NEIGHBOURS // 2
@@ -159,7 +181,7 @@ def _drawn_in(value: Array) -> tuple[Array, float]:
     return kept, noise
 
 
-def _steps(value: Array, noise: float) -> list[int]:
+def steps_in(value: Array, noise: float) -> list[int]:
     """Return the first points after each step."""
     search = ruptures.KernelCPD(kernel="linear", min_size=SHORTEST_PART)
     scaled = (value - np.median(value)) / noise
@@ -168,13 +190,20 @@ def _steps(value: Array, noise: float) -> list[int]:
 
 
 def _step(
-    value: Array, split: int, begin: int, noise: float, together: float, all_points: int
+    value: Array,
+    beside: Array,
+    split: int,
+    begin: int,
+    noise: float,
+    together: float,
+    all_points: int,
 ) -> Change:
     parts = value[:split], value[split:]
     n = len(value)
-    freedom = max(n / together - 2.0, 1.0)
+    freedom = max(n / together - 2.0 - beside.shape[1], 1.0)
     scatter = max(noise, math.sqrt(sum(_squares(part) for part in parts) / max(n - 2, 1)))
-    before, after = (_level(part, scatter, together) for part in parts)
+    alone = told_alone((np.arange(n) >= split).astype(float), beside)
+    before, after = (_level(part, scatter, together / alone) for part in parts)
     error = math.hypot(before.std_error, after.std_error)
     moved = abs(after.value - before.value)
     t = moved / error
@@ -183,7 +212,7 @@ def _step(
     return Change("step", begin + split, before, after, scatter, p)
 
 
-def _beginning(value: Array) -> tuple[int, int]:
+def beginning_of(value: Array) -> tuple[int, int]:
     """Return where a drift that begins inside fits best, and how many places it could have had.
 
     As many points as make a series lie after it: of fewer nobody can tell it from a step.
@@ -200,7 +229,9 @@ def _beginning(value: Array) -> tuple[int, int]:
     return 1 + int(np.argmax(explained)), len(rising)
 
 
-def _drift(value: Array, first: int, places: int, noise: float) -> tuple[float, Change]:
+def _drift(
+    value: Array, beside: Array, first: int, places: int, noise: float
+) -> tuple[float, Change]:
     """Return how badly a line fits that is level up to a point, and the change that it tells."""
     n = len(value)
     rise = np.maximum(0.0, np.arange(n) - float(first))
@@ -209,17 +240,17 @@ def _drift(value: Array, first: int, places: int, noise: float) -> tuple[float, 
     line = inverse @ (columns.T @ value)
     left = value - columns @ line
     parameters = 3 if first else 2
-    scatter, together = _scatter(left, parameters - 1, noise)
-    covariance = scatter**2 * together * inverse
-    freedom = max(n / together - parameters, 1.0)
+    scatter, together = rest_scatter(left, parameters - 1, noise)
+    covariance = scatter**2 * together / told_alone(rise, beside) * inverse
+    freedom = max(n / together - parameters - beside.shape[1], 1.0)
     t = abs(float(line[1])) / math.sqrt(covariance[1, 1])
     p = min(1.0, places * 2.0 * float(stats.t.sf(t, freedom)))
     before, after = (
         Level(float(at @ line), math.sqrt(at @ covariance @ at), n)
         for at in (columns[first], columns[-1])
     )
-    criterion = _criterion(float(left @ left), n, parameters)
-    return criterion, Change("drift", first, before, after, scatter, p)
+    fit = criterion(float(left @ left), n, parameters)
+    return fit, Change("drift", first, before, after, scatter, p)
 
 
 def _level(part: Array, scatter: float, together: float) -> Level:
@@ -227,7 +258,8 @@ def _level(part: Array, scatter: float, together: float) -> Level:
     return Level(float(np.mean(part)), error, len(part))
 
 
-def _criterion(left: float, n: int, parameters: int) -> float:
+def criterion(left: float, n: int, parameters: int) -> float:
+    """Return how badly a form fits, by the squares that it leaves and its parameters."""
     return n * math.log(max(left, 1e-300) / n) + parameters * math.log(n)
 
 

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-import numpy as np
 from scipy import stats
 
 from motorctl.errors import UsageError
 from motorctl.fleet.change import Change, change_in
+from motorctl.fleet.covariates import Covariates
+from motorctl.fleet.influence import (
+    Influence,
+    Remainder,
+    change_beside,
+    influence_on,
+    remainder_of,
+)
 from motorctl.fleet.series import Series, series_of
+from motorctl.fleet.siblings import Standing, latest_level, standings
 from motorctl.fleet.store import Store
 from motorctl.json_values import plain
 
@@ -21,40 +30,81 @@ LEAST_SIZE = 2.5
 """Standard deviations of a point by which a series must have changed to be told. Larger misses
 small changes that last, smaller takes slow wandering for changes. Chosen on simulated series
 without change: of those whose neighbours are correlated by 0.6, none of 500 is told at 1e-4."""
+SURE = 3.0
+"""Standard errors by which what is left of a change must differ from it for covariates to explain
+it. Larger doubts them more often, smaller believes them sooner. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A series that was judged."""
+
+    series: Series
+    change: Change
+    """Beside its covariates, where there are some."""
+    plain: Change
+    """As it is."""
+    influence: Influence | None
+    standing: Standing | None
+
+    def since(self, change: Change) -> tuple[datetime, datetime]:
+        """Return the points around a step; of a drift its beginning and the last one."""
+        if change.form == "drift":
+            return self.series.moment(change.first), self.series.moment(-1)
+        return self.series.moment(change.first - 1), self.series.moment(change.first)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is told of it whatever it is told for."""
+        series = self.series
+        return {
+            "machine": series.machine,
+            "axis": series.axis,
+            "program": series.program,
+            "parameter": series.name,
+            "unit": series.unit,
+            "siblings": self.standing and self.standing.to_dict(),
+            "influence": self.influence and self.influence.to_dict(),
+        }
 
 
 @dataclass(frozen=True)
 class Alarm:
     """A parameter that changed."""
 
-    series: Series
-    change: Change
+    judged: Judged
     adjusted: float
     """The level at which alarms would just include it (Benjamini-Hochberg over the fleet)."""
 
     @property
+    def series(self) -> Series:
+        """Return the series."""
+        return self.judged.series
+
+    @property
+    def change(self) -> Change:
+        """Return what became of it."""
+        return self.judged.change
+
+    @property
     def since(self) -> tuple[datetime, datetime]:
         """The last point before and the first one after; of a drift its beginning and the last."""
-        if self.change.form == "drift":
-            return self.series.moment(self.change.first), self.series.moment(-1)
-        return self.series.moment(self.change.first - 1), self.series.moment(self.change.first)
+        return self.judged.since(self.change)
+
+    @property
+    def point(self) -> int:
+        """The point to look at: the first one after the step, or the last one of a drift."""
+        return -1 if self.change.form == "drift" else self.change.first
 
     @property
     def log(self) -> str:
-        """A log to look at: the first one after the step, or the last one of a drift."""
-        place = -1 if self.change.form == "drift" else self.change.first
-        return self.series.sources[place]
+        """A log to look at."""
+        return self.series.seen[self.point].source
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in ``fleet changes --json``."""
-        series, change = self.series, self.change
+        change = self.change
         last_before, first_after = self.since
-        document = {
-            "machine": series.machine,
-            "axis": series.axis,
-            "program": series.program,
-            "parameter": series.name,
-            "unit": series.unit,
+        document = self.judged.to_dict() | {
             "form": change.form,
             "since": [last_before.isoformat(), first_after.isoformat()],
             "before": vars(change.before),
@@ -69,14 +119,73 @@ class Alarm:
 
 
 @dataclass(frozen=True)
+class Explained:
+    """A change that goes with covariates, and is no alarm."""
+
+    judged: Judged
+    remainder: Remainder
+    """What is left of it beside them."""
+
+    @property
+    def moved(self) -> float:
+        """By how much the series changed as it is."""
+        return self.judged.plain.after.value - self.judged.plain.before.value
+
+    @property
+    def certain(self) -> bool:
+        """Whether they explain it; else the two cannot be told apart."""
+        return abs(self.moved - self.remainder.value) > SURE * self.remainder.std_error
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in ``fleet changes --json``."""
+        change = self.judged.plain
+        document = self.judged.to_dict() | {
+            "form": change.form,
+            "since": [moment.isoformat() for moment in self.judged.since(change)],
+            "changed_by": self.moved,
+            "left": vars(self.remainder),
+            "certain": self.certain,
+        }
+        return {key: plain(value) for key, value in document.items()}
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """A machine that is unlike its siblings."""
+
+    judged: Judged
+    standing: Standing
+    adjusted: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as it stands in ``fleet changes --json``."""
+        document = self.judged.to_dict() | {
+            "adjusted": self.adjusted,
+            "log": self.judged.series.seen[-1].source,
+        }
+        return {key: plain(value) for key, value in document.items()}
+
+
+@dataclass(frozen=True)
 class FleetChanges:
     """What changed: alarms, first those to look at first."""
 
     alarms: tuple[Alarm, ...]
+    unlike: tuple[Unlike, ...]
+    """Machines that are unlike their siblings, first those that are most."""
+    explained: tuple[Explained, ...]
+    """Changes that would be alarms, and go with covariates."""
+    judged: tuple[Judged, ...]
+    unjudged: tuple[Series, ...]
+    """That have too few points, or never differ."""
     series: int
     """That were judged."""
     too_short: int
-    """That have too few points, or never differ."""
+    """That were not."""
+    compared: int
+    """Of those judged, that have siblings enough."""
+    without_covariates: int
+    """Of those judged, for which no covariate is known at every point."""
     of_other_models: int
     """Values of these series that were left out because another model than the last gave them."""
     level: float
@@ -86,11 +195,19 @@ class FleetChanges:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of ``fleet changes --json``."""
-        return {**vars(self), "alarms": [alarm.to_dict() for alarm in self.alarms]}
+        document = {**vars(self)}
+        del document["judged"], document["unjudged"]
+        for key in ("alarms", "unlike", "explained"):
+            document[key] = [each.to_dict() for each in document[key]]
+        return document
 
 
 def changes_in(
-    store: Store, *, false_alarms_a_year: float = 1.0, looks_a_day: float = 1.0
+    store: Store,
+    *,
+    false_alarms_a_year: float = 1.0,
+    looks_a_day: float = 1.0,
+    covariates: Covariates | None = None,
 ) -> FleetChanges:
     """Judge every series of a store.
 
@@ -103,6 +220,8 @@ def changes_in(
         changes.
     looks_a_day
         How often somebody asks.
+    covariates
+        What varied beside the machines; what goes with it is no alarm.
 
     Returns
     -------
@@ -116,30 +235,103 @@ def changes_in(
     DataError
         Where the store is damaged.
     """
-    level = false_alarms_a_year / (DAYS * looks_a_day) if looks_a_day > 0.0 else np.inf
+    level = level_of(false_alarms_a_year, looks_a_day)
+    return judged(series_of(store), level, false_alarms_a_year, covariates)
+
+
+def level_of(false_alarms_a_year: float, looks_a_day: float) -> float:
+    """Return the level at which so many looks a year have a false alarm. Raises UsageError."""
+    level = false_alarms_a_year / (DAYS * looks_a_day) if looks_a_day > 0.0 else math.inf
     if not 0.0 < level < 1.0:
         raise UsageError(
             f"{false_alarms_a_year:g} false alarms a year at {looks_a_day:g} looks a day: should "
             "be more than none, and less than one each look"
         )
-    return judged(series_of(store), level, false_alarms_a_year)
+    return level
 
 
-def judged(series: Sequence[Series], level: float, false_alarms_a_year: float) -> FleetChanges:
-    """Return the alarms of some series at a level; first the largest beside its usual scatter."""
-    found = [(each, change) for each in series if (change := change_in(each.value)) is not None]
-    alarms: list[Alarm] = []
-    if found:
-        probable = [c.p_value if c.size >= LEAST_SIZE else 1.0 for _, c in found]
-        adjusted = stats.false_discovery_control(probable)
-        told = zip(found, adjusted, strict=True)
-        alarms = [Alarm(each, change, float(q)) for (each, change), q in told if q <= level]
+def judged(
+    series: Sequence[Series],
+    level: float,
+    false_alarms_a_year: float,
+    covariates: Covariates | None = None,
+) -> FleetChanges:
+    """Return the alarms of some series at a level; first the largest beside its usual scatter.
+
+    Changes and distances from siblings are held against one level, together.
+    """
+    found = _judged(series, covariates or Covariates())
+    changed = [_telling(each.change) for each in found]
+    compared = [each.standing.p_value for each in found if each.standing is not None]
+    adjusted = _adjusted([*changed, *compared])
+    told = dict(zip(map(id, found), adjusted, strict=False))
+    alarms = [Alarm(each, q) for each in found if (q := told[id(each)]) <= level]
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
+    apart = iter(adjusted[len(found) :])
+    unlike = [
+        Unlike(each, each.standing, q)
+        for each in found
+        if each.standing is not None and (q := next(apart)) <= level
+    ]
+    unlike.sort(key=lambda one: -abs(one.standing.z))
     return FleetChanges(
         tuple(alarms),
+        tuple(unlike),
+        _explained(found, told, level),
+        tuple(found),
+        _without(series, found),
         len(found),
         len(series) - len(found),
+        len(compared),
+        sum(each.influence is None for each in found) if covariates else 0,
         sum(each.of_other_models for each in series),
         level,
         false_alarms_a_year,
     )
+
+
+def _judged(series: Sequence[Series], covariates: Covariates) -> list[Judged]:
+    """Judge each series that is long enough and differs at all."""
+    usual = covariates.usual()
+    found: list[tuple[Series, Change, Change, Influence | None]] = []
+    for each in series:
+        names, values = covariates.beside(each.machine, each.time_s)
+        at = [covariates.names.index(name) for name in names]
+        influence = influence_on(each.value, values - usual[at], names) if names else None
+        plain_change = change_in(each.value)
+        change = plain_change if influence is None else change_beside(influence)
+        if plain_change is not None and change is not None:
+            found.append((each, change, plain_change, influence))
+    levels = [
+        latest_level(each.value if influence is None else influence.adjusted)
+        for each, _, _, influence in found
+    ]
+    stand = standings([each for each, _, _, _ in found], levels)
+    return [Judged(*each, standing) for each, standing in zip(found, stand, strict=True)]
+
+
+def _explained(
+    found: Sequence[Judged], told: dict[int, float], level: float
+) -> tuple[Explained, ...]:
+    """Return what would be alarms were it not for the covariates."""
+    would = _adjusted([_telling(each.plain) for each in found])
+    explained = [
+        Explained(each, remainder_of(each.plain, each.series.value, each.influence))
+        for each, q in zip(found, would, strict=True)
+        if each.influence is not None and q <= level < told[id(each)]
+    ]
+    return tuple(sorted(explained, key=lambda each: -each.judged.plain.size))
+
+
+def _without(series: Sequence[Series], found: Sequence[Judged]) -> tuple[Series, ...]:
+    known = {id(each.series) for each in found}
+    return tuple(each for each in series if id(each) not in known)
+
+
+def _telling(change: Change) -> float:
+    return change.p_value if change.size >= LEAST_SIZE else 1.0
+
+
+def _adjusted(p_values: Sequence[float]) -> list[float]:
+    """Return each probability after Benjamini and Hochberg."""
+    return list(map(float, stats.false_discovery_control(p_values))) if len(p_values) else []

@@ -38,6 +38,8 @@ FIELDS: Mapping[str, tuple[pa.DataType, str]] = {
     "window": (pa.int32(), "from 0, in the log's order"),
     "begin_utc": (_MOMENT, "of the window's first row"),
     "end_utc": (_MOMENT, "of its last row"),
+    "begin_s": (pa.float64(), "of its first row by the log's own `time_s`, as the scope counts"),
+    "end_s": (pa.float64(), "of its last row"),
     "rows": (pa.int64(), "of the window"),
     "kind": (pa.string(), "parameter, effect, verdict, nothing or refused"),
     "name": (pa.string(), "of the parameter or effect; the verdict"),
@@ -164,6 +166,8 @@ def _of(head: LogHead, window: Window, span_s: tuple[float, float]) -> Row:
         "window": window.number,
         "begin_utc": head.begin_utc + timedelta(seconds=span_s[0]),
         "end_utc": head.begin_utc + timedelta(seconds=span_s[1]),
+        "begin_s": head.first_s + span_s[0],
+        "end_s": head.first_s + span_s[1],
         "rows": window.rows,
     }
 

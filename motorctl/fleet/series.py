@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -23,10 +23,22 @@ a shift's weather for one. Chosen by hand: a shift."""
 VAGUE = 5.0
 """A value whose standard error is so many times the usual one of its parameter is left out. Larger
 lets motions that tell nothing blur the series, smaller loses points. Chosen by hand."""
+_UNDATED = datetime.min.replace(tzinfo=UTC)
 _COLUMNS = (
     *("log_id", "model_id", "machine", "axis", "program", "name"),
-    *("value", "std_error", "unit", "begin_utc", "source", "written_utc"),
+    *("value", "std_error", "unit", "begin_utc", "source", "written_utc", "begin_s", "end_s"),
 )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Where a value was seen: a window of a log."""
+
+    source: str
+    log_id: str
+    begin_s: float | None = None
+    """By the log's own time; None: all of it."""
+    end_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -42,8 +54,8 @@ class Series:
     """Since 1970, of the middle of what each point stands for, (N,)."""
     value: Array
     """(N,)"""
-    sources: tuple[str, ...]
-    """A log of each point, as near to its value as any."""
+    seen: tuple[Seen, ...]
+    """A window of each point, as near to its value as any."""
     of_other_models: int = 0
     """Values that were left out because another model gave them."""
 
@@ -52,15 +64,27 @@ class Series:
         return datetime.fromtimestamp(float(self.time_s[point]), UTC)
 
 
+def seen_in(row: Mapping[str, Any]) -> Seen:
+    """Return the window that a row of the store is of."""
+    return Seen(str(row["source"]), str(row["log_id"]), row["begin_s"], row["end_s"])
+
+
 def series_of(store: Store) -> list[Series]:
     """Return the series of every parameter in a store, in order of their names.
 
-    Of a log that was looked at more than once the newest findings count, and of an axis those of
-    the model that was fitted last: values of different models cannot be compared. Raises DataError
-    where the store is damaged.
+    Raises DataError where the store is damaged.
     """
-    table = store.read(list(_COLUMNS), ds.field("kind") == "parameter")
-    rows: list[dict[str, Any]] = table.to_pylist()
+    return series_from(newest_rows(store, list(_COLUMNS), ds.field("kind") == "parameter"))
+
+
+def newest_rows(
+    store: Store, columns: list[str] | None = None, where: ds.Expression | None = None
+) -> list[dict[str, Any]]:
+    """Return findings, of a log that was looked at more than once the newest, in order of time.
+
+    Raises DataError where the store is damaged.
+    """
+    rows: list[dict[str, Any]] = store.read(columns, where).to_pylist()
     newest: dict[str, datetime] = {}
     for row in rows:
         kept = newest.get(row["log_id"])
@@ -68,10 +92,19 @@ def series_of(store: Store) -> list[Series]:
             row["written_utc"] if kept is None else max(kept, row["written_utc"])
         )
     rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
-    rows.sort(key=lambda row: (row["begin_utc"], row["log_id"]))
+    rows.sort(key=lambda row: (row["begin_utc"] or _UNDATED, row["log_id"]))
+    return rows
+
+
+def series_from(rows: Sequence[Mapping[str, Any]]) -> list[Series]:
+    """Return the series of the parameters among findings that are in order of time.
+
+    Of an axis the values of the model that was fitted last count: those of different models cannot
+    be compared.
+    """
     in_writing = sorted(rows, key=lambda row: row["written_utc"])
     model = {(row["machine"], row["axis"]): row["model_id"] for row in in_writing}
-    told: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
+    told: dict[tuple[str, ...], list[Mapping[str, Any]]] = defaultdict(list)
     others: dict[tuple[str, ...], int] = defaultdict(int)
     for row in rows:
         key = tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))
@@ -82,7 +115,7 @@ def series_of(store: Store) -> list[Series]:
     return [_binned(key, found, others[key]) for key, found in sorted(told.items())]
 
 
-def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]], others: int) -> Series:
+def _binned(key: tuple[str, ...], rows: Sequence[Mapping[str, Any]], others: int) -> Series:
     value, error = (
         np.array([row[name] for row in rows], np.float64) for name in ("value", "std_error")
     )
@@ -102,7 +135,7 @@ def _binned(key: tuple[str, ...], rows: Sequence[dict[str, Any]], others: int) -
         unit,
         time_s=np.array([np.mean(begin[at]) for at in points]),
         value=np.array([np.median(value[at]) for at in points]),
-        sources=tuple(str(rows[_typical(value, at)]["source"]) for at in points),
+        seen=tuple(seen_in(rows[_typical(value, at)]) for at in points),
         of_other_models=others,
     )
 

@@ -16,6 +16,10 @@ from motorctl.printable import one_line
 COOKIE = "motorctl_scope"
 """How the name of the cookie begins; the port follows."""
 TOKEN_PARAMETER = "token"
+LOG_PAGE = "/log/{log_id:[0-9a-f]{64}}"
+"""Where a log of a fleet has its page, as a route."""
+LINKED = re.compile(r"/log/[0-9a-f]{64}/")
+"""Such a page: the page of a fleet, which is a file or of another server, has links to it."""
 CHANGED = ("/api/trigger",)
 """What is changed by a request, of the scope itself; a machine is by none."""
 HEADERS = {
@@ -111,8 +115,9 @@ def new_token() -> str:
 
 
 def _leads_here(request: web.Request) -> bool:
-    """Tell whether a person followed a link from elsewhere to the page itself."""
-    return request.path == "/" and request.headers.get("Sec-Fetch-Mode") == "navigate"
+    """Tell whether a person followed a link from elsewhere to a page itself, not its data."""
+    page = request.path == "/" or LINKED.fullmatch(request.path)
+    return bool(page) and request.headers.get("Sec-Fetch-Mode") == "navigate"
 
 
 def _place(origin: str) -> str | None:

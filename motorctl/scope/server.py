@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.own_names import name_to_ask, needs_token, own_names
-from motorctl.scope.access import Access, guarded, new_token
+from motorctl.scope.access import LOG_PAGE, Access, guarded, new_token
 from motorctl.scope.bands import bands
 from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog
@@ -37,7 +37,9 @@ OF_LOGS = ("logs", "signals", "bands", "plane", "path", "spectrum", "values")
 """What is asked of anything that is shown."""
 RECORDS = "/flight_record/"
 MOST_RECORDS = 8
-"""How many flight records are open at a time; of a fault more are seldom compared."""
+"""How many of these are open at a time; of a fault, or a fleet, more are seldom compared."""
+Find = Callable[[str], Path]
+"""Returns where the log of an identity is; raises UsageError where none is known."""
 PAGE = files("motorctl.scope") / "page"
 KINDS = {
     ".html": "text/html",
@@ -230,8 +232,40 @@ class RecordPages:
             return self._count
 
 
-def application(logs: Logs, access: Access) -> web.Application:
-    """Return the server's application."""
+class LogPages:
+    """Logs of a fleet, each as a page of its own, which its first question opens.
+
+    A page asks by the log's identity, and who started the scope knows where that is: from a browser
+    comes no path.
+    """
+
+    def __init__(self, find: Find) -> None:
+        self._find = find
+        self._opened: dict[str, Questions] = {}
+        self._lock = threading.Lock()
+
+    async def first(self, request: web.Request) -> web.Response:
+        """Tell who asks for no log where they are."""
+        text = "Logs of a fleet: open them from the page of `motorctl fleet report`.\n"
+        return web.Response(text=text)
+
+    async def answer(self, request: web.Request) -> web.Response:
+        """Tell of a log what its page asks for."""
+        questions = await asyncio.to_thread(self._of, request.match_info["log_id"])
+        told: web.Response = await getattr(questions, request.match_info["name"])(request)
+        return told
+
+    def _of(self, log_id: str) -> Questions:
+        with self._lock:
+            questions = self._opened.pop(log_id, None) or Questions(Logs.of([self._find(log_id)]))
+            self._opened[log_id] = questions
+            while len(self._opened) > MOST_RECORDS:
+                del self._opened[next(iter(self._opened))]
+            return questions
+
+
+def application(logs: Logs | Find, access: Access) -> web.Application:
+    """Return the server's application, of logs or a machine, or of a fleet's logs."""
 
     @web.middleware
     async def in_words(request: web.Request, handler: Any) -> web.StreamResponse:
@@ -242,6 +276,12 @@ def application(logs: Logs, access: Access) -> web.Application:
         return answer
 
     app = web.Application(middlewares=[guarded(access), in_words], client_max_size=MOST_ASKED_BYTES)
+    if not isinstance(logs, Logs):
+        pages = LogPages(logs)
+        app.router.add_get("/", pages.first)
+        app.router.add_get(f"{LOG_PAGE}/api/{{name:{'|'.join(OF_LOGS)}}}", pages.answer)
+        app.router.add_get(LOG_PAGE + "/{name:[a-zA-Z_/.]*}", _file)
+        return app
     questions = Questions(logs)
     app.router.add_post("/api/trigger", questions.trigger)
     app.router.add_get("/api/live", questions.live)
@@ -256,14 +296,14 @@ def application(logs: Logs, access: Access) -> web.Application:
 
 
 async def serve(
-    logs: Logs, address: str, port: int, ready: Callable[[str], None] = lambda url: None
+    logs: Logs | Find, address: str, port: int, ready: Callable[[str], None] = lambda url: None
 ) -> None:
     """Serve the page until it is cancelled.
 
     Parameters
     ----------
     logs
-        What it shows.
+        What it shows; of a fleet where each log is.
     address, port
         Where; of any address that others reach, the page needs a token. Port 0: any that is free.
     ready

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from motorctl.fleet.change import FEWEST_POINTS, change_in, scatter_of
 from motorctl.fleet.changes import LEAST_SIZE, judged
-from motorctl.fleet.series import Series
+from motorctl.fleet.series import Seen, Series
 
 
 def noise(points: int, seed: int) -> np.ndarray:
@@ -82,7 +82,9 @@ def test_neighbours_that_are_alike_count_for_less() -> None:
 
 def series(k: int, value: np.ndarray) -> Series:
     hours = np.arange(len(value)) * 8.0 * 3600.0
-    return Series(f"m{k}", "x", "p", "inertia", "V", hours, value, ("log",) * len(value))
+    return Series(
+        f"m{k}", "x", "p", "inertia", "V", hours, value, (Seen("log", "id"),) * len(value)
+    )
 
 
 def test_of_fleets_in_which_nothing_changes_hardly_any_has_an_alarm() -> None:

@@ -3,50 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from fit_plant import X_THETA
 from fleet_bench import store_of
+from fleet_findings import BEGAN, FRICTION, head, keep, kept
 from fleet_logs import plant_log
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
 from motorctl.fleet.changes import changes_in
-from motorctl.fleet.findings import table_of_log
-from motorctl.fleet.head import LogHead
 from motorctl.fleet.series import series_of
 from motorctl.fleet.store import Store, open_store
-
-BEGAN = datetime(2026, 3, 1, tzinfo=UTC)
-FRICTION = "coulomb_friction"
-
-
-def head(machine: str, log_id: str, begin: datetime, model_id: str = "model") -> LogHead:
-    return LogHead(
-        source=f"{machine}/{log_id}.parquet", log_id=log_id, model_id=model_id, machine=machine,
-        limits_id="", copied=False,
-        host="computer", run=None, part=None, begin_utc=begin, end_utc=begin, first_s=0.0,
-        virtual=False, rate_hz=5000.0, group_rows=(1,), moved={"x": (True,)}, programs={},
-    )  # fmt: skip
-
-
-def kept(told: LogHead, value: float, std_error: float = 0.01) -> pa.Table:
-    row = {
-        "axis": "x", "program": "p", "window": 0, "kind": "parameter", "name": FRICTION,
-        "value": value, "std_error": std_error, "unit": "V",
-    }  # fmt: skip
-    return table_of_log(told, f"{told.log_id}-{told.model_id}", [row])
-
-
-def keep(store: Store, name: str, logs: Iterable[pa.Table]) -> None:
-    """Write what many logs tell into one file, as writing hundreds takes seconds."""
-    store.write(name, BEGAN, pa.concat_tables(logs))
 
 
 @pytest.fixture
@@ -115,7 +87,7 @@ def test_a_point_names_a_log_that_has_its_value(store: Store) -> None:
     ]
     keep(store, "m5", shift)
     (m5,) = (series for series in series_of(store) if series.machine == "m5")
-    assert m5.sources == ("m5/m5-1.parquet",)
+    assert [seen.source for seen in m5.seen] == ["m5/m5-1.parquet"]
 
 
 def test_names_that_look_like_markup_are_shown_as_they_are(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -49,11 +49,11 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def served(paths: Sequence[Path]) -> Iterator[str]:
-    """Serve logs as `motorctl scope` does, and return the page's address."""
+def served(paths: Sequence[Path] | Callable[[str], Path]) -> Iterator[str]:
+    """Serve logs, or those of a fleet, as `motorctl scope` does; return the page's address."""
     from motorctl.scope.server import Logs, serve
 
-    logs = Logs.of(paths)
+    logs = paths if callable(paths) else Logs.of(paths)
     ready = threading.Event()
     told: list[Any] = []
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import configparser
-import os
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
+from systemd_judged import analyze, exposure
 
 from motorctl.config import ALLOWED_CODE
 
@@ -37,19 +36,6 @@ def unit(tmp_path: Path, service: configparser.SectionProxy) -> Path:
     return copy
 
 
-def analyze(*arguments: str) -> subprocess.CompletedProcess[str]:
-    program = shutil.which("systemd-analyze")
-    if program is None:
-        pytest.skip("systemd-analyze is not installed (Debian: systemd)")
-    return subprocess.run(
-        [program, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "SYSTEMD_LOG_LEVEL": "info"},
-    )
-
-
 def test_systemd_accepts_the_unit(unit: Path) -> None:
     done = analyze("verify", "--man=no", str(unit))
     about_this = [line for line in done.stderr.splitlines() if unit.stem in line]
@@ -57,13 +43,7 @@ def test_systemd_accepts_the_unit(unit: Path) -> None:
 
 
 def test_the_unit_is_exposed_less_than_the_limit(unit: Path) -> None:
-    done = analyze("security", "--offline=true", "--no-pager", str(unit))
-    if "offline" in done.stderr:
-        pytest.skip("this systemd-analyze is too old for --offline")
-    found = re.search(r"exposure level for \S+: ([\d.]+)", done.stdout)
-    assert found, done.stderr
-    print(f"systemd-analyze security: {found[1]}, limit {WORST_SECURITY:g}")
-    assert float(found[1]) < WORST_SECURITY
+    assert exposure(unit) < WORST_SECURITY
 
 
 def test_the_unit_takes_what_real_time_needs(service: configparser.SectionProxy) -> None:
