@@ -127,7 +127,8 @@ def bench(
         int | None, typer.Option(min=1, help="fleet: days; default 20, sixty in full.")
     ] = None,
     logs_a_day: Annotated[
-        int | None, typer.Option(min=1, help="fleet: logs of each machine a day; default 3.")
+        int | None,
+        typer.Option(min=1, max=24, help="fleet: logs of each machine a day; default 3."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:

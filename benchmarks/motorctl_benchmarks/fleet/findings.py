@@ -101,7 +101,8 @@ def _nights(progress: Progress, options: FleetOptions, folder: Path) -> Findings
 
 def some_logs(folder: Path, count: int, seed: int) -> Path:
     """Write logs of two machines, and return their folder."""
-    fleet = Fleet(tuple(draw_fleet(2, FEWEST_DAYS, seed)), FEWEST_DAYS, count, seed)
+    a_day = math.ceil(count / 2 / FEWEST_DAYS)
+    fleet = Fleet(tuple(draw_fleet(2, FEWEST_DAYS, seed)), FEWEST_DAYS, a_day, seed)
     for k in range(count):
         make_log(fleet, k % 2, k // 2, str(folder))
     return folder

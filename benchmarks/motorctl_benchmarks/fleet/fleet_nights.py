@@ -1,7 +1,8 @@
-"""A simulated fleet, night by night: the day's logs are made, diagnosed, and what changed is asked.
+"""A simulated fleet: its logs are made and diagnosed, and what changed is asked every night.
 
-Every night knows what was recorded until then, and no more. Logs are removed once they are looked
-at, so that months of a fleet need the disk of a day; any of them can be made again.
+Every night knows what was recorded until then, and no more. Logs are made a few days at a time and
+removed once they are looked at, so that months of a fleet need little disk; any of them can be made
+again.
 """
 
 from __future__ import annotations
@@ -9,11 +10,17 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
 from distributed import Client
 
 import motorctl
@@ -21,7 +28,7 @@ from motorctl.errors import MotorctlError
 from motorctl.fleet.changes import Alarm, changes_in
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.run import diagnose_fleet
-from motorctl.fleet.store import open_store
+from motorctl.fleet.store import Store, open_store
 from motorctl.latency.progress import Progress
 from motorctl_benchmarks.fleet.fleet_logs import BEGAN, write_log
 from motorctl_benchmarks.fleet.fleet_machines import (
@@ -35,6 +42,11 @@ from motorctl_benchmarks.fleet.fleet_machines import (
 )
 from motorctl_benchmarks.fleet.own_cluster import address_of
 
+LOGS_AT_ONCE = 400
+"""Made before they are looked at: half a gigabyte."""
+RECORDING = 0.95
+"""Share of the whole that making and diagnosing logs is. For progress alone."""
+FINDINGS = "findings"
 LACKS = "residual_rms"
 """What the fit leaves: where this is what changed, the log to look at is diagnosed for a name."""
 
@@ -92,6 +104,13 @@ class Nights:
     seconds: dict[str, float] = field(default_factory=dict)
     """Spent on making, diagnosing and judging."""
 
+    @contextmanager
+    def timed(self, what: str) -> Iterator[None]:
+        """Add up what something takes."""
+        began = time.monotonic()
+        yield
+        self.seconds[what] = self.seconds.get(what, 0.0) + time.monotonic() - began
+
 
 def make_log(fleet: Fleet, place: int, number: int, folder: str) -> float:
     """Write a log of a machine, and return its tracking error [m]."""
@@ -117,7 +136,7 @@ def live(fleet: Fleet, folder: Path, workers: int | None, progress: Progress) ->
     fleet
         Whose truth is written to `truth.json` before anything else happens.
     folder
-        Of truth, store and the day's logs.
+        Of truth, store and logs.
     workers
         Processes; None: one a CPU.
     progress
@@ -126,43 +145,67 @@ def live(fleet: Fleet, folder: Path, workers: int | None, progress: Progress) ->
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "truth.json").write_text(json.dumps(fleet.document(), indent=1) + "\n")
     nights = Nights(tracking_m={machine.name: [] for machine in fleet.machines})
+    at_once = max(1, LOGS_AT_ONCE // (len(fleet.machines) * fleet.logs_a_day))
     with engine(None, workers) as client:
-        for day in range(fleet.days):
-            _night(fleet, day, folder, client, nights)
-            progress(0.97 * (day + 1) / fleet.days)
-        _name_what_is_lacking(fleet, folder, nights)
+        for first in range(0, fleet.days, at_once):
+            days = range(first, min(first + at_once, fleet.days))
+            _record(fleet, days, folder, client, nights)
+            progress(RECORDING * days.stop / fleet.days)
+    ask_every_night(fleet, folder / FINDINGS, nights)
+    _name_what_is_lacking(fleet, folder, nights)
     progress(1.0)
     return nights
 
 
-def _night(fleet: Fleet, day: int, folder: Path, client: Client, nights: Nights) -> None:
-    def took(what: str, began: float) -> float:
-        now = time.monotonic()
-        nights.seconds[what] = nights.seconds.get(what, 0.0) + now - began
-        return now
-
-    logs, store = folder / "logs", folder / "findings"
-    numbers = range(day * fleet.logs_a_day, (day + 1) * fleet.logs_a_day)
-    asked = [(place, number) for place in range(len(fleet.machines)) for number in numbers]
-    now = time.monotonic()
-    futures = [client.submit(make_log, fleet, *each, str(logs), pure=False) for each in asked]
-    errors = client.gather(futures)
-    for place, machine in enumerate(fleet.machines):
-        mine = [error for (at, _), error in zip(asked, errors, strict=True) if at == place]
-        nights.tracking_m[machine.name].append(float(np.mean(mine)))
-    now = took("making logs", now)
-    run = diagnose_fleet([f"{logs}/*/*.parquet"], store, diagnoses=0, scheduler=address_of(client))
+def _record(fleet: Fleet, days: range, folder: Path, client: Client, nights: Nights) -> None:
+    """Make the logs of some days, and give them to `fleet diagnose`."""
+    logs = folder / "logs"
+    numbers = range(days.start * fleet.logs_a_day, days.stop * fleet.logs_a_day)
+    places = range(len(fleet.machines))
+    with nights.timed("making logs"):
+        futures = [
+            client.submit(make_log, fleet, place, number, str(logs), pure=False)
+            for place in places
+            for number in numbers
+        ]
+        errors = np.reshape(client.gather(futures), (len(places), len(days), fleet.logs_a_day))
+    for machine, of_days in zip(fleet.machines, errors.mean(axis=2), strict=True):
+        nights.tracking_m[machine.name] += of_days.tolist()
+    with nights.timed("fleet diagnose"):
+        run = diagnose_fleet(
+            [f"{logs}/*/*.parquet"], folder / FINDINGS, diagnoses=0, scheduler=address_of(client)
+        )
     nights.logs += run.logs
     nights.refused += [each.reason for each in run.refused]
     shutil.rmtree(logs)
-    now = took("fleet diagnose", now)
-    found = changes_in(open_store(store))
-    nights.judged = found.series
-    by_machine: dict[str, list[Told]] = {}
-    for alarm in found.alarms:
-        by_machine.setdefault(alarm.series.machine, []).append(_told(alarm))
-    nights.told.append(by_machine)
-    took("fleet changes", now)
+
+
+def ask_every_night(fleet: Fleet, store: Path, nights: Nights) -> None:
+    """Ask `fleet changes` at the end of each day, with what began before."""
+    findings = open_store(store).read()
+    with nights.timed("fleet changes"):
+        for day in range(fleet.days):
+            found = changes_in(_StoreThen(store, findings, BEGAN + timedelta(days=day + 1)))
+            nights.judged = found.series
+            by_machine: dict[str, list[Told]] = {}
+            for alarm in found.alarms:
+                by_machine.setdefault(alarm.series.machine, []).append(_told(alarm))
+            nights.told.append(by_machine)
+
+
+class _StoreThen(Store):
+    """A store as it was at a time."""
+
+    def __init__(self, folder: Path, findings: pa.Table, end: datetime) -> None:
+        super().__init__(folder)
+        began = findings.column("begin_utc")
+        self._then = findings.filter(pc.less(began, pa.scalar(end, began.type)))
+
+    def read(
+        self, columns: list[str] | None = None, where: ds.Expression | None = None
+    ) -> pa.Table:
+        found = self._then if where is None else self._then.filter(where)
+        return found if columns is None else found.select(columns)
 
 
 def _told(alarm: Alarm) -> Told:
