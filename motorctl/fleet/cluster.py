@@ -24,7 +24,10 @@ wrong address, shorter gives up busy ones. Chosen by hand."""
 AGAIN_S = 0.2
 """After so long workers are asked again where none answers [s]. Longer begins later, shorter asks
 more often. Chosen by hand."""
-_QUIET: dict[str, list[str]] = {
+_LOCAL: dict[str, list[str] | str] = {
+    # a worker that was ended is begun anew by its nanny, however long that takes on a busy computer:
+    # by default it is given up after 15 s, and a run whose workers are all given up waits for ever
+    "distributed.deploy.lost-worker-timeout": "1 day",
     # what a page of its own would show; no browser is meant to look in
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -55,7 +58,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             yield client
         return
     with (
-        dask.config.set(_QUIET),
+        dask.config.set(_LOCAL),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

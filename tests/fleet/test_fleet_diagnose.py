@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+import dask
 import psutil
 import pytest
 from distributed import LocalCluster
@@ -239,6 +240,17 @@ def test_a_local_cluster_listens_on_loopback_alone() -> None:
             if connection.status == psutil.CONN_LISTEN
         }
     assert listening == {"127.0.0.1"}
+
+
+@pytest.mark.slow
+def test_a_local_worker_that_is_killed_is_begun_anew_however_long_that_takes() -> None:
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "10 ms"}),
+        engine(None, 1) as client,
+    ):
+        (pid,) = client.run(os.getpid).values()
+        os.kill(pid, signal.SIGKILL)
+        assert client.submit(len, "x", pure=False).result(timeout=60) == 1
 
 
 @pytest.mark.slow
