@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
+    from motorctl_benchmarks.fleet.findings import FleetOptions
     from motorctl_benchmarks.measure import Options, Result
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
@@ -40,7 +41,7 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, "
-            "socket, tuning, experiments, closing."
+            "socket, tuning, experiments, closing, fleet."
         ),
     ] = "speed",
     cases: Annotated[
@@ -63,15 +64,16 @@ def bench(
         int | None,
         typer.Option(
             min=0,
-            help="diagnosis, machines: the first seed; by default held-out ones. campaign: "
-            "default 1. socket, closing: default 1.",
+            help="diagnosis, machines: the first seed; by default held-out ones. campaign, socket, "
+            "closing, fleet: default 1.",
         ),
     ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
             min=1,
-            help="diagnosis, machines, recordings, campaign: processes; by default one a CPU.",
+            help="diagnosis, machines, recordings, campaign, fleet: processes; by default one a "
+            "CPU.",
         ),
     ] = None,
     only: Annotated[
@@ -81,7 +83,8 @@ def bench(
             help="This case alone; may be repeated. diagnosis: GROUP:SEED. "
             "machines: GENERATOR:KIND:SEED. recordings: the axis' name. buses: the bus' name. "
             "campaign: the key that a case is listed with, or a whole bus as in bus:can-udp. "
-            "experiments: a kind of plants, as in 'lag or delay'. closing: the bus' name.",
+            "experiments: a kind of plants, as in 'lag or delay'. closing: the bus' name. fleet: "
+            "a part: nights, disturbances, scaling; default nights.",
         ),
     ] = None,
     clean: Annotated[
@@ -97,7 +100,10 @@ def bench(
     ] = None,
     logs: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="diagnosis, closing: keep the cases' logs here."),
+        typer.Option(
+            metavar="DIR",
+            help="diagnosis, closing: keep the cases' logs here. fleet: keep truth and findings.",
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -113,6 +119,16 @@ def bench(
             envvar="MOTORCTL_RECORDINGS",
             help="recordings: where tools/fetch_recordings.py has put them.",
         ),
+    ] = None,
+    machines: Annotated[
+        int | None, typer.Option(min=1, help="fleet: machines; default 12, fifty in full.")
+    ] = None,
+    days: Annotated[
+        int | None, typer.Option(min=1, help="fleet: days; default 20, sixty in full.")
+    ] = None,
+    logs_a_day: Annotated[
+        int | None,
+        typer.Option(min=1, max=24, help="fleet: logs of each machine a day; default 3."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:
@@ -141,6 +157,11 @@ def bench(
     closing: `close-loop` with nobody there, through a daemon and a bus on a simulated gantry with
     hidden effects, beside the same machine in virtual time: what is left of the errors, motions,
     minutes and questions.
+
+    fleet: machines that change over weeks, each night their logs given to `fleet diagnose` and
+    `fleet changes`, and what these told held against the truth. Parts of its own: disturbances
+    (workers and schedulers killed, a store that refuses: the findings have to be the same) and
+    scaling. --machines 50 --days 60 takes an hour or more on two quiet CPUs.
 
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
     campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
@@ -174,7 +195,14 @@ def bench(
     asked = (cases, size, seed, workers, only, out, logs, plot)
     if clean is not None and subject != "machines":
         raise UsageError("--clean is for bench machines")
-    if subject == "machines":
+    of_fleet = machines, days, logs_a_day
+    if subject != "fleet" and any(value is not None for value in of_fleet):
+        raise UsageError("--machines, --days and --logs-a-day are for bench fleet")
+    if subject == "fleet":
+        if any(value is not None for value in (cases, size, plot)):
+            raise UsageError("bench fleet takes no --cases, --size or --plot: see --machines")
+        options = _fleet(*of_fleet, seed, workers, only, out, logs)
+    elif subject == "machines":
         if size is not None or logs is not None:
             raise UsageError("bench machines takes no --size and keeps no --logs: see --cases")
         options = _machines(cases, clean, seed, workers, only, out, plot)
@@ -378,6 +406,33 @@ def _closing(
         "logs": logs,
     }
     return ClosingOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
+
+
+def _fleet(
+    machines: int | None,
+    days: int | None,
+    logs_a_day: int | None,
+    seed: int | None,
+    workers: int | None,
+    only: list[str] | None,
+    out: Path | None,
+    logs: Path | None,
+) -> FleetOptions:
+    from motorctl.extras import require
+    from motorctl_benchmarks.fleet.findings import FleetOptions
+
+    require("motorctl bench fleet", "fleet", "distributed", "fsspec", "ruptures")
+    given = {
+        "machines": machines,
+        "days": days,
+        "logs_a_day": logs_a_day,
+        "seed": seed,
+        "workers": workers,
+        "only": tuple(only or ()),
+        "out": out,
+        "folder": logs,
+    }
+    return FleetOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
 
 
 def _print_page(result: Result) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.control_socket.session import SocketOptions
     from motorctl_benchmarks.diagnosis.campaign import CampaignOptions
     from motorctl_benchmarks.experiments.findings import ExperimentsOptions
+    from motorctl_benchmarks.fleet.findings import FleetOptions
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
@@ -32,6 +33,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
         | CampaignOptions
         | ClosingOptions
         | ExperimentsOptions
+        | FleetOptions
         | MachinesOptions
         | RecordingsOptions
         | SafetyOptions
@@ -129,6 +131,14 @@ def _closing(progress: Progress, options: Options | None) -> Findings:
     return closing_findings(progress, asked)
 
 
+def _fleet(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.fleet.findings import FleetOptions, fleet_findings
+
+    asked = options or FleetOptions()
+    assert isinstance(asked, FleetOptions)
+    return fleet_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -140,6 +150,7 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "tuning": _tuning,
     "experiments": _experiments,
     "closing": _closing,
+    "fleet": _fleet,
 }
 WITH_CASES = (
     "diagnosis",
@@ -151,6 +162,7 @@ WITH_CASES = (
     "tuning",
     "experiments",
     "closing",
+    "fleet",
 )
 """Subjects that take options."""
 
@@ -204,7 +216,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         Called with the share done, 0 to 1.
     options
         Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning,
-        experiments or closing.
+        experiments, closing or fleet.
 
     Raises
     ------

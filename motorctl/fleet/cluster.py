@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -18,9 +19,15 @@ WORKER_MEMORY_BYTES = 2_000_000_000
 smaller ends the diagnosis of a window of `MOST_ROWS` rows of several axes. Measured: it takes
 less than half."""
 CONNECT_S = 10.0
-"""How long a scheduler is waited for [s]. Longer keeps waiting for a wrong address, shorter gives
-up busy ones. Chosen by hand."""
-_QUIET: dict[str, list[str]] = {
+"""How long a scheduler is waited for, and then one of its workers [s]. Longer keeps waiting for a
+wrong address, shorter gives up busy ones. Chosen by hand."""
+AGAIN_S = 0.2
+"""After so long workers are asked again where none answers [s]. Longer begins later, shorter asks
+more often. Chosen by hand."""
+_LOCAL: dict[str, list[str] | str] = {
+    # a worker that was ended is begun anew by its nanny, however long a busy computer takes:
+    # by default it is given up after 15 s, and a run whose workers are all given up waits for ever
+    "distributed.deploy.lost-worker-timeout": "1 day",
     # what a page of its own would show; no browser is meant to look in
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -51,7 +58,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             yield client
         return
     with (
-        dask.config.set(_QUIET),
+        dask.config.set(_LOCAL),
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -74,21 +81,35 @@ def _connected(scheduler: str) -> Iterator[Client]:
         raise UsageError(f"--scheduler {scheduler}: does not answer: {error}") from error
     with client:
         try:
-            versions = client.run(_version)
-        except ModuleNotFoundError as error:
-            raise UsageError(
-                f"--scheduler {scheduler}: its workers have no motorctl ({error}): install "
-                f"{VERSION} there"
-            ) from error
+            versions = _versions(client)
+        except OSError as error:
+            raise UsageError(f"--scheduler {scheduler}: does not answer: {error}") from error
         if not versions:
             raise UsageError(f"--scheduler {scheduler}: it has no workers: start some first")
         for worker, version in versions.items():
+            if isinstance(version, Exception):
+                raise UsageError(
+                    f"--scheduler {scheduler}: its workers have no motorctl ({version}): install "
+                    f"{VERSION} there"
+                ) from version
             if version != VERSION:
                 raise UsageError(
                     f"--scheduler {scheduler}: worker {worker} has motorctl {version}, this is "
                     f"{VERSION}: install the same"
                 )
         yield client
+
+
+def _versions(client: Client) -> dict[str, str | Exception]:
+    """Ask workers which motorctl they have; those that are just being begun anew get some time."""
+    deadline = time.monotonic() + CONNECT_S
+    while True:
+        told = client.run(_version, on_error="return")
+        # a worker that cannot be reached is one that was ended: its scheduler will notice
+        answers = {worker: each for worker, each in told.items() if not isinstance(each, OSError)}
+        if answers or time.monotonic() > deadline:
+            return answers
+        time.sleep(AGAIN_S)
 
 
 def _version() -> str:

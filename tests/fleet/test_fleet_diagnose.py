@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
+import dask
 import psutil
 import pytest
 from distributed import LocalCluster
@@ -29,6 +30,7 @@ from motorctl.fleet.cluster import engine
 from motorctl.fleet.findings import table_of_log
 from motorctl.fleet.run import FleetRun, diagnose_fleet
 from motorctl.fleet.store import key_of, open_store
+from motorctl.version import VERSION
 
 MAIN = "from motorctl.cli import main; main()"
 BEGAN = datetime(2026, 3, 1, 6, tzinfo=UTC)
@@ -173,17 +175,51 @@ def test_a_scheduler_that_goes_away_is_told_with_what_to_do(good_log: Path, tmp_
 
 
 def test_workers_without_motorctl_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'motorctl'")
-
-    client = MagicMock()
-    client.return_value.run = run
-    monkeypatch.setattr("motorctl.fleet.cluster.Client", client)
+    asked_of(monkeypatch, [{"one": ModuleNotFoundError("No module named 'motorctl'")}])
     with (
         pytest.raises(UsageError, match="its workers have no motorctl"),
         engine("tcp://127.0.0.1:1", None),
     ):
         pass
+
+
+def test_a_worker_that_was_just_ended_does_not_keep_a_run_from_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gone = OSError("Timed out trying to connect")
+    asked = asked_of(monkeypatch, [{"one": gone}, {}, {"one": gone, "two": VERSION}])
+    with engine("tcp://127.0.0.1:1", None):
+        assert len(asked) == 3
+
+
+def test_a_cluster_whose_workers_are_all_gone_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("motorctl.fleet.cluster.CONNECT_S", 0.0)
+    asked_of(monkeypatch, [{"one": OSError("Connection refused")}] * 9)
+    with (
+        pytest.raises(UsageError, match="it has no workers"),
+        engine("tcp://127.0.0.1:1", None),
+    ):
+        pass
+
+
+def asked_of(
+    monkeypatch: pytest.MonkeyPatch, answers: list[dict[str, str | Exception]]
+) -> list[object]:
+    """Let a cluster's workers answer so, one time after the other, as distributed does."""
+    asked: list[object] = []
+
+    def run(call: object, on_error: str = "raise") -> dict[str, str | Exception]:
+        asked.append(call)
+        told = answers[len(asked) - 1]
+        for answer in told.values():
+            if isinstance(answer, Exception) and on_error == "raise":
+                raise answer
+        return told
+
+    client = MagicMock()
+    client.return_value.run = run
+    monkeypatch.setattr("motorctl.fleet.cluster.Client", client)
+    return asked
 
 
 @pytest.mark.slow
@@ -204,6 +240,17 @@ def test_a_local_cluster_listens_on_loopback_alone() -> None:
             if connection.status == psutil.CONN_LISTEN
         }
     assert listening == {"127.0.0.1"}
+
+
+@pytest.mark.slow
+def test_a_local_worker_that_is_killed_is_begun_anew_however_long_that_takes() -> None:
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "10 ms"}),
+        engine(None, 1) as client,
+    ):
+        (pid,) = client.run(os.getpid).values()
+        os.kill(pid, signal.SIGKILL)
+        assert client.submit(len, "x", pure=False).result(timeout=60) == 1
 
 
 @pytest.mark.slow

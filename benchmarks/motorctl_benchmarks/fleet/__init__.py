@@ -1,0 +1,1 @@
+"""A simulated fleet: machines that wear over weeks, and what `motorctl fleet` tells of them."""
