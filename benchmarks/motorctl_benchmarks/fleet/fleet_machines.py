@@ -43,6 +43,8 @@ SWING_K = 1.0
 WANDER_K = 0.8
 """Standard deviation of the hall over weeks."""
 WANDER_DAYS = 5.0
+THERMOMETER_K = 0.3
+"""Standard deviation of its readings."""
 PASSING_M = 0.0113
 """Way of the carriage between two passings of a damaged rolling element."""
 SCALE_M = 0.001
@@ -203,6 +205,22 @@ def hall_k(days: Array, seed: int) -> Array:
     return np.asarray(wander + SWING_K * np.sin(2.0 * math.pi * (days - 0.4)))
 
 
+def own_warmth_k(machine: Machine, day: float, days: int) -> float:
+    """Return how much warmer than the hall it is at a machine, at a time."""
+    if machine.kind != "hall warms":
+        return 0.0
+    swing = math.sin(2.0 * math.pi * day / days - 0.5 * math.pi)
+    return 0.5 * machine.size * machine.grown(day) * swing
+
+
+def thermometer_k(machine: Machine, readings: Array, days: int, seed: int) -> Array:
+    """Return what a thermometer beside a machine tells at some times, over the hall's mean."""
+    rng = np.random.default_rng([machine.seed, 2**21])
+    own = np.array([own_warmth_k(machine, float(day), days) for day in readings])
+    noise = THERMOMETER_K * rng.standard_normal(len(readings))
+    return np.asarray(hall_k(readings, seed) + own + noise)
+
+
 def axis_on(machine: Machine, day: float, friction: float, warm_k: float, days: int) -> Axis:
     """Return what a machine is at a time.
 
@@ -221,8 +239,7 @@ def axis_on(machine: Machine, day: float, friction: float, warm_k: float, days: 
     """
     axis, size = machine.axis, machine.size * machine.grown(day)
     kind = machine.kind
-    if kind == "hall warms":
-        warm_k += 0.5 * size * math.sin(2.0 * math.pi * day / days - 0.5 * math.pi)
+    warm_k += own_warmth_k(machine, day, days)
     viscous = axis.viscous * math.exp(VISCOUS_PER_K * warm_k) * (1.0 + friction)
     coulomb = axis.coulomb * math.exp(COULOMB_PER_K * warm_k) * (1.0 + friction)
     force = 1.0 + FORCE_PER_K * warm_k

@@ -27,6 +27,7 @@ import motorctl
 from motorctl.errors import MotorctlError
 from motorctl.fleet.changes import Alarm, changes_in
 from motorctl.fleet.cluster import engine
+from motorctl.fleet.covariates import Covariates, read_covariates
 from motorctl.fleet.run import diagnose_fleet
 from motorctl.fleet.store import Store, open_store
 from motorctl.latency.progress import Progress
@@ -39,6 +40,7 @@ from motorctl_benchmarks.fleet.fleet_machines import (
     log_times,
     lubricant,
     run_log,
+    thermometer_k,
 )
 from motorctl_benchmarks.fleet.own_cluster import address_of
 
@@ -47,6 +49,9 @@ LOGS_AT_ONCE = 400
 RECORDING = 0.95
 """Share of the whole that making and diagnosing logs is. For progress alone."""
 FINDINGS = "findings"
+READINGS = "temperatures.csv"
+READINGS_A_DAY = 24
+"""Of a thermometer beside every machine."""
 LACKS = "residual_rms"
 """What the fit leaves: where this is what changed, the log to look at is diagnosed for a name."""
 
@@ -134,7 +139,8 @@ def live(fleet: Fleet, folder: Path, workers: int | None, progress: Progress) ->
     Parameters
     ----------
     fleet
-        Whose truth is written to `truth.json` before anything else happens.
+        Whose truth is written to `truth.json` before anything else happens, and what thermometers
+        beside the machines read to `temperatures.csv`.
     folder
         Of truth, store and logs.
     workers
@@ -144,6 +150,7 @@ def live(fleet: Fleet, folder: Path, workers: int | None, progress: Progress) ->
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "truth.json").write_text(json.dumps(fleet.document(), indent=1) + "\n")
+    _write_readings(fleet, folder / READINGS)
     nights = Nights(tracking_m={machine.name: [] for machine in fleet.machines})
     at_once = max(1, LOGS_AT_ONCE // (len(fleet.machines) * fleet.logs_a_day))
     with engine(None, workers) as client:
@@ -151,7 +158,7 @@ def live(fleet: Fleet, folder: Path, workers: int | None, progress: Progress) ->
             days = range(first, min(first + at_once, fleet.days))
             _record(fleet, days, folder, client, nights)
             progress(RECORDING * days.stop / fleet.days)
-    ask_every_night(fleet, folder / FINDINGS, nights)
+    ask_every_night(fleet, folder / FINDINGS, nights, read_covariates(folder / READINGS))
     _name_what_is_lacking(fleet, folder, nights)
     progress(1.0)
     return nights
@@ -180,12 +187,26 @@ def _record(fleet: Fleet, days: range, folder: Path, client: Client, nights: Nig
     shutil.rmtree(logs)
 
 
-def ask_every_night(fleet: Fleet, store: Path, nights: Nights) -> None:
+def _write_readings(fleet: Fleet, file: Path) -> None:
+    """Write what a thermometer beside every machine reads, as users give it to `fleet changes`."""
+    times = np.arange(fleet.days * READINGS_A_DAY + 1) / READINGS_A_DAY
+    lines = ["machine,time,temperature_K"]
+    for machine in fleet.machines:
+        told = thermometer_k(machine, times, fleet.days, fleet.seed)
+        lines += [
+            f"{machine.name},{(BEGAN + timedelta(days=float(day))).isoformat()},{value:.2f}"
+            for day, value in zip(times, told, strict=True)
+        ]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def ask_every_night(fleet: Fleet, store: Path, nights: Nights, beside: Covariates) -> None:
     """Ask `fleet changes` at the end of each day, with what began before."""
     findings = open_store(store).read()
     with nights.timed("fleet changes"):
         for day in range(fleet.days):
-            found = changes_in(_StoreThen(store, findings, BEGAN + timedelta(days=day + 1)))
+            then = _StoreThen(store, findings, BEGAN + timedelta(days=day + 1))
+            found = changes_in(then, covariates=beside)
             nights.judged = found.series
             by_machine: dict[str, list[Told]] = {}
             for alarm in found.alarms:
