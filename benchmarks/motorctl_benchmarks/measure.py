@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
+    from motorctl_benchmarks.swaps.findings import SwapsOptions
     from motorctl_benchmarks.tuning.findings import TuningOptions
 
     Options = (
@@ -36,6 +37,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
         | RecordingsOptions
         | SafetyOptions
         | SocketOptions
+        | SwapsOptions
         | TuningOptions
     )
 
@@ -129,6 +131,14 @@ def _closing(progress: Progress, options: Options | None) -> Findings:
     return closing_findings(progress, asked)
 
 
+def _swaps(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.swaps.findings import SwapsOptions, swaps_findings
+
+    asked = options or SwapsOptions()
+    assert isinstance(asked, SwapsOptions)
+    return swaps_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -140,6 +150,7 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "tuning": _tuning,
     "experiments": _experiments,
     "closing": _closing,
+    "swaps": _swaps,
 }
 WITH_CASES = (
     "diagnosis",
@@ -151,6 +162,7 @@ WITH_CASES = (
     "tuning",
     "experiments",
     "closing",
+    "swaps",
 )
 """Subjects that take options."""
 
@@ -204,7 +216,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         Called with the share done, 0 to 1.
     options
         Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning,
-        experiments or closing.
+        experiments, closing or swaps.
 
     Raises
     ------
