@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.analysis import LoopGains, LoopMargins, loop_margins
+from motorctl.config.rules import HIGHEST_FILTER
+from motorctl.control import CommandFilter, command_filter
 from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
 from motorctl.tune.predicted import Prediction, Predictor
@@ -45,6 +47,19 @@ smaller factor gives error away, fewer steps refuse what is nearly right."""
 WORTH = 0.005
 """Part of the error that a step must win for its limit to count as what binds. Larger finds nothing
 in the way, smaller names limits beyond which nothing is won."""
+WORTH_A_FILTER = 0.95
+"""A filter is chosen where it leaves less than this part of the error without one: it is one thing
+more that has to stay true of the machine. Nearer to 1 takes one for nothing."""
+FILTER_ZEROS_PER_DECADE = 3
+"""Of the grid of zeros behind each filter. More takes time, fewer may take the wrong filter."""
+NOTCH_DAMPING, NOTCH_DEPTH = (0.1, 0.3, 0.7), (0.03, 0.1, 0.3)
+"""Of the notches that are tried on each resonance: a wide one bears a resonance that moves, a
+narrow one turns the loop less."""
+LOW_PASS_RATIOS, LOW_PASS_DAMPING = (0.5, 0.7, 1.0, 1.4, 2.0), 0.7
+"""Of the low-passes that are tried, over each resonance, and their damping."""
+DETUNED = 0.05
+"""So much a resonance may move, as a part of its frequency, with the loop still stable behind the
+filter. By hand: a load or a place that changes moves it by some per cent."""
 AS_GOOD = 0.02
 """Errors that differ by so little count as equal; the larger phase margin decides. Smaller gives
 margin away for an error that no prediction is sure of, larger gives error away."""
@@ -72,6 +87,9 @@ class GainChoice:
     """Stable gains, whatever their margins and noise."""
     bound_by: str
     """Which limit keeps the gains from going further, in words."""
+    without_filter: Candidate | None = None
+    """The best without a filter, where one was chosen, and there is any."""
+    filters_tried: int = 0
 
 
 def choose_gains(
@@ -104,18 +122,80 @@ def choose_gains(
         No gains that were tried keep all of it; the message says which limit is in the way.
     """
     search = _Search(loop, wanted)
-    found = search.first_pass(lambda share: progress("trying gains", share))
+    # Without a response nobody knows what a filter is there for: it stays.
+    base = None if loop.measured is not None else loop.gains.command_filter
+    found = search.first_pass(lambda share: progress("trying gains", share), base)
     kept = [candidate for candidate in found if search.keeps(candidate)]
-    if not kept:
+    filters = filters_to_try(loop)
+    filtered = _with_filters(search, filters, progress)
+    if not kept and not filtered:
         raise RunError(search.why_none(found))
+    if kept:
+        kept = _refined(search, kept, progress)
+    plain = search.as_written(_best(kept)) if kept else None
+    best = plain
+    if filtered:
+        behind = search.as_written(_best(_refined(search, filtered, progress)))
+        if plain is None or _error(behind) < WORTH_A_FILTER * _error(plain):
+            best = behind
+    assert best is not None
+    margins = margins_of(loop, best.gains)
+    return GainChoice(
+        best,
+        margins,
+        (*found, *kept),
+        search.bound_by(best),
+        None if best is plain else plain,
+        len(filters),
+    )
+
+
+def _refined(
+    search: _Search, kept: list[Candidate], progress: Callable[[str, float], None]
+) -> list[Candidate]:
+    """Return candidates with those around the best, finer and finer."""
     step = 1.0 / ZEROS_PER_DECADE
     for number in range(ZOOMS):
         progress("refining gains", number / ZOOMS)
         step /= 3.0
-        kept += search.near(min(kept, key=_error).gains, step)
-    best = search.as_written(_best(kept))
-    margins = margins_of(loop, best.gains)
-    return GainChoice(best, margins, (*found, *kept), search.bound_by(best))
+        kept = kept + search.near(min(kept, key=_error).gains, step)
+    return kept
+
+
+def filters_to_try(loop: RecordedLoop) -> list[CommandFilter]:
+    """Return the filters that may let a loop go further: none where no part rings by its response.
+
+    Notches on each resonance, and low-passes around it.
+    """
+    if loop.measured is None:
+        return []
+    highest = HIGHEST_FILTER / loop.period_s
+    lines = [part.resonance_hz for part in loop.measured.measured.fitted.parts]
+    tries = [
+        *(("notch", line, damping, depth)
+          for line in lines for damping in NOTCH_DAMPING for depth in NOTCH_DEPTH),
+        *(("low_pass", line * ratio, LOW_PASS_DAMPING, 1.0)
+          for line in lines for ratio in LOW_PASS_RATIOS),
+    ]  # fmt: skip
+    return [
+        command_filter(kind, float(f"{hz:.{DIGITS}g}"), damping, depth, loop.period_s)
+        for kind, hz, damping, depth in tries
+        if hz <= highest
+    ]
+
+
+def _with_filters(
+    search: _Search, filters: list[CommandFilter], progress: Callable[[str, float], None]
+) -> list[Candidate]:
+    """Return what keeps everything behind the filter of least error, by a coarse grid of each."""
+    best: list[Candidate] = []
+    for number, own in enumerate(filters):
+        progress("trying filters", number / len(filters))
+        found = search.first_pass(lambda share: None, own, FILTER_ZEROS_PER_DECADE)
+        kept = [c for c in found if search.keeps(c) and search.bears_a_detuned_filter(c)]
+        if kept and (not best or _error(min(kept, key=_error)) < _error(min(best, key=_error))):
+            best = kept
+    return best
 
 
 def shapes_of(loop: RecordedLoop) -> LoopShapes:
@@ -133,9 +213,7 @@ def margins_of(loop: RecordedLoop, gains: LoopGains) -> LoopMargins:
     return loop_margins(
         plant.theta1,
         plant.theta2,
-        k1_1_s=gains.k1_1_s,
-        ks_v_s_m=gains.ks_v_s_m,
-        gamma_d=gains.gamma_d,
+        **vars(gains),
         period_s=loop.period_s,
         delay_s=plant.delay_s,
         lag_s=plant.lag_s,
@@ -171,10 +249,15 @@ class _Search:
         self._predictor = Predictor(loop)
         self._nyquist = math.pi / loop.period_s
 
-    def first_pass(self, progress: Callable[[float], None]) -> list[Candidate]:
-        """Try the whole grid; return what is stable, whatever its margins."""
-        k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
-        k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
+    def first_pass(
+        self,
+        progress: Callable[[float], None],
+        own: CommandFilter | None,
+        per_decade: int = ZEROS_PER_DECADE,
+    ) -> list[Candidate]:
+        """Try the whole grid with a filter; return what is stable, whatever its margins."""
+        k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
+        k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
         middle = self._loop.plant.theta1 * FASTEST_K1 * self._nyquist
         octaves = np.arange(-GAIN_OCTAVES * GAINS_PER_OCTAVE, 2 * GAINS_PER_OCTAVE + 1)
         ks = middle * 2.0 ** (octaves / GAINS_PER_OCTAVE)
@@ -182,7 +265,7 @@ class _Search:
         for number, k1 in enumerate(k1s):
             progress(number / len(k1s))
             for k2 in k2s[k2s <= k1 * (1.0 + 1e-9)]:
-                found += self._stable(float(k1), float(k2), ks)
+                found += self._stable(float(k1), float(k2), ks, own)
         return found
 
     def near(self, gains: LoopGains, decades: float) -> list[Candidate]:
@@ -193,8 +276,10 @@ class _Search:
         found: list[Candidate] = []
         for k1_by in steps:
             for k2_by in steps:
-                found += self._stable(float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks)
-        return [candidate for candidate in found if self.keeps(candidate)]
+                found += self._stable(
+                    float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks, gains.command_filter
+                )
+        return [c for c in found if self.keeps(c) and self.bears_a_detuned_filter(c)]
 
     def as_written(self, best: Candidate) -> Candidate:
         """Return the gains as they are written, rounded; a little lower until exactly all is kept.
@@ -203,7 +288,10 @@ class _Search:
         """
         gains = best.gains
         for _ in range(MOST_STEPS_BACK):
-            rounded = LoopGains(*(float(f"{value:.{DIGITS}g}") for value in vars(gains).values()))
+            numbers = (gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
+            rounded = LoopGains(
+                *(float(f"{value:.{DIGITS}g}") for value in numbers), gains.command_filter
+            )
             told = margins_of(self._loop, rounded)
             if told.stable and self._shapes.stable_everywhere(rounded):
                 exact = Candidate(
@@ -226,6 +314,21 @@ class _Search:
         """Return whether a stable candidate keeps everything that is wanted."""
         return not self._broken(candidate, self._kept)
 
+    def bears_a_detuned_filter(self, candidate: Candidate) -> bool:
+        """Return whether the loop stays stable where the filter is beside the resonance."""
+        own, gains = candidate.gains.command_filter, candidate.gains
+        if own is None:
+            return True
+        moved = (
+            command_filter(
+                own.kind, own.frequency_hz * by, own.damping, own.depth, self._loop.period_s
+            )
+            for by in (1.0 - DETUNED, 1.0 + DETUNED)
+        )
+        return all(
+            self._shapes.stable_everywhere(replace(gains, command_filter=each)) for each in moved
+        )
+
     def bound_by(self, best: Candidate) -> str:
         """Say which limits gains a little larger would break."""
         words: list[str] = []
@@ -234,11 +337,14 @@ class _Search:
                 best.gains.k1_1_s * k1_by,
                 best.gains.ks_v_s_m * ks_by,
                 best.gains.gamma_d * ks_by * k2_by,
+                best.gains.command_filter,
             )
             k2 = gains.gamma_d / gains.ks_v_s_m
             if self._predictor.predict(gains).eF_m > (1.0 - WORTH) * _error(best):
                 continue  # nobody would go there
-            further = self._stable(gains.k1_1_s, k2, np.array([gains.ks_v_s_m]))
+            further = self._stable(
+                gains.k1_1_s, k2, np.array([gains.ks_v_s_m]), gains.command_filter
+            )
             words += (
                 self._broken(further[0], self._kept) if further else [self._corner_words(gains)]
             )
@@ -270,8 +376,10 @@ class _Search:
             f"command is {loop.plant.delay_s * 1e3:.3g} ms late; ask for less"
         )
 
-    def _stable(self, k1: float, k2: float, ks: Array) -> list[Candidate]:
-        shape = self._shapes.shape(k1, k2, ks)
+    def _stable(
+        self, k1: float, k2: float, ks: Array, own: CommandFilter | None
+    ) -> list[Candidate]:
+        shape = self._shapes.shape(k1, k2, ks, own)
         found = []
         for index in shape.keeping(MarginsWanted(0.0, 1.0)):
             gains = shape.gains(int(index))

@@ -1,4 +1,4 @@
-"""`motorctl bench swaps`: other models while an axis holds, processes killed, and how it is told."""
+"""`motorctl bench swaps`: models change while axes hold, processes are killed; how it is told."""
 
 from __future__ import annotations
 

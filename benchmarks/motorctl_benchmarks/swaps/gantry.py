@@ -46,6 +46,7 @@ OTHERS: Mapping[str, Mapping[str, Any]] = {
             }
         }
     },
+    "a filter": {"gains": {"command_filter": {"kind": "notch", "frequency_hz": 300.0}}},
     "a lag": {"model": {"input_lag": {"time_s": 0.39e-3}}},
 }
 """What differs from the shipped file on AXIS, by name."""
