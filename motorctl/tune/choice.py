@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.analysis import LoopGains, LoopMargins, loop_margins
-from motorctl.config.rules import HIGHEST_FILTER
 from motorctl.control import CommandFilter, command_filter
 from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
+from motorctl.tune.command_filters import filters_to_try
 from motorctl.tune.predicted import Prediction, Predictor
 from motorctl.tune.recorded_loop import RecordedLoop
 
@@ -52,14 +52,10 @@ WORTH_A_FILTER = 0.95
 more that has to stay true of the machine. Nearer to 1 takes one for nothing."""
 FILTER_ZEROS_PER_DECADE = 3
 """Of the grid of zeros behind each filter. More takes time, fewer may take the wrong filter."""
-NOTCH_DAMPING, NOTCH_DEPTH = (0.1, 0.3, 0.7), (0.03, 0.1, 0.3)
-"""Of the notches that are tried on each resonance: a wide one bears a resonance that moves, a
-narrow one turns the loop less."""
-LOW_PASS_RATIOS, LOW_PASS_DAMPING = (0.5, 0.7, 1.0, 1.4, 2.0), 0.7
-"""Of the low-passes that are tried, over each resonance, and their damping."""
 DETUNED = 0.05
 """So much a resonance may move, as a part of its frequency, with the loop still stable behind the
 filter. By hand: a load or a place that changes moves it by some per cent."""
+ANY_MARGINS = MarginsWanted(0.0, 1.0)
 AS_GOOD = 0.02
 """Errors that differ by so little count as equal; the larger phase margin decides. Smaller gives
 margin away for an error that no prediction is sure of, larger gives error away."""
@@ -132,10 +128,10 @@ def choose_gains(
         raise RunError(search.why_none(found))
     if kept:
         kept = _refined(search, kept, progress)
-    plain = search.as_written(_best(kept)) if kept else None
+    plain = search.as_written(search.best(kept)) if kept else None
     best = plain
     if filtered:
-        behind = search.as_written(_best(_refined(search, filtered, progress)))
+        behind = search.as_written(search.best(_refined(search, filtered, progress)))
         if plain is None or _error(behind) < WORTH_A_FILTER * _error(plain):
             best = behind
     assert best is not None
@@ -158,30 +154,10 @@ def _refined(
     for number in range(ZOOMS):
         progress("refining gains", number / ZOOMS)
         step /= 3.0
-        kept = kept + search.near(min(kept, key=_error).gains, step)
+        least = search.least(kept)
+        assert least is not None  # the one that `kept` begins with
+        kept = kept + search.near(least.gains, step)
     return kept
-
-
-def filters_to_try(loop: RecordedLoop) -> list[CommandFilter]:
-    """Return the filters that may let a loop go further: none where no part rings by its response.
-
-    Notches on each resonance, and low-passes around it.
-    """
-    if loop.measured is None:
-        return []
-    highest = HIGHEST_FILTER / loop.period_s
-    lines = [part.resonance_hz for part in loop.measured.measured.fitted.parts]
-    tries = [
-        *(("notch", line, damping, depth)
-          for line in lines for damping in NOTCH_DAMPING for depth in NOTCH_DEPTH),
-        *(("low_pass", line * ratio, LOW_PASS_DAMPING, 1.0)
-          for line in lines for ratio in LOW_PASS_RATIOS),
-    ]  # fmt: skip
-    return [
-        command_filter(kind, float(f"{hz:.{DIGITS}g}"), damping, depth, loop.period_s)
-        for kind, hz, damping, depth in tries
-        if hz <= highest
-    ]
 
 
 def _with_filters(
@@ -191,10 +167,10 @@ def _with_filters(
     best: list[Candidate] = []
     for number, own in enumerate(filters):
         progress("trying filters", number / len(filters))
-        found = search.first_pass(lambda share: None, own, FILTER_ZEROS_PER_DECADE)
-        kept = [c for c in found if search.keeps(c) and search.bears_a_detuned_filter(c)]
-        if kept and (not best or _error(min(kept, key=_error)) < _error(min(best, key=_error))):
-            best = kept
+        found = search.kept_behind(own)
+        least = search.least(found)
+        if least is not None and (not best or _error(least) < _error(best[0])):
+            best = [least]
     return best
 
 
@@ -228,13 +204,6 @@ def keeps(margins: LoopMargins, wanted: MarginsWanted) -> bool:
     return margins.stable and firm and gain >= wanted.gain
 
 
-def _best(candidates: list[Candidate]) -> Candidate:
-    """Return the one of least error; of those that are as good, that of the largest margin."""
-    least = min(map(_error, candidates))
-    good = [c for c in candidates if _error(c) <= (1.0 + AS_GOOD) * least]
-    return max(good, key=lambda candidate: candidate.phase_deg)
-
-
 def _error(candidate: Candidate) -> float:
     return candidate.prediction.eF_m
 
@@ -254,8 +223,9 @@ class _Search:
         progress: Callable[[float], None],
         own: CommandFilter | None,
         per_decade: int = ZEROS_PER_DECADE,
+        least: MarginsWanted = ANY_MARGINS,
     ) -> list[Candidate]:
-        """Try the whole grid with a filter; return what is stable, whatever its margins."""
+        """Try the whole grid with a filter; return what is stable with these margins at least."""
         k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
         k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
         middle = self._loop.plant.theta1 * FASTEST_K1 * self._nyquist
@@ -265,7 +235,7 @@ class _Search:
         for number, k1 in enumerate(k1s):
             progress(number / len(k1s))
             for k2 in k2s[k2s <= k1 * (1.0 + 1e-9)]:
-                found += self._stable(float(k1), float(k2), ks, own)
+                found += self._stable(float(k1), float(k2), ks, own, least)
         return found
 
     def near(self, gains: LoopGains, decades: float) -> list[Candidate]:
@@ -277,9 +247,13 @@ class _Search:
         for k1_by in steps:
             for k2_by in steps:
                 found += self._stable(
-                    float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks, gains.command_filter
+                    float(gains.k1_1_s * k1_by),
+                    float(k2 * k2_by),
+                    ks,
+                    gains.command_filter,
+                    self._kept,
                 )
-        return [c for c in found if self.keeps(c) and self.bears_a_detuned_filter(c)]
+        return [candidate for candidate in found if self.keeps(candidate)]
 
     def as_written(self, best: Candidate) -> Candidate:
         """Return the gains as they are written, rounded; a little lower until exactly all is kept.
@@ -313,6 +287,24 @@ class _Search:
     def keeps(self, candidate: Candidate) -> bool:
         """Return whether a stable candidate keeps everything that is wanted."""
         return not self._broken(candidate, self._kept)
+
+    def kept_behind(self, own: CommandFilter) -> list[Candidate]:
+        """Return what keeps everything behind a filter, by a coarse grid."""
+        found = self.first_pass(lambda share: None, own, FILTER_ZEROS_PER_DECADE, self._kept)
+        return [candidate for candidate in found if self.keeps(candidate)]
+
+    def least(self, kept: list[Candidate]) -> Candidate | None:
+        """Return the one of least error that bears a resonance beside its filter; None: none."""
+        ranked = sorted(kept, key=_error)
+        return next((each for each in ranked if self.bears_a_detuned_filter(each)), None)
+
+    def best(self, kept: list[Candidate]) -> Candidate:
+        """Return the one of least error; of those that are as good, that of the largest margin."""
+        least = self.least(kept)
+        assert least is not None  # they come of one that bears it
+        good = [c for c in kept if _error(c) <= (1.0 + AS_GOOD) * _error(least)]
+        firmest = sorted(good, key=lambda candidate: -candidate.phase_deg)
+        return next(each for each in firmest if self.bears_a_detuned_filter(each))
 
     def bears_a_detuned_filter(self, candidate: Candidate) -> bool:
         """Return whether the loop stays stable where the filter is beside the resonance."""
@@ -377,11 +369,16 @@ class _Search:
         )
 
     def _stable(
-        self, k1: float, k2: float, ks: Array, own: CommandFilter | None
+        self,
+        k1: float,
+        k2: float,
+        ks: Array,
+        own: CommandFilter | None,
+        least: MarginsWanted = ANY_MARGINS,
     ) -> list[Candidate]:
         shape = self._shapes.shape(k1, k2, ks, own)
         found = []
-        for index in shape.keeping(MarginsWanted(0.0, 1.0)):
+        for index in shape.keeping(least):
             gains = shape.gains(int(index))
             if self._shapes.stable_everywhere(gains):
                 found.append(

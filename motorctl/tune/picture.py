@@ -95,7 +95,10 @@ def _counted(loop: RecordedLoop) -> tuple[Array, Array]:
 
 def _draw_phase(panel: Axes, tuning: Tuning) -> None:
     curves = tuning.curves
-    panel.plot(curves.phase_deg, curves.at_phase_m * 1e6, color=AFTER, marker=".", lw=1.0)
+    plain = None if tuning.without_filter is None else "without the filter"
+    colour = AFTER if plain is None else PLAIN
+    at_phase = curves.at_phase_m * 1e6
+    panel.plot(curves.phase_deg, at_phase, color=colour, marker=".", lw=1.0, label=plain)
     margin = tuning.before_margins.phase_margin_deg
     _mark(panel, margin, tuning.loop.eF_m, BEFORE, "before")
     _mark(panel, tuning.margins.phase_margin_deg, tuning.chosen.prediction.eF_m, AFTER, "tuned")
@@ -108,7 +111,8 @@ def _draw_phase(panel: Axes, tuning: Tuning) -> None:
 
 def _draw_noise(panel: Axes, tuning: Tuning) -> None:
     curves = tuning.curves
-    panel.plot(curves.noise_v, curves.at_noise_m * 1e6, color=AFTER, marker=".", lw=1.0)
+    colour = AFTER if tuning.without_filter is None else PLAIN
+    panel.plot(curves.noise_v, curves.at_noise_m * 1e6, color=colour, marker=".", lw=1.0)
     before = tuning.before_prediction.command_noise_v
     _mark(panel, before, tuning.loop.eF_m, BEFORE, "before")
     told = tuning.chosen.prediction

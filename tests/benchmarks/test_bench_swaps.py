@@ -13,7 +13,7 @@ from motorctl_benchmarks.swaps.killing import LOOP, SUPERVISOR, Kill
 from motorctl_benchmarks.swaps.swapping import Swap, Swapping
 
 SWAPPING = Swapping(
-    swaps=(Swap(OWN, "C1", 0.02, 0.4, 0.0, True), Swap("C1", OWN, 0.0, -0.3, 0.0, True)),
+    swaps=(Swap(OWN, "C1", 0.3, 0.28, 0.4, 0.0), Swap("C1", OWN, 0.0, 0.0, -0.3, 0.0)),
     max_voltage_v=10.0,
     faults=0,
     rows=1000,
@@ -38,7 +38,7 @@ def test_a_run_in_order_meets_every_target():
 @pytest.mark.parametrize(
     ("name", "change"),
     [
-        ("bump", {"swaps": (Swap(OWN, "C1", 0.11, 0.4, 0.0, True),)}),
+        ("bump", {"swaps": (Swap(OWN, "C1", 0.11, 0.0, 0.4, 0.0),)}),
         ("faults", {"faults": 1}),
         ("rows_lost", {"lost": 3}),
         ("rows_lost", {"twice": 1}),

@@ -55,9 +55,9 @@ def swaps_findings(progress: Progress, options: SwapsOptions) -> Findings:
 def found_of(swapping: Swapping, kills: Sequence[Kill]) -> Findings:
     """Return figures and tables of both."""
     wrong = [kill for kill in kills if kill.wrong]
-    largest_v = max(swap.step_v for swap in swapping.swaps)
+    largest_v = max(swap.bump_v for swap in swapping.swaps)
     figures = (
-        Figure("bump", f"largest step of the command of {AXIS} as another model takes over",
+        Figure("bump", f"largest bump of the command of {AXIS} as another model takes over",
                100.0 * largest_v / swapping.max_voltage_v, "% of uM",
                target=Target("value", "<=", 100.0 * BUMP)),
         Figure("faults", "faults meanwhile", float(swapping.faults), "", target=NONE),
@@ -76,6 +76,7 @@ def found_of(swapping: Swapping, kills: Sequence[Kill]) -> Findings:
             if kill.wrong
         ),
     ]
+    # A step of the command that the encoder's counts explain is none of the models'.
     held = [abs(swap.holds_v) for swap in swapping.swaps]
     notes = (
         f"A weight pulls at {AXIS} with {PULL_V:g} V; it moves before each change, and then holds "
@@ -106,17 +107,19 @@ def _steps(swapping: Swapping) -> TextTable:
                     (
                         f"{before} → {after}",
                         str(len(swaps)),
-                        _share(max(s.step_v for s in swaps), swapping),
+                        _share(max(s.bump_v for s in swaps), swapping),
+                        _share(max(abs(s.step_v) for s in swaps), swapping),
+                        str(sum(s.counts_v != 0.0 for s in swaps)),
                         _share(max(s.beside_v for s in swaps), swapping),
-                        str(sum(s.still for s in swaps)),
                     )
                 )
     columns = (
         f"model of {AXIS}",
         "changes",
-        f"largest step of {AXIS}, % of uM",
-        f"of {BESIDE}, which keeps its model",
-        "with the encoder still",
+        f"largest bump of {AXIS}, % of uM",
+        "step with what counts add",
+        "changes in which a count came",
+        f"step of {BESIDE}, which keeps its model",
     )
     return TextTable("from the last tick of a model to the first of the next", columns, tuple(rows))
 
@@ -147,8 +150,8 @@ def _ends(kills: Sequence[Kill]) -> TextTable:
         "before the question",
         "before the answer",
         "after it",
-        "old model alone in the logs",
-        "old, then new",
+        "last log: old model",
+        "new model",
         "half, lost or not recovered",
     )
     return TextTable("kills around a change, and what the next start found", columns, tuple(rows))

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from motorctl.config import load, shipped_config
+from motorctl.config.axis_keys import Gains
 from motorctl.config.machine import Machine
 from motorctl.config.metadata import log_axes
 from motorctl.config.model_keys import MODEL_KEYS, model_of, with_models_of
@@ -59,6 +60,10 @@ class Models:
     config: Path
     machines: Mapping[str, Machine]
     """By name; OWN is the daemon's."""
+
+    def gains(self, name: str) -> Gains:
+        """Return the gains of AXIS with a model; with its own where there is no such model."""
+        return self.machines.get(name, self.machines[OWN]).axes[AXIS].gains
 
     def model(self, log: Path) -> str | None:
         """Return which model a log says AXIS has; None: none of these, or one but in part."""

@@ -53,8 +53,8 @@ class Kill:
 
     @property
     def new(self) -> bool:
-        """Whether the new model's log is there."""
-        return self.applied in self.logs
+        """Whether the last log has the new model."""
+        return self.logs[-1:] == (self.applied,)
 
 
 def kill_around_changes(

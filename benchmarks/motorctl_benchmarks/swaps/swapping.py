@@ -15,7 +15,6 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from motorctl.latency.progress import Progress
-from motorctl.log.convert import load_metadata
 from motorctl.log.sample import SampleFlag
 from motorctl_benchmarks.running_daemon import running_daemon
 from motorctl_benchmarks.swaps.gantry import AXIS, BESIDE, OTHERS, OWN, Models, apply, hold
@@ -38,12 +37,17 @@ class Swap:
     after: str
     step_v: float
     """Of the axis' command."""
+    counts_v: float
+    """What the feedback makes of counts that come in one of the two rows."""
     holds_v: float
     """The command before."""
     beside_v: float
-    """Of the other axis', whose model stays."""
-    still: bool
-    """The encoder says the same in both rows, so the step is none of the feedback's."""
+    """Step of the other axis', whose model stays."""
+
+    @property
+    def bump_v(self) -> float:
+        """The step that the change itself makes."""
+        return abs(self.step_v - self.counts_v)
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class Swapping:
     rows: int
     lost: int
     """Ticks without a row, but for periods that the computer slept over and the next row tells as
-    skipped; and rows that the recorder tells as lost."""
+    skipped."""
     twice: int
     """Rows whose tick another one has, or that stand before an earlier one."""
     unlike: tuple[str, ...]
@@ -121,24 +125,19 @@ def _told(models: Models, logs: Sequence[Path], asked: Sequence[str], waited: Ar
         unlike.append(f"{len(logs)} logs, asked for {len(asked)} models")
     whole = pa.concat_tables(tables)
     ticks = whole["tick"].to_numpy()
-    told_lost = sum(int(load_metadata(pq.read_schema(path))["rows_lost"] or 0) for path in logs)
     faults = sum(
         int(np.sum(np.diff(whole[f"{axis}.fault"].to_numpy(), prepend=0) > 0))
         for axis in (AXIS, BESIDE)
     )
-    still = _still(whole)
-    changes = np.cumsum([table.num_rows for table in tables])[:-1] - 1
     return Swapping(
         tuple(
-            Swap(before, after, *_steps(own, new), bool(still[at]))
-            for (before, after), (own, new), at in zip(
-                pairwise(said), pairwise(tables), changes, strict=True
-            )
+            _swap(models, before, after, own, new)
+            for (before, after), (own, new) in zip(pairwise(said), pairwise(tables), strict=True)
         ),
         models.machines[OWN].axes[AXIS].limits.max_voltage_v,
         faults,
         len(ticks),
-        _missing(ticks, whole[f"{AXIS}.flags"].to_numpy()) + told_lost,
+        _missing(ticks, whole[f"{AXIS}.flags"].to_numpy()),
         int(np.sum(np.diff(ticks) <= 0)),
         tuple(unlike),
         waited,
@@ -152,20 +151,20 @@ def _missing(ticks: NDArray[np.int64], flags: NDArray[np.uint32]) -> int:
     return int(np.sum(gaps[(gaps > 0) & ~told]))
 
 
-def _steps(before: pa.Table, after: pa.Table) -> tuple[float, float, float]:
-    """Return the step of AXIS, its command before, and the step of the axis beside."""
-    (old, new), (beside_old, beside_new) = (
-        (before[f"{name}.command_v"][-1].as_py(), after[f"{name}.command_v"][0].as_py())
-        for name in (AXIS, BESIDE)
-    )
-    return abs(new - old), old, abs(beside_new - beside_old)
+def _swap(models: Models, before: str, after: str, own: pa.Table, new: pa.Table) -> Swap:
+    """Return what the last row of a log and the first of the next tell.
 
+    A count is a speed for one tick: the last row may have it in its command, the first may get it.
+    """
 
-def _still(table: pa.Table) -> NDArray[np.bool_]:
-    """Return from which row to the next the encoder of AXIS says the same."""
-    return np.logical_and.reduce(
-        [
-            np.diff(table[f"{AXIS}.{name}"].to_numpy()) == 0.0
-            for name in ("position_m", "velocity_m_s")
-        ]
-    )
+    def last_and_first(name: str) -> tuple[float, float]:
+        return own[name][-1].as_py(), new[name][0].as_py()
+
+    old_v, new_v = last_and_first(f"{AXIS}.command_v")
+    old_m_s, new_m_s = last_and_first(f"{AXIS}.velocity_m_s")
+    old_m, new_m = last_and_first(f"{AXIS}.position_m")
+    beside_v = float(np.diff(last_and_first(f"{BESIDE}.command_v"))[0])
+    gains, theirs = (models.gains(name) for name in (before, after))
+    counts_v = gains.ks_v_s_m * old_m_s
+    counts_v -= theirs.ks_v_s_m * (new_m_s + theirs.k1_1_s * (new_m - old_m))
+    return Swap(before, after, new_v - old_v, counts_v, old_v, abs(beside_v))
