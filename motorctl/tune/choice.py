@@ -262,9 +262,11 @@ class _Search:
         """
         gains = best.gains
         for _ in range(MOST_STEPS_BACK):
-            numbers = (gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
-            rounded = LoopGains(
-                *(float(f"{value:.{DIGITS}g}") for value in numbers), gains.command_filter
+            rounded = replace(
+                gains,
+                k1_1_s=_rounded(gains.k1_1_s),
+                ks_v_s_m=_rounded(gains.ks_v_s_m),
+                gamma_d=_rounded(gains.gamma_d),
             )
             told = margins_of(self._loop, rounded)
             if told.stable and self._shapes.stable_everywhere(rounded):
@@ -418,6 +420,10 @@ class _Search:
             f"stability with parameters at their bounds, inertia {theta1:g} V*s^2/m and viscous "
             f"friction {theta2:g} V*s/m"
         )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _log_grid(low: float, high: float, per_decade: int) -> Array:

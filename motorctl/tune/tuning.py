@@ -83,7 +83,8 @@ def require_tunable(machine: Machine, axis: str, out: Path, *, hardware: bool = 
         raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {known}")
     gains = machine.axes[axis].gains
     # As they would be written: digits that the text has no room for would be another value.
-    other = LoopGains(*(float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS))
+    k1, ks, gamma_d = (float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS)
+    other = LoopGains(k1, ks, gamma_d)
     write_beside(machine, axis, other, out, hardware=hardware).unlink()
 
 
