@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
+    from motorctl_benchmarks.swaps.findings import SwapsOptions
     from motorctl_benchmarks.tuning.findings import TuningOptions
 
 MISTAKES_SHOWN = 60
@@ -41,7 +42,7 @@ def bench(
         str,
         typer.Argument(
             help="What to measure: speed, diagnosis, buses, machines, recordings, campaign, "
-            "socket, tuning, experiments, closing, fleet."
+            "socket, tuning, experiments, closing, fleet, swaps."
         ),
     ] = "speed",
     cases: Annotated[
@@ -49,7 +50,8 @@ def bench(
         typer.Option(
             min=1,
             help="diagnosis: so many cases in each group. machines: seeds of each kind; default 1. "
-            "tuning, experiments: plants that are drawn; default 20, 60.",
+            "tuning, experiments: plants that are drawn; default 20, 60. swaps: changes of models; "
+            "default 200.",
         ),
     ] = None,
     size: Annotated[
@@ -65,7 +67,7 @@ def bench(
         typer.Option(
             min=0,
             help="diagnosis, machines: the first seed; by default held-out ones. campaign, socket, "
-            "closing, fleet: default 1.",
+            "closing, fleet, swaps: default 1.",
         ),
     ] = None,
     workers: Annotated[
@@ -163,9 +165,12 @@ def bench(
     (workers and schedulers killed, a store that refuses: the findings have to be the same) and
     scaling. --machines 50 --days 60 takes an hour or more on two quiet CPUs.
 
+    swaps: other models and back while an axis holds, and a quarter as many kills of the daemon's
+    processes around such a change: bumps, faults, lost rows, models that are not whole.
+
     The exit status is 0 whether or not the targets are met: what is not met is told. Of the
-    campaign it is 1 where a case is not as promised; of the socket where daemon or axes did not
-    stand it, or a row was lost.
+    campaign and of swaps it is 1 where something is not as promised; of the socket where daemon or
+    axes did not stand it, or a row was lost.
 
     Example: motorctl bench --json
 
@@ -226,6 +231,10 @@ def bench(
         if any(value is not None for value in (cases, workers, out, plot)):
             raise UsageError("bench closing takes no --cases, --workers, --out or --plot")
         options = _closing(size, seed, only, logs)
+    elif subject == "swaps":
+        if any(value is not None for value in (size, workers, only, out, logs, plot)):
+            raise UsageError("bench swaps takes no option but --cases, --seed and --json")
+        options = _swaps(cases, seed)
     elif subject == "buses":
         if any(value is not None for value in (cases, size, seed, workers, out, logs, plot)):
             raise UsageError("bench buses takes no option but --only and --json")
@@ -433,6 +442,13 @@ def _fleet(
         "folder": logs,
     }
     return FleetOptions(**{k: value for k, value in given.items() if value is not None})  # type: ignore[arg-type]
+
+
+def _swaps(cases: int | None, seed: int | None) -> SwapsOptions:
+    from motorctl_benchmarks.swaps.findings import SwapsOptions
+
+    given = {"swaps": cases, "seed": seed}
+    return SwapsOptions(**{key: value for key, value in given.items() if value is not None})
 
 
 def _print_page(result: Result) -> None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
     from motorctl_benchmarks.other_machines.findings import MachinesOptions
     from motorctl_benchmarks.real_machines.findings import RecordingsOptions
     from motorctl_benchmarks.safety.findings import SafetyOptions
+    from motorctl_benchmarks.swaps.findings import SwapsOptions
     from motorctl_benchmarks.tuning.findings import TuningOptions
 
     Options = (
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # the analysis takes long to import: the campaign does so whe
         | RecordingsOptions
         | SafetyOptions
         | SocketOptions
+        | SwapsOptions
         | TuningOptions
     )
 
@@ -139,6 +141,14 @@ def _fleet(progress: Progress, options: Options | None) -> Findings:
     return fleet_findings(progress, asked)
 
 
+def _swaps(progress: Progress, options: Options | None) -> Findings:
+    from motorctl_benchmarks.swaps.findings import SwapsOptions, swaps_findings
+
+    asked = options or SwapsOptions()
+    assert isinstance(asked, SwapsOptions)
+    return swaps_findings(progress, asked)
+
+
 SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "speed": _speed,
     "diagnosis": _diagnosis,
@@ -151,6 +161,7 @@ SUBJECTS: Mapping[str, Callable[[Progress, Options | None], Findings]] = {
     "experiments": _experiments,
     "closing": _closing,
     "fleet": _fleet,
+    "swaps": _swaps,
 }
 WITH_CASES = (
     "diagnosis",
@@ -162,7 +173,11 @@ WITH_CASES = (
     "tuning",
     "experiments",
     "closing",
+<<<<<<< HEAD
     "fleet",
+=======
+    "swaps",
+>>>>>>> swaps
 )
 """Subjects that take options."""
 
@@ -216,7 +231,11 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         Called with the share done, 0 to 1.
     options
         Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning,
+<<<<<<< HEAD
         experiments, closing or fleet.
+=======
+        experiments, closing or swaps.
+>>>>>>> swaps
 
     Raises
     ------

@@ -89,6 +89,22 @@ class Limits(Keys):
         return AxisLimits(**named | {"travel_m": travel_m or self.travel_m})
 
 
+class CommandFilterKeys(Keys):
+    """A filter on the feedback's part of the command, -ks p - d0, where a resonance limits."""
+
+    kind: Literal["notch", "low_pass"] = Field(
+        description="notch: (s^2 + 2 depth damping w s + w^2)/(s^2 + 2 damping w s + w^2); "
+        "low_pass: w^2/(s^2 + 2 damping w s + w^2)"
+    )
+    frequency_hz: Positive = Field(description="w/2pi, below 0.45 times the axis' rate")
+    damping: Annotated[float, Field(ge=0.01, le=2)] = Field(
+        default=0.7, description="of the poles: how wide the notch is"
+    )
+    depth: Annotated[float, Field(ge=0.01, le=1)] = Field(
+        default=0.1, description="what the notch leaves at its frequency"
+    )
+
+
 class Gains(Keys):
     """Gains of the robust part: p = de/dt + k1 e, vs = -ks p."""
 
@@ -100,6 +116,9 @@ class Gains(Keys):
         default="matched",
         description="de/dt: matched, the difference of two errors; published, the difference of "
         "two positions minus the desired velocity, which is half a period ahead of it",
+    )
+    command_filter: CommandFilterKeys | None = Field(
+        default=None, description="null: none, the law as published"
     )
 
 

@@ -12,7 +12,7 @@ from motorctl.config.analysis import (
     LoopMargins,
     loop_margins,
 )
-from motorctl.config.loop_rules import parameter_range
+from motorctl.config.loop_rules import loop_gains, parameter_range
 from motorctl.config.machine import Axis
 
 USUAL_PHASE_DEG = 30.0
@@ -58,7 +58,7 @@ class LoopCase:
         margins = loop_margins(
             self.inertia,
             self.viscous,
-            **asdict(self.gains),
+            **vars(self.gains),
             period_s=self.period_s,
             delay_s=self.delay_s,
             lag_s=self.lag_s,
@@ -84,7 +84,7 @@ def loop_cases(axis: Axis, period_s: float) -> Iterator[LoopCase]:
     inertia = parameter_range(axis.model, axis.estimates, "acceleration")
     viscous, _, _ = parameter_range(axis.model, axis.estimates, "velocity")
     known_s = axis.adaptation.input_delay_s + axis.model.delay_s
-    gains = LoopGains(axis.gains.k1_1_s, axis.gains.ks_v_s_m, axis.gains.gamma_d)
+    gains = loop_gains(axis.gains, period_s)
     for where, theta1 in zip(("initial", "lower bound", "upper bound"), inertia, strict=True):
         for delay_s in (known_s, known_s + period_s):
             lag_s = axis.model.lag_s

@@ -16,7 +16,7 @@ from motorctl.config.analysis import (
 from motorctl.config.axis_keys import Gains
 from motorctl.config.machine import Estimate
 from motorctl.config.validation import Finding
-from motorctl.control import monotonicity_half_planes
+from motorctl.control import CommandFilter, command_filter, monotonicity_half_planes
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
 from motorctl.model.knowledge import Signal
@@ -32,9 +32,18 @@ def parameter_range(
     return estimates[place].initial, estimates[place].lower, estimates[place].upper
 
 
-def loop_gains(gains: Gains) -> LoopGains:
-    """Return the gains of the feedback, as the sampled loop takes them."""
-    return LoopGains(gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d)
+def filter_of(gains: Gains, period_s: float) -> CommandFilter | None:
+    """Return the filter of the feedback's part of the command, as an axis of this period has it."""
+    keys = gains.command_filter
+    if keys is None:
+        return None
+    return command_filter(keys.kind, keys.frequency_hz, keys.damping, keys.depth, period_s)
+
+
+def loop_gains(gains: Gains, period_s: float) -> LoopGains:
+    """Return the gains of the feedback and its filter, as the sampled loop takes them."""
+    own = filter_of(gains, period_s)
+    return LoopGains(gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d, own)
 
 
 def check_stability(
@@ -54,9 +63,7 @@ def check_stability(
     margins = loop_margins(
         theta1,
         theta2,
-        k1_1_s=gains.k1_1_s,
-        ks_v_s_m=gains.ks_v_s_m,
-        gamma_d=gains.gamma_d,
+        **vars(loop_gains(gains, period_s)),
         period_s=period_s,
         delay_s=input_delay_s + model.delay_s,
         lag_s=model.lag_s,
@@ -65,10 +72,18 @@ def check_stability(
         yield (
             ("gains",),
             f"the sampled closed loop is unstable: ks {gains.ks_v_s_m:g}, k1 {gains.k1_1_s:g}, "
-            f"gamma_d {gains.gamma_d:g} around theta1(0) {theta1:g} V*s^2/m, theta2(0) "
-            f"{theta2:g} V*s/m at {1.0 / period_s:g} Hz with {margins.delay_s:g} s of delay"
+            f"gamma_d {gains.gamma_d:g}{_filter_words(gains)} around theta1(0) {theta1:g} "
+            f"V*s^2/m, theta2(0) {theta2:g} V*s/m at {1.0 / period_s:g} Hz with "
+            f"{margins.delay_s:g} s of delay"
             + (f" and {margins.lag_s:g} s of lag" if margins.lag_s else ""),
         )
+
+
+def _filter_words(gains: Gains) -> str:
+    own = gains.command_filter
+    if own is None:
+        return ""
+    return f" and a {own.kind.replace('_', '-')} at {own.frequency_hz:g} Hz"
 
 
 def check_monotonicity(

@@ -24,6 +24,9 @@ from motorctl.control import max_input_delay_s
 from motorctl.located_yaml import KeyPath
 from motorctl.model import EffectList
 
+HIGHEST_FILTER = 0.45
+"""Most that the frequency of a command filter may be, as a part of the rate: half of that is what a
+sampled filter knows at all, and close to it a notch is wider than it says. By hand."""
 COUNTS_AT_REST = 2
 """A following error of so many counts is quantisation."""
 HOMING_CROSSINGS = 10
@@ -269,6 +272,13 @@ def check_gains(gains: Gains, rate_hz: float) -> Iterator[Finding]:
     if gains.k1_1_s >= rate_hz:
         message = f"found {gains.k1_1_s:g}, k1 should be below the rate of {rate_hz:g} 1/s"
         yield ("gains", "k1_1_s"), message
+    own = gains.command_filter
+    if own is not None and own.frequency_hz > HIGHEST_FILTER * rate_hz:
+        yield (
+            ("gains", "command_filter", "frequency_hz"),
+            f"found {own.frequency_hz:g}, should be at most {HIGHEST_FILTER:g} times the rate of "
+            f"{rate_hz:g} 1/s: {HIGHEST_FILTER * rate_hz:g}",
+        )
     corner = gains.gamma_d / gains.ks_v_s_m
     if corner >= rate_hz:
         yield (

@@ -1,6 +1,7 @@
 """The control law: DCDIARC over a list of effects, its adaptation, the inverse of the input map."""
 
 from motorctl.control.assumption2 import monotonicity_half_planes
+from motorctl.control.command_filter import CommandFilter, command_filter
 from motorctl.control.estimator import adapt
 from motorctl.control.input_slopes import fixed_slopes, input_indices, worst_varying
 from motorctl.control.inverse import invert
@@ -10,9 +11,11 @@ from motorctl.control.projection import project, violates
 from motorctl.control.setup import fill_by_name, fill_settings, fill_state, max_input_delay_s
 
 __all__ = [
+    "CommandFilter",
     "LawFlag",
     "adapt",
     "carry_over_gap",
+    "command_filter",
     "fill_by_name",
     "fill_settings",
     "fill_state",

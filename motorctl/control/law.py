@@ -6,6 +6,7 @@ Source: Z. Chen, B. Yao, Q. Wang, IEEE/ASME Trans. Mechatronics 18(3), 2013, pp.
 Where the list declares a lag or a delay of the command, the model is evaluated when the command
 will act, and led by the lag; the rest of the law is the same. The measured velocity is set against
 the mean desired one over the same period (`matched`), or against the desired one now (published).
+Where `settings.filters`, va2 + vs goes through a filter of second order, as published it does not.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from motorctl.control.command_filter import filtered, settle_filter, shift_filter
 from motorctl.control.estimator import adapt, remember_command
 from motorctl.control.inverse import invert
 from motorctl.control.law_records import LawFlag
@@ -44,6 +46,7 @@ def start_law(
     _settle_contexts(advance_context, settings, state, y)
     at_rest = _at_rest(feedforward, settings, state, t, y)
     state.d0 = min(max(at_rest, -settings.d_hat_max_v), settings.d_hat_max_v)
+    settle_filter(settings, state, -state.d0)
     state.u, state.v, state.flags, state.steps = 0.0, 0.0, 0, 0
     state.lagged = 0.0
     for i in range(settings.n + 1):
@@ -91,7 +94,9 @@ def shift_law(
     state.xd1 += shift
     _settle_contexts(advance_context, settings, state, y + shift)
     after = _at_rest(feedforward, settings, state, t, y + shift)
-    state.d0 = min(max(state.d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
+    d0 = state.d0
+    state.d0 = min(max(d0 + (after - before), -settings.d_hat_max_v), settings.d_hat_max_v)
+    shift_filter(settings, state, d0 - state.d0)
 
 
 @inner_kernel
@@ -109,6 +114,8 @@ def still_command(
     """
     rate = (state.y1 - state.y2) / settings.period_s
     v = state.v + settings.ks_v_s_m * rate
+    if settings.filters:  # it gives as much as it is given, as soon as nothing moves
+        v += state.feedback - state.filtered
     return invert(
         input_map, input_slope, v, state.xd1, 0.0, t, state.context, state.theta,
         settings.max_voltage_v,
@@ -152,6 +159,7 @@ def take_over_law(
     v = input_map(u, x, 0.0, t, state.context, state.theta)
     d0 = at_rest - settings.ks_v_s_m * settings.k1_1_s * (before.y1 - x) - v
     state.d0 = min(max(d0, -settings.d_hat_max_v), settings.d_hat_max_v)
+    settle_filter(settings, state, v - at_rest)
     state.u, state.v, state.lagged = u, v, u
     state.blind = before.blind
     return state.d0 == d0  # type: ignore[no-any-return]
@@ -246,7 +254,10 @@ def law_step(
     desired = (xd - state.xd1) / ts if settings.matched else vd
     rate = (y - state.y1) / ts - desired
     p = rate + settings.k1_1_s * (y - xd)
-    v = va1 - state.d0 - settings.ks_v_s_m * p
+    if settings.filters:
+        v = va1 + filtered(settings, state, -state.d0 - settings.ks_v_s_m * p)
+    else:
+        v = va1 - state.d0 - settings.ks_v_s_m * p
     context = state.context
     u = invert(
         input_map, input_slope, v, map_x, map_v, map_t, context, theta, settings.max_voltage_v

@@ -65,6 +65,9 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
             ("act_delay_s", "f8"),  # the declared delay alone
             ("lag_s", "f8"),
             ("lag_decay", "f8"),  # exp(-Ts / lag)
+            ("filters", "i8"),  # the feedback's part of the command goes through a filter
+            ("filter_b", "f8", (3,)),
+            ("filter_a", "f8", (2,)),
             ("lag_mean", "f8"),  # mean of exp(-t / lag) over a period
             ("lower", "f8", (p,)),
             ("upper", "f8", (p,)),
@@ -103,6 +106,9 @@ def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np
             ("D", "f8", (p,)),
             ("d0", "f8"),
             ("learned_v", "f8"),  # that its owner adds to the command in this step
+            ("filter", "f8", (2,)),  # memory of the filter of the feedback's part of v
+            ("feedback", "f8"),  # that part before and behind the filter, in the last step
+            ("filtered", "f8"),
             ("u", "f8"),  # the command of the last step
             ("v", "f8"),  # its virtual command
             ("flags", "i8"),

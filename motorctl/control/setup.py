@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.control.assumption2 import monotonicity_half_planes
+from motorctl.control.command_filter import CommandFilter
 from motorctl.control.law_records import HISTORY, LAW_GIVEN
 from motorctl.errors import UsageError
 from motorctl.model import EffectList
@@ -65,6 +66,7 @@ def fill_settings(
     covariance: Sequence[float],
     given: Mapping[str, Any],
     travel_m: tuple[float, float] = (0.0, 0.0),
+    command_filter: CommandFilter | None = None,
 ) -> None:
     """Write one axis' settings into its record.
 
@@ -84,6 +86,8 @@ def fill_settings(
         monotonicity_margin, from which fields are computed. More may be in it.
     travel_m
         Both ends of the travel [m]; matters to input maps that vary with place.
+    command_filter
+        Of the feedback's part of the command; None: there is none, as published.
 
     Raises
     ------
@@ -114,6 +118,10 @@ def fill_settings(
     record["lag_s"] = lag_s
     record["lag_decay"] = math.exp(-period_s / lag_s) if lag_s else 0.0
     record["lag_mean"] = -lag_s / period_s * math.expm1(-period_s / lag_s) if lag_s else 0.0
+    if command_filter is not None:
+        f = command_filter
+        record["filters"] = 1
+        record["filter_b"][:], record["filter_a"][:] = (f.b0, f.b1, f.b2), (f.a1, f.a2)
     record["lower"][:n], record["upper"][:n] = lower, upper
     record["covariance"][:n] = covariance
     record["covariance_limit"][:n] = given["covariance_limit"] * np.asarray(covariance)

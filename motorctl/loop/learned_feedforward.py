@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.control.command_filter import shift_filter
 from motorctl.kernels import inner_kernel
 from motorctl.loop.states import State, is_enabled
 
@@ -117,6 +118,7 @@ def _taken_up(law_settings: Any, law: Any, volts: float) -> float:
         return 0.0  # it would keep them
     before, most = law.d0, law_settings.d_hat_max_v
     law.d0 = min(max(before + volts, -most), most)
+    shift_filter(law_settings, law, before - law.d0)
     return law.d0 - before  # type: ignore[no-any-return]
 
 

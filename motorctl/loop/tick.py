@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from motorctl.config.dual_drive_keys import SECOND_END
 from motorctl.config.hardware import channels_of, wirings_of
+from motorctl.config.loop_rules import filter_of
 from motorctl.config.machine import Machine
 from motorctl.control import fill_settings, fill_state, law_settings, law_state
 from motorctl.errors import RunError
@@ -134,6 +135,7 @@ class Tick:
                 covariance=covariance,
                 given=axis.gains.flat() | axis.limits.flat() | axis.adaptation.flat(),
                 travel_m=axis.limits.travel_m,
+                command_filter=filter_of(axis.gains, machine.period_of(axis.name)),
             )
             theta = (learned or {}).get(axis.name, [e.initial for e in estimates])
             fill_state(self.laws[i], theta, covariance)

@@ -82,5 +82,5 @@ def model_response(axis: Axis, period_s: float, frequency_hz: Array) -> ModelRes
         if (column := effect.over_acceleration(w)) is not None:
             sprung += own * column
     answer = sprung_plant(plant, w, stiff(theta1, theta2, w), sprung)
-    feedback = loop_gains(axis.gains).feedback(Frequencies.at(w, period_s))
+    feedback = loop_gains(axis.gains, period_s).feedback(Frequencies.at(w, period_s))
     return ModelResponse(answer, feedback * answer)

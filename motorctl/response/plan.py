@@ -186,7 +186,7 @@ def _band(axis: Axis, period_s: float, asked: tuple[float, float] | None) -> tup
     margins = loop_margins(
         parameter_range(axis.model, axis.estimates, "acceleration")[0],
         parameter_range(axis.model, axis.estimates, "velocity")[0],
-        **vars(loop_gains(axis.gains)),
+        **vars(loop_gains(axis.gains, period_s)),
         period_s=period_s,
         delay_s=axis.adaptation.input_delay_s + axis.model.delay_s,
         lag_s=axis.model.lag_s,

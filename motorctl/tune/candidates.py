@@ -24,6 +24,7 @@ from motorctl.config.analysis import (
     LoopMargins,
     is_stable,
 )
+from motorctl.control import CommandFilter
 from motorctl.tune.measured_plant import MeasuredPlant
 
 Array = NDArray[np.float64]
@@ -55,6 +56,7 @@ class Shape:
 
     k1_1_s: float
     k2_1_s: float
+    command_filter: CommandFilter | None
     ks_v_s_m: Array
     """(m,) gains ks that were looked at [V s/m]."""
     phase_deg: Array
@@ -67,7 +69,7 @@ class Shape:
     def gains(self, index: int) -> LoopGains:
         """Return the gains of one of them."""
         ks = float(self.ks_v_s_m[index])
-        return LoopGains(self.k1_1_s, ks, ks * self.k2_1_s)
+        return LoopGains(self.k1_1_s, ks, ks * self.k2_1_s, self.command_filter)
 
     def keeping(self, wanted: MarginsWanted) -> NDArray[np.intp]:
         """Return the indices of the gains that keep the margins, not looking at the noise."""
@@ -113,13 +115,15 @@ class LoopShapes:
         self._at = Frequencies.at(self._w, plant.period_s)
         self._everywhere = (plant, *corners)
 
-    def shape(self, k1_1_s: float, k2_1_s: float, ks_v_s_m: Array) -> Shape:
-        """Return the margins of a pair of zeros [1/s] at some gains [V s/m]."""
-        once = LoopGains(k1_1_s, 1.0, k2_1_s).feedback(self._at) * self._plant
+    def shape(
+        self, k1_1_s: float, k2_1_s: float, ks_v_s_m: Array, own: CommandFilter | None = None
+    ) -> Shape:
+        """Return the margins of a pair of zeros [1/s] at some gains [V s/m], behind a filter."""
+        once = LoopGains(k1_1_s, 1.0, k2_1_s, own).feedback(self._at) * self._plant
         log_size, angle = np.log(np.abs(once)), np.unwrap(np.angle(once))
         grow, shrink = _gain_margins(once, ks_v_s_m, self._error)
         phase = np.array([self._phase(log_size + math.log(ks), angle)[0] for ks in ks_v_s_m])
-        return Shape(k1_1_s, k2_1_s, ks_v_s_m, phase, grow, shrink)
+        return Shape(k1_1_s, k2_1_s, own, ks_v_s_m, phase, grow, shrink)
 
     def margins(self, gains: LoopGains, delay_s: float, lag_s: float) -> LoopMargins:
         """Return the margins of some gains from the same frequencies; delay and lag are told."""

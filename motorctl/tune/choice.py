@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.config.analysis import LoopGains, LoopMargins, loop_margins
+from motorctl.control import CommandFilter, command_filter
 from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
+from motorctl.tune.command_filters import filters_to_try
 from motorctl.tune.predicted import Prediction, Predictor
 from motorctl.tune.recorded_loop import RecordedLoop
 
@@ -45,6 +47,15 @@ smaller factor gives error away, fewer steps refuse what is nearly right."""
 WORTH = 0.005
 """Part of the error that a step must win for its limit to count as what binds. Larger finds nothing
 in the way, smaller names limits beyond which nothing is won."""
+WORTH_A_FILTER = 0.95
+"""A filter is chosen where it leaves less than this part of the error without one: it is one thing
+more that has to stay true of the machine. Nearer to 1 takes one for nothing."""
+FILTER_ZEROS_PER_DECADE = 3
+"""Of the grid of zeros behind each filter. More takes time, fewer may take the wrong filter."""
+DETUNED = 0.05
+"""So much a resonance may move, as a part of its frequency, with the loop still stable behind the
+filter. By hand: a load or a place that changes moves it by some per cent."""
+ANY_MARGINS = MarginsWanted(0.0, 1.0)
 AS_GOOD = 0.02
 """Errors that differ by so little count as equal; the larger phase margin decides. Smaller gives
 margin away for an error that no prediction is sure of, larger gives error away."""
@@ -72,6 +83,9 @@ class GainChoice:
     """Stable gains, whatever their margins and noise."""
     bound_by: str
     """Which limit keeps the gains from going further, in words."""
+    without_filter: Candidate | None = None
+    """The best without a filter, where one was chosen, and there is any."""
+    filters_tried: int = 0
 
 
 def choose_gains(
@@ -104,18 +118,60 @@ def choose_gains(
         No gains that were tried keep all of it; the message says which limit is in the way.
     """
     search = _Search(loop, wanted)
-    found = search.first_pass(lambda share: progress("trying gains", share))
+    # Without a response nobody knows what a filter is there for: it stays.
+    base = None if loop.measured is not None else loop.gains.command_filter
+    found = search.first_pass(lambda share: progress("trying gains", share), base)
     kept = [candidate for candidate in found if search.keeps(candidate)]
-    if not kept:
+    filters = filters_to_try(loop)
+    filtered = _with_filters(search, filters, progress)
+    if not kept and not filtered:
         raise RunError(search.why_none(found))
+    if kept:
+        kept = _refined(search, kept, progress)
+    plain = search.as_written(search.best(kept)) if kept else None
+    best = plain
+    if filtered:
+        behind = search.as_written(search.best(_refined(search, filtered, progress)))
+        if plain is None or _error(behind) < WORTH_A_FILTER * _error(plain):
+            best = behind
+    assert best is not None
+    margins = margins_of(loop, best.gains)
+    return GainChoice(
+        best,
+        margins,
+        (*found, *kept),
+        search.bound_by(best),
+        None if best is plain else plain,
+        len(filters),
+    )
+
+
+def _refined(
+    search: _Search, kept: list[Candidate], progress: Callable[[str, float], None]
+) -> list[Candidate]:
+    """Return candidates with those around the best, finer and finer."""
     step = 1.0 / ZEROS_PER_DECADE
     for number in range(ZOOMS):
         progress("refining gains", number / ZOOMS)
         step /= 3.0
-        kept += search.near(min(kept, key=_error).gains, step)
-    best = search.as_written(_best(kept))
-    margins = margins_of(loop, best.gains)
-    return GainChoice(best, margins, (*found, *kept), search.bound_by(best))
+        least = search.least(kept)
+        assert least is not None  # the one that `kept` begins with
+        kept = kept + search.near(least.gains, step)
+    return kept
+
+
+def _with_filters(
+    search: _Search, filters: list[CommandFilter], progress: Callable[[str, float], None]
+) -> list[Candidate]:
+    """Return what keeps everything behind the filter of least error, by a coarse grid of each."""
+    best: list[Candidate] = []
+    for number, own in enumerate(filters):
+        progress("trying filters", number / len(filters))
+        found = search.kept_behind(own)
+        least = search.least(found)
+        if least is not None and (not best or _error(least) < _error(best[0])):
+            best = [least]
+    return best
 
 
 def shapes_of(loop: RecordedLoop) -> LoopShapes:
@@ -133,9 +189,7 @@ def margins_of(loop: RecordedLoop, gains: LoopGains) -> LoopMargins:
     return loop_margins(
         plant.theta1,
         plant.theta2,
-        k1_1_s=gains.k1_1_s,
-        ks_v_s_m=gains.ks_v_s_m,
-        gamma_d=gains.gamma_d,
+        **vars(gains),
         period_s=loop.period_s,
         delay_s=plant.delay_s,
         lag_s=plant.lag_s,
@@ -148,13 +202,6 @@ def keeps(margins: LoopMargins, wanted: MarginsWanted) -> bool:
     phase = margins.phase_margin_deg
     firm = phase is not None and phase >= wanted.phase_deg
     return margins.stable and firm and gain >= wanted.gain
-
-
-def _best(candidates: list[Candidate]) -> Candidate:
-    """Return the one of least error; of those that are as good, that of the largest margin."""
-    least = min(map(_error, candidates))
-    good = [c for c in candidates if _error(c) <= (1.0 + AS_GOOD) * least]
-    return max(good, key=lambda candidate: candidate.phase_deg)
 
 
 def _error(candidate: Candidate) -> float:
@@ -171,10 +218,16 @@ class _Search:
         self._predictor = Predictor(loop)
         self._nyquist = math.pi / loop.period_s
 
-    def first_pass(self, progress: Callable[[float], None]) -> list[Candidate]:
-        """Try the whole grid; return what is stable, whatever its margins."""
-        k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
-        k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, ZEROS_PER_DECADE)
+    def first_pass(
+        self,
+        progress: Callable[[float], None],
+        own: CommandFilter | None,
+        per_decade: int = ZEROS_PER_DECADE,
+        least: MarginsWanted = ANY_MARGINS,
+    ) -> list[Candidate]:
+        """Try the whole grid with a filter; return what is stable with these margins at least."""
+        k1s = _log_grid(SLOWEST_K1 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
+        k2s = _log_grid(SLOWEST_K2 * self._nyquist, FASTEST_K1 * self._nyquist, per_decade)
         middle = self._loop.plant.theta1 * FASTEST_K1 * self._nyquist
         octaves = np.arange(-GAIN_OCTAVES * GAINS_PER_OCTAVE, 2 * GAINS_PER_OCTAVE + 1)
         ks = middle * 2.0 ** (octaves / GAINS_PER_OCTAVE)
@@ -182,7 +235,7 @@ class _Search:
         for number, k1 in enumerate(k1s):
             progress(number / len(k1s))
             for k2 in k2s[k2s <= k1 * (1.0 + 1e-9)]:
-                found += self._stable(float(k1), float(k2), ks)
+                found += self._stable(float(k1), float(k2), ks, own, least)
         return found
 
     def near(self, gains: LoopGains, decades: float) -> list[Candidate]:
@@ -193,7 +246,13 @@ class _Search:
         found: list[Candidate] = []
         for k1_by in steps:
             for k2_by in steps:
-                found += self._stable(float(gains.k1_1_s * k1_by), float(k2 * k2_by), ks)
+                found += self._stable(
+                    float(gains.k1_1_s * k1_by),
+                    float(k2 * k2_by),
+                    ks,
+                    gains.command_filter,
+                    self._kept,
+                )
         return [candidate for candidate in found if self.keeps(candidate)]
 
     def as_written(self, best: Candidate) -> Candidate:
@@ -203,7 +262,12 @@ class _Search:
         """
         gains = best.gains
         for _ in range(MOST_STEPS_BACK):
-            rounded = LoopGains(*(float(f"{value:.{DIGITS}g}") for value in vars(gains).values()))
+            rounded = replace(
+                gains,
+                k1_1_s=_rounded(gains.k1_1_s),
+                ks_v_s_m=_rounded(gains.ks_v_s_m),
+                gamma_d=_rounded(gains.gamma_d),
+            )
             told = margins_of(self._loop, rounded)
             if told.stable and self._shapes.stable_everywhere(rounded):
                 exact = Candidate(
@@ -226,6 +290,39 @@ class _Search:
         """Return whether a stable candidate keeps everything that is wanted."""
         return not self._broken(candidate, self._kept)
 
+    def kept_behind(self, own: CommandFilter) -> list[Candidate]:
+        """Return what keeps everything behind a filter, by a coarse grid."""
+        found = self.first_pass(lambda share: None, own, FILTER_ZEROS_PER_DECADE, self._kept)
+        return [candidate for candidate in found if self.keeps(candidate)]
+
+    def least(self, kept: list[Candidate]) -> Candidate | None:
+        """Return the one of least error that bears a resonance beside its filter; None: none."""
+        ranked = sorted(kept, key=_error)
+        return next((each for each in ranked if self.bears_a_detuned_filter(each)), None)
+
+    def best(self, kept: list[Candidate]) -> Candidate:
+        """Return the one of least error; of those that are as good, that of the largest margin."""
+        least = self.least(kept)
+        assert least is not None  # they come of one that bears it
+        good = [c for c in kept if _error(c) <= (1.0 + AS_GOOD) * _error(least)]
+        firmest = sorted(good, key=lambda candidate: -candidate.phase_deg)
+        return next(each for each in firmest if self.bears_a_detuned_filter(each))
+
+    def bears_a_detuned_filter(self, candidate: Candidate) -> bool:
+        """Return whether the loop stays stable where the filter is beside the resonance."""
+        own, gains = candidate.gains.command_filter, candidate.gains
+        if own is None:
+            return True
+        moved = (
+            command_filter(
+                own.kind, own.frequency_hz * by, own.damping, own.depth, self._loop.period_s
+            )
+            for by in (1.0 - DETUNED, 1.0 + DETUNED)
+        )
+        return all(
+            self._shapes.stable_everywhere(replace(gains, command_filter=each)) for each in moved
+        )
+
     def bound_by(self, best: Candidate) -> str:
         """Say which limits gains a little larger would break."""
         words: list[str] = []
@@ -234,11 +331,14 @@ class _Search:
                 best.gains.k1_1_s * k1_by,
                 best.gains.ks_v_s_m * ks_by,
                 best.gains.gamma_d * ks_by * k2_by,
+                best.gains.command_filter,
             )
             k2 = gains.gamma_d / gains.ks_v_s_m
             if self._predictor.predict(gains).eF_m > (1.0 - WORTH) * _error(best):
                 continue  # nobody would go there
-            further = self._stable(gains.k1_1_s, k2, np.array([gains.ks_v_s_m]))
+            further = self._stable(
+                gains.k1_1_s, k2, np.array([gains.ks_v_s_m]), gains.command_filter
+            )
             words += (
                 self._broken(further[0], self._kept) if further else [self._corner_words(gains)]
             )
@@ -270,10 +370,17 @@ class _Search:
             f"command is {loop.plant.delay_s * 1e3:.3g} ms late; ask for less"
         )
 
-    def _stable(self, k1: float, k2: float, ks: Array) -> list[Candidate]:
-        shape = self._shapes.shape(k1, k2, ks)
+    def _stable(
+        self,
+        k1: float,
+        k2: float,
+        ks: Array,
+        own: CommandFilter | None,
+        least: MarginsWanted = ANY_MARGINS,
+    ) -> list[Candidate]:
+        shape = self._shapes.shape(k1, k2, ks, own)
         found = []
-        for index in shape.keeping(MarginsWanted(0.0, 1.0)):
+        for index in shape.keeping(least):
             gains = shape.gains(int(index))
             if self._shapes.stable_everywhere(gains):
                 found.append(
@@ -313,6 +420,10 @@ class _Search:
             f"stability with parameters at their bounds, inertia {theta1:g} V*s^2/m and viscous "
             f"friction {theta2:g} V*s/m"
         )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _log_grid(low: float, high: float, per_decade: int) -> Array:

@@ -35,6 +35,13 @@ def tuning_document(tuning: Tuning) -> dict[str, Any]:
                 "d0_hat_predicted_v": told.d0_hat_v,
                 "eF_tried_out_m": None if tuning.tried_out is None else tuning.tried_out.eF_m,
             },
+            "without_filter": None
+            if tuning.without_filter is None
+            else {
+                "gains": asdict(tuning.without_filter.gains),
+                "eF_predicted_m": tuning.without_filter.prediction.eF_m,
+            },
+            "filters_tried": tuning.filters_tried,
             "bound_by": tuning.bound_by,
             "notes": list(loop.notes),
             "trade_off": {

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-BEFORE, AFTER, TRIED = COLOURS[:3]
+BEFORE, AFTER, TRIED, PLAIN = COLOURS[:4]
 SIZE_INCHES = (9.0, 7.6)
 """Width and height of the picture [inch]; only looks depend on it."""
 POINTS = 600
@@ -76,6 +76,9 @@ def _draw_error(panel: Axes, tuning: Tuning) -> None:
     time_s = np.linspace(0.0, length_s, len(told.error), endpoint=False)
     label = f"predicted with the tuned gains, eF {told.eF_m * 1e6:.3g} µm"
     draw_curve(panel, time_s, told.error * 1e6, AFTER, label)
+    if (plain := tuning.without_filter) is not None:
+        label = f"predicted without the filter, eF {plain.prediction.eF_m * 1e6:.3g} µm"
+        draw_curve(panel, time_s, plain.prediction.error * 1e6, PLAIN, label)
     if (tried := tuning.tried_out) is not None:
         label = f"tried out with them, eF {tried.eF_m * 1e6:.3g} µm"
         draw_curve(panel, *_counted(tried), TRIED, label)
@@ -92,7 +95,10 @@ def _counted(loop: RecordedLoop) -> tuple[Array, Array]:
 
 def _draw_phase(panel: Axes, tuning: Tuning) -> None:
     curves = tuning.curves
-    panel.plot(curves.phase_deg, curves.at_phase_m * 1e6, color=AFTER, marker=".", lw=1.0)
+    plain = None if tuning.without_filter is None else "without the filter"
+    colour = AFTER if plain is None else PLAIN
+    at_phase = curves.at_phase_m * 1e6
+    panel.plot(curves.phase_deg, at_phase, color=colour, marker=".", lw=1.0, label=plain)
     margin = tuning.before_margins.phase_margin_deg
     _mark(panel, margin, tuning.loop.eF_m, BEFORE, "before")
     _mark(panel, tuning.margins.phase_margin_deg, tuning.chosen.prediction.eF_m, AFTER, "tuned")
@@ -105,7 +111,8 @@ def _draw_phase(panel: Axes, tuning: Tuning) -> None:
 
 def _draw_noise(panel: Axes, tuning: Tuning) -> None:
     curves = tuning.curves
-    panel.plot(curves.noise_v, curves.at_noise_m * 1e6, color=AFTER, marker=".", lw=1.0)
+    colour = AFTER if tuning.without_filter is None else PLAIN
+    panel.plot(curves.noise_v, curves.at_noise_m * 1e6, color=colour, marker=".", lw=1.0)
     before = tuning.before_prediction.command_noise_v
     _mark(panel, before, tuning.loop.eF_m, BEFORE, "before")
     told = tuning.chosen.prediction
@@ -125,14 +132,17 @@ def _mark(panel: Axes, x: float | None, eF_m: float, colour: str, label: str) ->
 def _draw_sensitivity(panel: Axes, tuning: Tuning) -> None:
     loop = tuning.loop
     w = np.geomspace(2.0 * np.pi, np.pi / loop.period_s, POINTS)
-    plant = loop.plant.nominal(loop.period_s).response(w)
+    plant = loop.plant_response(w)
     at = Frequencies.at(w, loop.period_s)
 
     def sensitivity(gains: LoopGains) -> Array:
         size: Array = np.abs(1.0 / (1.0 + gains.feedback(at) * plant))
         return size
 
-    for gains, colour, name in ((tuning.before, BEFORE, "before"), (tuning.gains, AFTER, "tuned")):
+    shown = [(tuning.before, BEFORE, "before"), (tuning.gains, AFTER, "tuned")]
+    if tuning.without_filter is not None:
+        shown.append((tuning.without_filter.gains, PLAIN, "without the filter"))
+    for gains, colour, name in shown:
         size = sensitivity(gains)
         label = f"{name}, largest {size.max():.2f}"
         panel.loglog(w / (2.0 * np.pi), size, color=colour, lw=1.2, label=label)

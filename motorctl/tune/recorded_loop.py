@@ -199,7 +199,7 @@ def recorded_loop(
         axis=name,
         source=recording.source,
         period_s=logged.period_of(name),
-        gains=loop_gains(before.gains),
+        gains=loop_gains(before.gains, logged.period_of(name)),
         d_hat_max_v=axis.gains.d_hat_max_v,
         max_voltage_v=axis.limits.max_voltage_v,
         error=error,

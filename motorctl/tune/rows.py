@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from motorctl.config.analysis import LoopMargins
+from motorctl.config.analysis import LoopGains, LoopMargins
 from motorctl.tune.tuning import Tuning
 
 NONE = "–"
@@ -18,6 +18,8 @@ def rows(tuning: Tuning) -> Iterator[tuple[str, ...]]:
     yield "k1 [1/s]", f"{before.k1_1_s:.4g}", f"{after.k1_1_s:.4g}"
     yield "ks [V s/m]", f"{before.ks_v_s_m:.4g}", f"{after.ks_v_s_m:.4g}"
     yield "gamma_d [V/m]", f"{before.gamma_d:.4g}", f"{after.gamma_d:.4g}"
+    if before.command_filter or after.command_filter:
+        yield "filter of the command", *(filter_words(gains) for gains in (before, after))
     pair = (tuning.before_margins, tuning.margins)
     yield "phase margin", *map(_phase, pair)
     yield "gain may grow by", *(_db(margins.gain_margin) for margins in pair)
@@ -39,6 +41,7 @@ def footnotes(tuning: Tuning) -> Iterator[str]:
         + (f", lag {plant.lag_s * 1e3:.3g} ms" if plant.lag_s else "")
     )
     yield f"what keeps the gains from going further: {tuning.bound_by}"
+    yield from _of_filters(tuning)
     if tuning.error_for_margin:
         yield "the gains before do not keep the margins that were asked for: those cost error"
     if tuning.before.gamma_d == 0.0:
@@ -48,6 +51,34 @@ def footnotes(tuning: Tuning) -> Iterator[str]:
         yield (
             f"d0_hat reached its bound, {loop.d_hat_max_v:g} V, in this log: the prediction is "
             "rough; a larger d_hat_max_v leaves the fast adaptation more to take"
+        )
+
+
+def filter_words(gains: LoopGains) -> str:
+    """Return a filter in a few words."""
+    own = gains.command_filter
+    if own is None:
+        return "none"
+    kind = own.kind.replace("_", "-")
+    depth = f" to {own.depth:g}" if own.kind == "notch" else ""
+    return f"{kind}{depth} at {own.frequency_hz:.4g} Hz, damping {own.damping:g}"
+
+
+def _of_filters(tuning: Tuning) -> Iterator[str]:
+    """Yield what was found with filters of the command, where any was tried."""
+    if not tuning.filters_tried:
+        return
+    tried = f"{tuning.filters_tried} filters of the command tried"
+    without = tuning.without_filter
+    if tuning.gains.command_filter is None:
+        yield f"{tried}: none leaves clearly less error at these margins"
+    elif without is None:
+        yield f"{tried}: without one no gains keep what was asked"
+    else:
+        yield (
+            f"{tried}; without one at the same margins: k1 {without.gains.k1_1_s:.4g}, ks "
+            f"{without.gains.ks_v_s_m:.4g}, gamma_d {without.gains.gamma_d:.4g}, eF predicted "
+            f"{without.prediction.eF_m * 1e6:.3g} µm"
         )
 
 

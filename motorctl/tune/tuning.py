@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from motorctl.config import Machine, load
 from motorctl.config.analysis import LoopGains, LoopMargins
+from motorctl.config.axis_keys import CommandFilterKeys
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.refine.model_text import text_of
 from motorctl.identify.refine.refinement import meaning_of, moved_text
 from motorctl.identify.refine.written_beside import written_beside
-from motorctl.identify.refine.yaml_text import YamlText
+from motorctl.identify.refine.yaml_text import Item, YamlText, flow
 from motorctl.log import Recording, read_recording
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
@@ -33,7 +34,7 @@ bear: the published gains of the shipped gantry make a fifth of it."""
 SLIGHTLY = 0.999
 """Factor on gains that only try whether the text can be changed. Nearer to 1 is lost in the digits
 that are written, further from it may be no valid configuration."""
-GAIN_KEYS = tuple(LoopGains.__dataclass_fields__)
+GAIN_KEYS = ("k1_1_s", "ks_v_s_m", "gamma_d")
 """Keys of `gains` that are chosen."""
 
 
@@ -50,6 +51,9 @@ class Tuning:
     margins: LoopMargins
     bound_by: str
     curves: TradeOff
+    without_filter: Candidate | None = None
+    """The best without a command filter, where one was chosen."""
+    filters_tried: int = 0
     tried_out: RecordedLoop | None = None
     """A run with them in virtual time; None where it was not tried out."""
 
@@ -79,7 +83,8 @@ def require_tunable(machine: Machine, axis: str, out: Path, *, hardware: bool = 
         raise UsageError(f"{machine.source}: no axis '{axis}'; it has: {known}")
     gains = machine.axes[axis].gains
     # As they would be written: digits that the text has no room for would be another value.
-    other = LoopGains(*(float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS))
+    k1, ks, gamma_d = (float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS)
+    other = LoopGains(k1, ks, gamma_d)
     write_beside(machine, axis, other, out, hardware=hardware).unlink()
 
 
@@ -138,6 +143,8 @@ def tune(
         margins=choice.margins,
         bound_by=choice.bound_by,
         curves=trade_off(choice.tried, wanted, loop.d_hat_max_v),
+        without_filter=choice.without_filter,
+        filters_tried=choice.filters_tried,
     )
 
 
@@ -203,15 +210,44 @@ def _text(machine: Machine, axis: str, gains: LoopGains, out: Path) -> str:
     try:
         for key in GAIN_KEYS:
             text.replace(("axes", axis, "gains", key), text_of(getattr(gains, key)))
+        _write_filter(text, ("axes", axis, "gains"), gains)
     except KeyError as error:
         raise _not_in_place(machine, axis) from error
     return text.applied()
 
 
+def _write_filter(text: YamlText, place: tuple[str, ...], gains: LoopGains) -> None:
+    """Write the filter behind its key, or a new key; raises KeyError where that is not possible."""
+    keys, key = filter_keys(gains) or {}, (*place, "command_filter")
+    words = flow([Item(name, value) for name, value in keys.items()]) if keys else "null"
+    if text.has(key):
+        text.replace(key, words)
+    elif keys:
+        text.append(place, [Item("command_filter", words)])
+
+
+def filter_keys(gains: LoopGains) -> dict[str, str] | None:
+    """Return a filter as the configuration has it, its values as they are written; None: none."""
+    own = gains.command_filter
+    if own is None:
+        return None
+    numbers = {"frequency_hz": own.frequency_hz, "damping": own.damping}
+    if own.kind == "notch":
+        numbers["depth"] = own.depth
+    return {"kind": own.kind} | {key: text_of(value) for key, value in numbers.items()}
+
+
 def _require_intended(machine: Machine, axis: str, gains: LoopGains, after: Machine) -> None:
     """Raise UsageError where the new text means anything else than the old one with these gains."""
     meant = meaning_of(machine)
-    meant["axes"][axis]["gains"] |= asdict(gains)
+    meant["axes"][axis]["gains"] |= {key: getattr(gains, key) for key in GAIN_KEYS}
+    own = filter_keys(gains)
+    if own is not None:
+        numbers = {key: float(value) for key, value in own.items() if key != "kind"}
+        keys = CommandFilterKeys.model_validate({"kind": own["kind"], **numbers})
+        meant["axes"][axis]["gains"]["command_filter"] = keys.model_dump(mode="json")
+    else:
+        meant["axes"][axis]["gains"]["command_filter"] = None
     if meaning_of(after) != meant:
         raise _not_in_place(machine, axis)
 

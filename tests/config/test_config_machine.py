@@ -126,6 +126,7 @@ def test_the_published_gantry_has_the_published_numbers():
         "gamma_d": 500.0,
         "d_hat_max_v": 1.0,
         "velocity": "published",
+        "command_filter": None,
     }
     assert [e.covariance for e in y.estimates] == [2, 50, 100, 500, 0.05, 0.005]
     assert [e.initial for e in y.estimates] == [0.55, 0.2, 0.1, 0, -0.0186, -0.0003]
@@ -303,3 +304,13 @@ def test_a_corner_of_the_bounds_that_breaks_assumption_2_is_a_note_not_an_error(
     wide = {"initial": -0.0005, "bounds": [-0.01, 0.0]}
     summary = summarise(load(write(tmp_path, machine(axes__x__model__em_cubic=wide))))
     assert any("Assumption 2 fails in 2 of 4 corners" in note for note in summary["notes"])
+
+
+def test_a_command_filter_above_what_a_sampled_one_can_be_is_refused_with_its_key(tmp_path):
+    text = shipped_config("published_gantry").read_text()
+    before = "d_hat_max_v: 1, velocity: published}"
+    path = tmp_path / "gantry.yaml"
+    own = "command_filter: {kind: notch, frequency_hz: 2400}}"
+    path.write_text(text.replace(before, f"{before[:-1]}, {own}", 1))
+    with pytest.raises(ConfigError, match=r"axes\.x\.gains\.command_filter\.frequency_hz.*2250"):
+        load(path)

@@ -107,6 +107,10 @@ def with_cogging(axis: dict[str, Any]) -> None:
     }
 
 
+def with_a_filter(axis: dict[str, Any]) -> None:
+    axis["gains"]["command_filter"] = {"kind": "low_pass", "frequency_hz": 600}
+
+
 @given(
     x_m=st.floats(0.02, 0.38),
     inertia=st.floats(0.06, 0.34),
@@ -150,6 +154,7 @@ def test_other_numbers_take_over_without_a_bump(
     "change",
     [
         pytest.param(without_nonlinearity, id="C1"),
+        pytest.param(with_a_filter, id="filter"),
         pytest.param(with_cogging, id="cogging", marks=pytest.mark.slow),
         pytest.param(with_a_lag, id="lag", marks=pytest.mark.slow),
     ],

@@ -89,7 +89,8 @@ def fill_law(record: np.void, model: EffectList, settings: dict[str, Any]) -> No
     lists = ("period_s", "lower", "upper", "covariance")
     named = {key: settings[key] for key in lists}
     given = Adaptation().flat() | {"velocity": "matched"} | settings
-    fill_settings(record, model, **named, given=given)
+    own = settings.get("command_filter")
+    fill_settings(record, model, **named, given=given, command_filter=own)
 
 
 class Law:

@@ -16,6 +16,7 @@ from motorctl.config.analysis.sampled_loop import (
     is_stable,
     open_loop,
 )
+from motorctl.control import CommandFilter
 
 GRID = 2000
 SLOWEST = 1e-5
@@ -49,6 +50,7 @@ def loop_margins(
     delay_s: float = 0.0,
     lag_s: float = 0.0,
     stiffness: float = 0.0,
+    command_filter: CommandFilter | None = None,
 ) -> LoopMargins:
     """Return the margins of the loop around theta1 [V s^2/m], theta2 [V s/m], stiffness [V/m].
 
@@ -70,6 +72,8 @@ def loop_margins(
         Dead time and time constant between the command and the force [s]; 0 is none.
     stiffness
         Spring between the plant and the ground [V/m]; 0 is none.
+    command_filter
+        Of the feedback's part of the command.
 
     Returns
     -------
@@ -77,7 +81,7 @@ def loop_margins(
         Whether the loop is stable, its crossover [rad/s], phase margin [degrees] and gain margins.
     """
     plant = DelayedPlant((theta1, theta2, stiffness), period_s, delay_s, lag_s)
-    gains = LoopGains(k1_1_s, ks_v_s_m, gamma_d)
+    gains = LoopGains(k1_1_s, ks_v_s_m, gamma_d, command_filter)
     loop = functools.partial(open_loop, plant, gains)
 
     nyquist = math.pi / period_s

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.control import CommandFilter
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -19,12 +21,14 @@ class Frequencies:
     """(z - 1)/(Ts z), the backward difference [1/s]."""
     integral: ComplexArray
     """Ts/(z - 1), the sum that the fast adaptation is [s]."""
+    z: ComplexArray
+    """exp(j w Ts)."""
 
     @classmethod
     def at(cls, w: Array, period_s: float) -> Frequencies:
         """Return those at frequencies w [rad/s], above 0, at a period Ts [s]."""
         z = np.exp(1j * w * period_s)
-        return cls((z - 1.0) / (period_s * z), period_s / (z - 1.0))
+        return cls((z - 1.0) / (period_s * z), period_s / (z - 1.0), z)
 
 
 @dataclass(frozen=True)
@@ -37,13 +41,15 @@ class LoopGains:
     """ks [V s/m]."""
     gamma_d: float
     """gamma_d of the fast adaptation [V/m]; 0: d0 stands still."""
+    command_filter: CommandFilter | None = None
+    """What both go through before they are a command."""
 
     def feedback(self, at: Frequencies) -> ComplexArray:
         """Return the law's transfer from position error to minus the command [V/m].
 
         (ks + gamma_d Ts/(z - 1)) ((z - 1)/(Ts z) + k1): p with the velocity error by backward
         difference, -ks p, and the fast adaptation of d0 (Chen, Yao, Wang 2013, eqs 11, 18) while it
-        is off its bound and the command not saturated.
+        is off its bound and the command not saturated; behind the filter, where there is one.
 
         Parameters
         ----------
@@ -61,6 +67,8 @@ class LoopGains:
     def feedback_of_p(self, at: Frequencies) -> ComplexArray:
         """Return its transfer from p = de/dt + k1 e to minus the command [V s/m]."""
         result: ComplexArray = self.ks_v_s_m + self.gamma_d * at.integral
+        if self.command_filter is not None:
+            result = result * self.command_filter.response(at.z)
         return result
 
 
@@ -165,16 +173,28 @@ def _held(
 
 
 def _closed_loop(plant: DelayedPlant, gains: LoopGains) -> Array:
-    """Return the transition matrix of [the plant's states, last position, d0, past commands]."""
+    """Return the transition matrix of the loop.
+
+    Its state: the plant's, last position, d0, past commands, and the filter's two.
+    """
     states, past, period_s = len(plant.phi), plant.whole + 1, plant.period_s
     last, d0, first = states, states + 1, states + 2
-    size = first + past
+    own = gains.command_filter
+    memory = first + past
+    size = memory + (2 if own else 0)
     law = np.zeros(size)  # u = law . state
     p = np.zeros(size)
     p[0], p[last] = 1.0 / period_s + gains.k1_1_s, -1.0 / period_s
     law -= gains.ks_v_s_m * p
     law[d0] = -1.0
     matrix = np.zeros((size, size))
+    if own is not None:
+        feedback = law
+        law = own.b0 * feedback
+        law[memory] += 1.0
+        matrix[memory] = own.b1 * feedback - own.a1 * law
+        matrix[memory, memory + 1] += 1.0
+        matrix[memory + 1] = own.b2 * feedback - own.a2 * law
     matrix[:states, :states] = plant.phi
     matrix[last, 0] = 1.0
     matrix[d0] = gains.gamma_d * period_s * p

@@ -1,0 +1,1 @@
+"""Models that change while an axis holds, again and again, and processes killed meanwhile."""
