@@ -7,11 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from motorctl.axis_units import units_in
 from motorctl.config.validation import shown, suggest
 from motorctl.errors import ConfigError, MotorctlError, Problem
 from motorctl.located_yaml import Document, KeyPath
 from motorctl.motion import (
     AxisLimits,
+    Circle,
     Program,
     RequiredVoltage,
     Violation,
@@ -92,12 +94,19 @@ def check_programs(
         if not all(axis in limits for axis in program.axes):
             continue
         path = ("programs", name)
+        kinds = {units_in(document.data, axis).kind for axis in program.axes}
+        if isinstance(program, Circle) and len(kinds) > 1:
+            message = f"axes {' and '.join(program.axes)}: a circle needs two axes of one kind"
+            problems.append(document.problem((*path, "axes"), message))
         try:
             violations = check_program(program, limits, required_voltage)
         except MotorctlError as error:
             problems.append(document.problem(path, str(error)))
             continue
-        problems += [document.problem(path, _told(violation)) for violation in violations]
+        problems += [
+            document.problem(path, units_in(document.data, v.axis).words(_told(v)))
+            for v in violations
+        ]
     return problems
 
 

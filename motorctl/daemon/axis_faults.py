@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.config.machine import Machine
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.faults import UNTIL_OPENED, fault_message, hides_turns, partner_words
@@ -27,12 +28,14 @@ def faults_of(
     """
     names = list(machine.axes)
     periods_s = [machine.period_of(name) for name in names]
+    units = [axis.units for axis in machine.axes.values()]
     return {
         name: fault_of(
             name,
             statuses[i],
             periods_s[i],
-            partner_words(i, statuses, names, periods_s),
+            partner_words(i, statuses, names, periods_s, units),
+            units[i],
             with_remedy=with_remedy,
         )
         for i, name in enumerate(names)
@@ -44,6 +47,7 @@ def fault_of(
     status: np.void,
     period_s: float,
     partner: str = "",
+    units: AxisUnits = LINEAR,
     *,
     with_remedy: bool = True,
 ) -> dict[str, str] | None:
@@ -59,6 +63,8 @@ def fault_of(
         Period of the axis [s].
     partner
         Why another axis tripped that this one was stopped for, from `partner_words`.
+    units
+        Of the axis.
     with_remedy
         Whether the message says what to do about it.
     """
@@ -68,7 +74,7 @@ def fault_of(
     value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
     word = int(status["fault_status"])
     message = fault_message(
-        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
+        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner, units=units
     )
     if not with_remedy:
         return {"cause": cause.name.lower(), "message": message}
