@@ -73,6 +73,7 @@ def test_json_tells_kind_and_unit_of_an_axis_once(joint):
     [
         ("max_velocity_m_s: 4.188790205 ", "max_velocity_m_s: 400 ", r"from 400 rad/s takes"),
         ("target_m: 0.9375", "target_m: 2.5", r"position 2.5 rad at .* s exceeds .* 1.5708 rad"),
+        ("start_m: -0.9425", "start_m: -0.9", r"moves end at -0\.9425 rad but start"),
         ("minimum_m: ", "minimum_m: 9", r"travel of 3\.14159 rad it cannot trip .* rad away"),
         ("counter_bits: 32", "counter_bits: 8", r"at 4\.18879 rad/s and 5000 Hz"),
     ],
