@@ -139,6 +139,7 @@ def test_a_joint_is_simulated_diagnosed_and_refined_in_radians(joint, tmp_path):
     assert not METRES.findall((report / "diagnosis.html").read_text().split("<body")[1])
     refined = json.loads(run("refine", log, "--config", machine, "--out", better, "--json"))
     assert [e["name"] for e in refined["axes"]["c"]["added"]] == ["cogging"]
+    assert re.search(r"pitch_m: 0\.26\d+ +# rad \+- ", better.read_text())
     found = load(better).axes["c"].model
     assert found.effects[-1].options.pitch_m == pytest.approx(pitch, rel=1e-3)
     again = tmp_path / "d.parquet"
