@@ -139,11 +139,11 @@ def test_a_joint_is_simulated_diagnosed_and_refined_in_radians(joint, tmp_path):
     page = re.sub(r"base64,[^\"]+", "", (report / "diagnosis.html").read_text().split("<body")[1])
     assert not METRES.findall(page), METRES.findall(page)
     refined = json.loads(run("refine", log, "--config", machine, "--out", better, "--json"))
-    assert [e["name"] for e in refined["axes"]["c"]["added"]] == ["cogging"]
+    assert refined["axes"]["c"]["effects_added"] == ["cogging"]
     assert re.search(r"pitch_m: 0\.26\d+ +# rad \+- ", better.read_text())
     found = load(better).axes["c"].model
     assert found.effects[-1].options.pitch_m == pytest.approx(pitch, rel=1e-3)
     again = tmp_path / "d.parquet"
     run("simulate", better, "--log", again)
     compared = json.loads(run("compare", log, again, "--json"))
-    assert compared["axes"]["c"]["ratios"][0]["eF"] > 3.0
+    assert compared["axes"]["c"]["ratios_first_over"][0]["eF"] > 3.0
