@@ -173,11 +173,8 @@ WITH_CASES = (
     "tuning",
     "experiments",
     "closing",
-<<<<<<< HEAD
     "fleet",
-=======
     "swaps",
->>>>>>> swaps
 )
 """Subjects that take options."""
 
@@ -231,11 +228,7 @@ def measure(subject: str, progress: Progress, options: Options | None = None) ->
         Called with the share done, 0 to 1.
     options
         Of the subject diagnosis, buses, machines, recordings, campaign, socket, tuning,
-<<<<<<< HEAD
-        experiments, closing or fleet.
-=======
-        experiments, closing or swaps.
->>>>>>> swaps
+        experiments, closing, fleet or swaps.
 
     Raises
     ------

@@ -9,7 +9,8 @@ from sphinx.application import Sphinx
 CHAPTERS = {
     "Start here": ["tutorial", "running"],
     "Your machine": [
-        *("init", "homing", "buses", "drivers/your_own", "dual_drive", "service", "recording"),
+        *("init", "three_machines", "homing", "buses", "drivers/your_own", "dual_drive"),
+        *("service", "recording"),
     ],
     "Less error": [
         *("find_causes", "experiments", "own_effect", "models", "tuning", "response", "learning"),

@@ -58,6 +58,8 @@ def _plant(axis: FirstAxis) -> dict[str, Any]:
         "home_switch": None,
         "encoder": {"absolute": axis.absolute, "index_marks_m": []},
     }
+    if axis.friction_slope_s_m is not None:
+        plant["friction_slope_s_m"] = axis.friction_slope_s_m
     if axis.homing.startswith("switch"):
         edge = home if axis.homing == "switch" else home - SWITCH_SHARE * FREE_SHARE * (high - low)
         plant["home_switch"] = {"to_m": _rounded(edge)}

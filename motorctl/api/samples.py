@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.api.signals import Array, Signals
+from motorctl.axis_units import units_of
 from motorctl.daemon.client import NoDaemonError, connected, reply_to, request_line
 from motorctl.daemon.conversation import answered
 from motorctl.errors import RunError
@@ -49,7 +50,7 @@ class Samples(Signals):
         self.lost = lost
         self.run = run
         """0 until the daemon was started anew, then 1, …"""
-        self.units = {name: column.field.unit for name, column in columns.items()}
+        self.units = {name: column.unit for name, column in columns.items()}
         self.descriptions = {name: column.field.description for name, column in columns.items()}
         self.log_axes = tuple(axes)
         """What the columns are made of."""
@@ -303,7 +304,12 @@ class Subscription:
     def _take_models(self, told: Mapping[str, Any]) -> None:
         self._models_row = int(told["models_row"])
         self._axes: Sequence[LogAxis] = [
-            LogAxis(name, tuple(axis["theta_names"]), axis["dual_drive"])
+            LogAxis(
+                name,
+                tuple(axis["theta_names"]),
+                axis["dual_drive"],
+                units=units_of(axis.get("position_unit")),  # an older daemon tells none
+            )
             for name, axis in told["axes"].items()
         ]
         self._columns = {column.name: column for column in log_columns(self._axes)}

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from motorctl.axis_units import units_of
 from motorctl.notebook import frame_of_rows, html_lines, html_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 State = Literal["off", "homing", "idle", "running", "stopping", "fault"]
-MICRO = 1e6
 NUMBERS = (
     "position_m",
     "velocity_m_s",
@@ -48,6 +48,21 @@ class AxisStatus:
     """The learned parameters by their full names, each in its own unit."""
     document: Mapping[str, Any]
     """All that the daemon tells of the axis."""
+
+    @property
+    def position_unit(self) -> str:
+        """m, or rad of a rotary axis: of all that is named in metres."""
+        return units_of(self.document.get("position_unit")).position
+
+    def shown(self) -> tuple[tuple[float | None, float, str, str], ...]:
+        """Return position, velocity and error with scale, format and unit, as people read them."""
+        units = units_of(self.document.get("position_unit"))
+        place, speed, error = units.place, units.velocity, units.error
+        return (
+            (self.position_m, place.factor, f".{units.place_digits}f", place.unit),
+            (self.velocity_m_s, speed.factor, ".2f", speed.unit),
+            (self.following_error_m, error.factor, ".2f", error.unit),
+        )
 
     @classmethod
     def of(cls, axis: str, document: Mapping[str, Any]) -> AxisStatus:
@@ -105,18 +120,16 @@ class MachineStatus:
             (
                 axis.axis,
                 axis.state if axis.homed else f"{axis.state}, not homed",
-                _number(axis.position_m, 1e3, ".4f"),
-                _number(axis.velocity_m_s, 1e3, ".2f"),
-                _number(axis.following_error_m, MICRO, ".2f"),
-                _number(axis.command_v, 1.0, ".3f"),
+                *(_number(*cell) for cell in axis.shown()),
+                _number(axis.command_v, 1.0, ".3f", "V"),
             )
             for axis in self.axes.values()
         ]
-        headings = ("axis", "state", "position mm", "velocity mm/s", "error µm", "command V")
+        headings = ("axis", "state", "position", "velocity", "error", "command")
         faults = [f"{axis.axis}: {axis.fault}" for axis in self.axes.values() if axis.fault]
         title = f"{self.machine} at {self.rate_hz:g} Hz"
         return html_table(headings, rows, title) + html_lines(faults)
 
 
-def _number(value: float | None, scale: float, digits: str) -> str:
-    return "–" if value is None else format(value * scale, digits)
+def _number(value: float | None, scale: float, digits: str, unit: str) -> str:
+    return "–" if value is None else f"{value * scale:{digits}} {unit}"

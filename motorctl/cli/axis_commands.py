@@ -14,6 +14,8 @@ from motorctl.printable import one_line
 
 if TYPE_CHECKING:
     from motorctl.api.orders import Motion
+    from motorctl.axis_units import PositionUnit
+    from motorctl.cli.lengths import Target
 
 AxisArgument = Annotated[
     str, typer.Argument(metavar="AXIS", help="Name of the axis.", autocompletion=axes)
@@ -90,11 +92,12 @@ def home(axis: AxisArgument, socket: SocketOption = None) -> None:
     Example: motorctl home x
     """
     from motorctl import connect
+    from motorctl.axis_units import units_of
 
     with connect(socket) as machine:
         homed = machine.home(axis, on_wait=_tell_wait)
     assert homed.position_m is not None  # of an axis that holds it is known
-    _say(axis, f"homed, at {_millimetres(homed.position_m)}")
+    _say(axis, f"homed, at {units_of(homed.position_unit).told(homed.position_m)}")
 
 
 def move(
@@ -103,7 +106,8 @@ def move(
         str | None,
         typer.Argument(
             metavar="POSITION_M",
-            help="Where to, in metres, or with a unit (250mm); +10mm goes so far from here.",
+            help="Where to, in metres (rotary: rad), or with a unit (250mm, 90deg); +10mm goes so "
+            "far from here.",
             show_default=False,
         ),
     ] = None,
@@ -112,10 +116,11 @@ def move(
     ] = None,
     velocity: Annotated[
         str | None,
-        typer.Option(help="m/s, or with a unit; usual: a quarter of the axis' limit."),
+        typer.Option(help="m/s (rad/s), or with a unit; usual: a quarter of the axis' limit."),
     ] = None,
     acceleration: Annotated[
-        str | None, typer.Option(help="m/s^2, or with a unit; usual: that of the stop ramp.")
+        str | None,
+        typer.Option(help="m/s^2 (rad/s^2), or a unit; usual: that of the stop ramp."),
     ] = None,
     socket: SocketOption = None,
     wait: WaitOption = False,
@@ -127,12 +132,20 @@ def move(
     Example: motorctl move x 0.25 --velocity 0.5 --wait
     """
     from motorctl import connect
+    from motorctl.axis_units import units_of
     from motorctl.cli.lengths import acceleration_m_s2, target_of, velocity_m_s
 
-    target = target_of(position, by)
-    given_m_s = None if velocity is None else velocity_m_s(velocity)
-    given_m_s2 = None if acceleration is None else acceleration_m_s2(acceleration)
+    def given(own: PositionUnit | None) -> tuple[Target, float | None, float | None]:
+        return (
+            target_of(position, by, own),
+            None if velocity is None else velocity_m_s(velocity, own),
+            None if acceleration is None else acceleration_m_s2(acceleration, own),
+        )
+
+    given(None)  # what makes no sense of any axis needs no daemon to be refused
     with connect(socket) as machine:
+        units = units_of(machine.axis_status(axis).position_unit)
+        target, given_m_s, given_m_s2 = given(units.position)
         motion = machine.move(
             axis,
             target.position_m,
@@ -142,7 +155,7 @@ def move(
             on_wait=_tell_wait,
         )
         assert motion.target_m is not None  # of a move
-        _say(axis, f"to {_millimetres(motion.target_m)} in {motion.duration_s:.2f} s")
+        _say(axis, f"to {units.told(motion.target_m)} in {motion.duration_s:.2f} s")
         if wait:
             machine.wait(axis)
 
@@ -232,7 +245,3 @@ def _tell_program(axis: str, motion: Motion) -> None:
 
 def _say(axis: str, text: str) -> None:
     say(one_line(f"axis {axis}: {text}"))
-
-
-def _millimetres(position_m: float) -> str:
-    return f"{position_m * 1e3:.4f} mm"

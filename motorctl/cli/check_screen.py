@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from motorctl.axis_units import units_of
 from motorctl.cli.check_tables import print_notes, print_verdict
 from motorctl.cli.check_words import (
     Part,
@@ -34,7 +35,7 @@ def print_screen(console: Console, summary: Part) -> None:
         table.add_row(escape(name), escape(_driver(driver)))
     for name, axis in summary["axes"].items():
         for label, line in zip((name, *[""] * 4), _axis(axis), strict=True):
-            table.add_row(escape(label), line)
+            table.add_row(escape(label), units_of(axis["kind"]).words(line))
     if summary["programs"]:
         told = (_program(name, program) for name, program in summary["programs"].items())
         table.add_row("programs", escape("; ".join(told)))
@@ -56,8 +57,9 @@ def _driver(driver: Part) -> str:
 def _axis(axis: Part) -> Iterator[str]:
     limits, resolution_m = axis["limits"], axis["encoder"]["resolution_m"]
     follows = f"follows {axis['program']}" if axis["program"] else "holds"
+    rotary = "rotary, " if axis["kind"] == "rotary" else ""
     yield escape(
-        f"{wiring_words(axis)}, {number(resolution_m * 1e6)} um a count, "
+        f"{rotary}{wiring_words(axis)}, {number(resolution_m * 1e6)} um a count, "
         f"homing {axis['homing']['method']}, {follows}"
     )
     yield limit_words(limits)

@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from motorctl.axis_units import units_of
 from motorctl.cli.check_words import (
     Part,
     adaptation_words,
@@ -43,7 +44,8 @@ def print_summary(console: Console, summary: Part) -> None:
             console.print(_skew_margins(name, axis["dual_drive"]))
         console.print(_conditions(name, axis))
     if summary["programs"]:
-        console.print(_programs(summary["programs"], summary["axes"]))
+        for unit in dict.fromkeys(axis["position_unit"] for axis in summary["axes"].values()):
+            console.print(_programs(summary["programs"], summary["axes"], unit))
     console.print(f"Logs: {escape(recording_words(summary['recording']))}", highlight=False)
     console.print(f"When an axis trips: {escape(together_words(summary['stop_together']))}")
     print_notes(console, summary)
@@ -115,7 +117,9 @@ def _wiring(name: str, axis: Part) -> Table:
     limits, gains, encoder = axis["limits"], axis["gains"], axis["encoder"]
     error, homing = limits["following_error"], axis["homing"]
     dual = axis["dual_drive"]
-    table = open_table(f"Axis {name}: {wiring_words(axis)}", ("", ""))
+    units = units_of(axis["kind"])
+    rotary = "rotary, " if axis["kind"] == "rotary" else ""
+    table = open_table(f"Axis {name}: {rotary}{wiring_words(axis)}", ("", ""))
     table.show_header = False
     for label, text in (
         (
@@ -144,7 +148,7 @@ def _wiring(name: str, axis: Part) -> Table:
         ("homing", homing_words(homing)),
         ("program", axis["program"] or "none: holds"),
     ):
-        table.add_row(label, text)
+        table.add_row(label, units.words(text) if label != "effects" else text)
     return table
 
 
@@ -181,7 +185,8 @@ def _margins(name: str, axis: Part) -> Table:
     title = f"Axis {name}: margins of the sampled loop, fast adaptation included"
     if lag_s := max(row["lag_s"] for row in axis["margins"]):
         title += f", behind a lag of {number(lag_s * 1e3)} ms"
-    columns = ("inertia at", "V*s^2/m", "delay ms", "crossover rad/s", "phase deg")
+    inertia = units_of(axis["kind"]).words("V*s^2/m")
+    columns = ("inertia at", inertia, "delay ms", "crossover rad/s", "phase deg")
     table = open_table(title, (*columns, "gain x", "gain /"), numbers=True)
     for row in (MarginsAt(**row) for row in axis["margins"]):
         table.add_row(
@@ -223,12 +228,15 @@ def _conditions(name: str, axis: Part) -> Table:
     return table
 
 
-def _programs(programs: Part, axes: Part) -> Table:
-    columns = ("program", "axis", "range m", "v m/s", "a m/s^2", "jerk m/s^3", "needs V", "of V")
+def _programs(programs: Part, axes: Part, m: str) -> Table:
+    """Draw those of all axes whose positions are in one unit."""
+    columns = ("program", "axis", f"range {m}", f"v {m}/s", f"a {m}/s^2", f"jerk {m}/s^3")
     title = "Programs: peaks, and the command needed at theta(0)"
-    table = open_table(title, (*columns, "lasts s"), numbers=True)
+    table = open_table(title, (*columns, "needs V", "of V", "lasts s"), numbers=True)
     for name, program in programs.items():
         for axis, peaks in program["axes"].items():
+            if axes[axis]["position_unit"] != m:
+                continue
             low, high = peaks["range_m"]
             table.add_row(
                 name,

@@ -84,6 +84,7 @@ def _close_loop(
     from motorctl.close_loop.rounds import close_loop
     from motorctl.close_loop.tables import error_row, telling_words, tracking_table, velocity_words
     from motorctl.errors import UsageError
+    from motorctl.identify.compare.measures import table_headings
 
     if duration is not None and not 2.0 <= duration < float("inf"):
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
@@ -131,7 +132,7 @@ def _close_loop(
         say(velocity_words(loop.velocity))
     say()
     for name, judgement in loop.overall.items():
-        print_measures(name, tracking_table(judgement))
+        print_measures(name, tracking_table(judgement), table_headings(judgement.units.position))
         say(f"  {error_row(judgement)}")
         say(f"  effects added: {', '.join(effects_added(loop, name)) or 'none'}")
     if moved is not None:

@@ -102,9 +102,8 @@ class Consents:
                 )
             beyond = list(beyond_envelope(axis, peaks, self._minutes[name]))
             if beyond:
-                raise UsageError(
-                    f"axis {name}: --yes does not do, a person has to say yes: {'; '.join(beyond)}"
-                )
+                told = axis.units.words("; ".join(beyond))
+                raise UsageError(f"axis {name}: --yes does not do, a person has to say yes: {told}")
 
     def _show(self, machine: Machine, motion: AskedMotion, moved: dict[str, Peaks]) -> None:
         table = Table(
@@ -140,13 +139,13 @@ def _read(kept: Path) -> dict[str, float]:
 
 
 def _row(axis: Axis, peaks: Peaks) -> tuple[str, ...]:
-    limits = axis.limits
+    limits, words = axis.limits, axis.units.words
     return (
         axis.name,
-        f"{peaks.range_m[0]:.4g} m",
-        f"{peaks.range_m[1]:.4g} m",
-        f"{peaks.max_velocity_m_s:.3g} m/s",
+        words(f"{peaks.range_m[0]:.4g} m"),
+        words(f"{peaks.range_m[1]:.4g} m"),
+        words(f"{peaks.max_velocity_m_s:.3g} m/s"),
         f"{peaks.max_velocity_m_s / limits.max_velocity_m_s:.0%}",
-        f"{peaks.max_acceleration_m_s2:.3g} m/s^2",
+        words(f"{peaks.max_acceleration_m_s2:.3g} m/s^2"),
         f"{peaks.max_acceleration_m_s2 / limits.max_acceleration_m_s2:.0%}",
     )

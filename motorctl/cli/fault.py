@@ -14,6 +14,7 @@ from motorctl.cli.socket_option import SocketOption
 from motorctl.cli.whole_help import WholeHelp
 
 if TYPE_CHECKING:  # what reads files takes long to import: each command does so when it runs
+    from motorctl.axis_units import AxisUnits
     from motorctl.flight import FlightRecord, Listing
     from motorctl.flight.fault_moment import AxisMoment, FaultMoment
 
@@ -28,14 +29,19 @@ LogDirOption = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 MOST_LISTED = 20
-COLUMNS = {
-    "reference_m": (1e3, "10.4f", "mm"),
-    "position_m": (1e3, "10.4f", "mm"),
-    "velocity_m_s": (1e3, "7.1f", "mm/s"),
-    "following_error_m": (1e6, "9.1f", "µm"),
-    "command_v": (1.0, "8.3f", "V"),
-}
-"""Of the table: how a signal is scaled, formatted, and its unit."""
+
+
+def _columns(units: AxisUnits) -> dict[str, tuple[float, str, str]]:
+    """Return of the table how a signal is scaled, formatted, and its unit."""
+    place = (units.place.factor, f"10.{units.place_digits}f", units.place.unit)
+    speed = "7.1f" if units.kind == "linear" else "7.4f"
+    return {
+        "reference_m": place,
+        "position_m": place,
+        "velocity_m_s": (units.velocity.factor, speed, units.velocity.unit),
+        "following_error_m": (units.error.factor, "9.1f", units.error.unit),
+        "command_v": (1.0, "8.3f", "V"),
+    }
 
 
 def register(app: typer.Typer) -> None:
@@ -162,7 +168,7 @@ def _told(record: FlightRecord, moment: FaultMoment) -> str:
     lines += [f"  {axis}: {f['message']}" for axis, f in record.faults.items()]
     if record.own.get("loop_ended"):
         lines.append(f"  the loop ended: {record.own['loop_ended']}")
-    lines += ["", *_table(moment), ""]
+    lines += ["", *_table(moment, meta.get("config") or {}), ""]
     lines += [f"  {motion}" for motion in _motions(meta.get("motions"))]
     settings = record.own.get("settings", {})
     lines.append(
@@ -176,21 +182,24 @@ def _told(record: FlightRecord, moment: FaultMoment) -> str:
     return "\n".join(lines)
 
 
-def _table(moment: FaultMoment) -> list[str]:
+def _table(moment: FaultMoment, config: dict[str, Any]) -> list[str]:
+    from motorctl.axis_units import units_in
+
     heading = (
         f"  {'axis':<8} {'':<7} {'state':<9} {'reference':>13} {'position':>13} {'velocity':>12} "
         f"{'error':>12} {'command':>10}"
     )
     lines = [heading]
     for axis in moment.at:
+        units = units_in(config, axis)
         for when, found in (("before", moment.before[axis]), ("at", moment.at[axis])):
-            lines.append(f"  {axis:<8} {when:<7} {_cells(found)}")
+            lines.append(f"  {axis:<8} {when:<7} {_cells(found, units)}")
     return lines
 
 
-def _cells(found: AxisMoment) -> str:
+def _cells(found: AxisMoment, units: AxisUnits) -> str:
     words = ", ".join(found.flags + tuple(f"device: {word}" for word in found.device))
-    numbers = " ".join(_cell(found.values[signal], *how) for signal, how in COLUMNS.items())
+    numbers = " ".join(_cell(found.values[signal], *how) for signal, how in _columns(units).items())
     return f"{found.state:<9} {numbers}" + (f"  {words}" if words else "")
 
 

@@ -15,7 +15,8 @@ from motorctl.cli.say import say
 
 if TYPE_CHECKING:
     from motorctl.init.look import Looked
-    from motorctl.init.told import AxisTold, Question
+    from motorctl.init.questions import Question
+    from motorctl.init.told import AxisTold
     from motorctl.init.write import Written
 
 OF_AXES = "VALUE or AXIS=VALUE"
@@ -49,13 +50,22 @@ def _init(
     axis: Annotated[
         Words | None, typer.Option(help="Name of an axis; once for each.", metavar="NAME")
     ] = None,
-    encoder: Annotated[Words | None, _of_axes("A count: 0.5um, or 10000/turn of a screw.")] = None,
+    kind: Annotated[
+        Words | None, _of_axes("linear, or rotary: positions in rad; else linear.")
+    ] = None,
+    encoder: Annotated[
+        Words | None, _of_axes("A count: 0.5um, or 10000/turn of a screw or of a rotary axis.")
+    ] = None,
     mass: Annotated[Words | None, _of_axes("All that moves: 12kg.")] = None,
     force_constant: Annotated[
         Words | None, _of_axes("Of the motor: 30N/V, 45N/A, 0.2N*m/V, 0.2N*m/A.")
     ] = None,
-    travel: Annotated[Words | None, _of_axes("Between soft limits: -0.2..0.3.")] = None,
-    max_velocity: Annotated[Words | None, _of_axes("Top speed: 0.8m/s.")] = None,
+    inertia: Annotated[Words | None, _of_axes("Of a rotary axis: 0.02kg*m^2.")] = None,
+    torque_constant: Annotated[
+        Words | None, _of_axes("Of a rotary axis: 0.8N*m/V, 1.5N*m/A.")
+    ] = None,
+    travel: Annotated[Words | None, _of_axes("Between soft limits: -0.2..0.3, -90..90deg.")] = None,
+    max_velocity: Annotated[Words | None, _of_axes("Top speed: 0.8m/s, 2rad/s, 60rpm.")] = None,
     homing: Annotated[Words | None, _of_axes("absolute, switch, switch_index or index.")] = None,
     home_position: Annotated[Words | None, _of_axes("Of the switch or index mark: -180mm.")] = None,
     screw_pitch: Annotated[Words | None, _of_axes("Travel a turn of a screw: 5mm.")] = None,
@@ -95,6 +105,7 @@ def _init(
     from motorctl.errors import UsageError
     from motorctl.init import MachineKnown, write_configuration
     from motorctl.init.look import look
+    from motorctl.init.questions import OF_ROTARY
     from motorctl.init.told import axes_told, driver_options, machine_told
     from motorctl.init.write import stand_in
 
@@ -110,6 +121,9 @@ def _init(
         _say_what_is_there(looked)
     names = axis or [name for each in looked.values() for name in each.names] or _asked_axes()
     words = {
+        "kind": kind,
+        OF_ROTARY.mass.option: inertia,
+        OF_ROTARY.force.option: torque_constant,
         "encoder": encoder,
         "mass": mass,
         "force-constant": force_constant,
@@ -173,6 +187,7 @@ def _asked_axes() -> Words:
 def _ask_what_is_missing(axes: list[AxisTold]) -> None:
     """Ask at a terminal, until nothing is missing; else say all that is."""
     from motorctl.errors import UsageError
+    from motorctl.init.questions import KIND
 
     if not sys.stdin.isatty():
         missing = [(each, question) for each in axes for question in each.missing()]
@@ -185,17 +200,19 @@ def _ask_what_is_missing(axes: list[AxisTold]) -> None:
             raise UsageError(f"init needs to know more, and there is no terminal to ask:\n{told}")
         return
     for each in axes:
+        if each.kind_is_open:
+            _ask(each, KIND, default="linear")
         while missing_here := each.missing():
             _ask(each, missing_here[0])
 
 
-def _ask(axis: AxisTold, question: Question) -> None:
+def _ask(axis: AxisTold, question: Question, default: str | None = None) -> None:
     """Ask until the answer makes sense."""
     from motorctl.errors import UsageError
 
     while True:
         text = f"{axis.name}: {question.words} ({question.example})"
-        axis.words[question.option] = str(typer.prompt(text, err=True))
+        axis.words[question.option] = str(typer.prompt(text, default=default, err=True))
         try:
             axis.read(question)
         except UsageError as error:
@@ -216,6 +233,7 @@ def _document(written: list[Written]) -> dict[str, object]:
         "rate_hz": written[0].rate_hz,
         "axes": {
             name: {
+                "position_unit": axis.known.units.position,
                 "inertia_v_s2_m": axis.inertia,
                 "max_acceleration_m_s2": axis.acceleration_m_s2,
                 "k1_1_s": axis.gains.k1_1_s,
@@ -239,8 +257,9 @@ def _print(written: list[Written], known: object) -> None:
     for each in written:
         say(each.path)
     for name, axis in first.axes.items():
+        hardest = axis.known.units.words(f"{axis.acceleration_m_s2:g} m/s^2")
         console.print(
-            f"axis {name}: {axis.acceleration_m_s2:g} m/s^2; k1 {axis.gains.k1_1_s:g} 1/s at "
+            f"axis {name}: {hardest}; k1 {axis.gains.k1_1_s:g} 1/s at "
             f"{1.0 / axis.period_s:g} Hz with a phase margin of "
             f"{axis.gains.margins.phase_margin_deg or 0.0:.0f} degrees",
             markup=False,

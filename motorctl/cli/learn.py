@@ -194,6 +194,6 @@ class _Wanted:
 def _print(learning: Learning) -> None:
     """Print the repetitions as a table, and what they rest on."""
     from motorctl.cli.terminal import print_axis
-    from motorctl.learn.rows import HEADINGS, rows, words
+    from motorctl.learn.rows import headings, rows, words
 
-    print_axis(learning.axis, HEADINGS, rows(learning), words(learning))
+    print_axis(learning.axis, headings(learning), rows(learning), words(learning))

@@ -40,9 +40,12 @@ def _simulate(
     Two runs with the same configuration and seed give the same rows, bit for bit.
     """
     from motorctl import compare, simulate
-    from motorctl.cli.measure_tables import COLUMNS
     from motorctl.cli.progress import showing_progress
-    from motorctl.identify.compare.measures import measured_document, table_cells
+    from motorctl.identify.compare.measures import (
+        measured_document,
+        table_cells,
+        table_headings,
+    )
     from motorctl.replacing import refuse_what_is_there
 
     refuse_what_is_there(log, replace=force)
@@ -55,7 +58,8 @@ def _simulate(
             seed=seed,
             progress=progress,
         )
-        measured = compare(recorded).runs[0].axes
+        comparison = compare(recorded)
+    measured = comparison.runs[0].axes
     took = recorded.metadata["virtual_time"]
     times_real_time = recorded.duration_s / took["wall_s"]
     for note in recorded.metadata.get("notes", ()):
@@ -67,7 +71,10 @@ def _simulate(
             "wall_s": took["wall_s"],
             "times_real_time": times_real_time,
             "turnaround": took["turnaround"],
-            "axes": {name: measured_document(run) for name, run in measured.items()},
+            "axes": {
+                name: measured_document(run, *comparison.units(name))
+                for name, run in measured.items()
+            },
         }
         say(json.dumps(document))
         return
@@ -76,5 +83,7 @@ def _simulate(
         f"{times_real_time:.1f} times real time"
     )
     for name, run in measured.items():
-        values = zip(COLUMNS, table_cells(run.measures), strict=True)
+        values = zip(
+            table_headings(*comparison.units(name)), table_cells(run.measures), strict=True
+        )
         say(f"  {name}: " + ", ".join(f"{label} {value}" for label, value in values))

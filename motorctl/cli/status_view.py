@@ -11,6 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from motorctl.axis_units import AxisUnits, units_of
 from motorctl.cli.human_units import short_time
 from motorctl.printable import one_line
 
@@ -118,15 +119,24 @@ def _axes(axes: Mapping[str, Any]) -> Table:
     ):
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, axis in axes.items():
+        error = _units(axis).error
         table.add_row(
             Text(name, "bold"),
             Text(axis["state"], STATE_STYLES[axis["state"]]),
-            _number(axis["position_m"], 1e3, ".4f", "mm"),
+            _position(axis["position_m"], _units(axis)),
             _travel(axis),
-            _number(axis["following_error_m"], 1e6, "+.1f", "µm"),
+            _number(axis["following_error_m"], error.factor, "+.1f", error.unit),
             _number(axis["command_v"], 1.0, "+.2f", "V"),
         )
     return table
+
+
+def _units(axis: Mapping[str, Any]) -> AxisUnits:
+    return units_of(axis.get("position_unit"))  # an older daemon tells none
+
+
+def _position(value: float | None, units: AxisUnits) -> Text:
+    return _number(value, units.place.factor, f".{units.place_digits}f", units.place.unit)
 
 
 def _skew(name: str, dual: Mapping[str, Any]) -> Text:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, replace
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.close_loop.motion import MotionName
 from motorctl.close_loop.trial import Trial, model_error_v
 from motorctl.identify.compare.measures import SYMBOLS, Measures
@@ -39,6 +40,7 @@ class AxisJudgement:
     model_error_v: tuple[float, float]
     """Before and after: what the start values leave of the command on the motion that no
     diagnosis has seen; rms."""
+    units: AxisUnits = LINEAR
 
 
 def judge(before: Trial, after: Trial, first: Trial) -> dict[str, AxisJudgement]:
@@ -88,7 +90,9 @@ def _judged(
     old, new = model_errors
     if new > old or (math.isnan(new) and not math.isnan(old)):
         against.append(f"model error {old:.4g} -> {new:.4g} V rms on {MOTION_WORDS['unused']}")
-    return AxisJudgement(axis, not against, tuple(against), tracking, model_errors)
+    units = before.machine.axes[axis].units
+    told = tuple(map(units.words, against))
+    return AxisJudgement(axis, not against, told, tracking, model_errors, units)
 
 
 def _worse(

@@ -40,7 +40,6 @@ def write_reports(loop: ClosedLoop) -> Path:
         config=str(loop.config),
         refined=loop.refined.name,
         ended=loop.ended,
-        headings=table_headings(),
         measures=EXPLAINED,
         axes=[
             _axis(name, effects_added(loop, name), judged) for name, judged in loop.overall.items()
@@ -100,6 +99,7 @@ def _axis(name: str, effects: Sequence[str], judgement: AxisJudgement) -> dict[s
     return {
         "name": name,
         "effects": effects,
+        "headings": table_headings(judgement.units.position),
         "groups": [[[words, *cells] for words, cells in group] for group in tables],
         "error": error_row(judgement),
     }

@@ -46,7 +46,7 @@ def velocity_words(step: VelocityStep) -> str:
     for name, judged in step.judgements.items():
         motion, (before, after) = next(iter(judged.tracking.items()))
         kept = "kept" if name in step.kept else "not kept: an error became larger"
-        errors = f"eF {1e6 * before.eF_m:.3g} → {1e6 * after.eF_m:.3g} µm"
+        errors = judged.units.words(f"eF {1e6 * before.eF_m:.3g} → {1e6 * after.eF_m:.3g} µm")
         parts.append(f"{errors} on {name}, {MOTION_WORDS[motion]} ({kept})")
     return f"last, `gains: {{velocity: matched}}` by itself: {'; '.join(parts)}"
 

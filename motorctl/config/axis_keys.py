@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from motorctl.axis_units import AxisKind, AxisUnits, units_of
 from motorctl.config.dual_drive_keys import DualDrive
 from motorctl.config.guard_keys import Guards
 from motorctl.config.keys import (
@@ -33,7 +34,7 @@ HomingMethod = Literal["absolute", "switch", "switch_index", "index"]
 class Encoder(Keys):
     """How counts become metres: x = direction * (counts * resolution) + offset."""
 
-    resolution_m: Positive = Field(description="metres a count")
+    resolution_m: Positive = Field(description="metres a count; of a rotary axis radians")
     counter_bits: Annotated[int, Field(ge=8, le=64)] = Field(
         default=32, description="width at which the device's counter wraps"
     )
@@ -220,6 +221,12 @@ class Learning(Keys):
 class AxisSettings(Keys):
     """Everything that an axis' keys say but its list of effects."""
 
+    kind: AxisKind = Field(
+        default="linear",
+        description="linear: positions are in metres; rotary: in radians, and so is every key and "
+        "column of the axis that is named in metres: resolution_m: radians a count, "
+        "max_velocity_m_s: rad/s",
+    )
     driver: str = Field(description="name of the driver that serves the axis")
     channel: Annotated[int, Field(ge=0, le=1023)] = Field(
         description="which of the device's channels it is, from 0"
@@ -248,6 +255,11 @@ class AxisSettings(Keys):
     learning: Learning | None = Field(
         default=None, description="a feedforward learned by repeating the program; null: none"
     )
+
+    @property
+    def units(self) -> AxisUnits:
+        """Units of what is said of the axis."""
+        return units_of(self.kind)
 
     @property
     def max_learned_v(self) -> float:

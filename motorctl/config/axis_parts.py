@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from motorctl.axis_units import AxisUnits, units_of
 from motorctl.config.analysis import required_command, smallest_slope
 from motorctl.config.axis_keys import (
     Adaptation,
@@ -72,6 +73,7 @@ class AxisParts:
     declared: AxisModel | None
     model: EffectList | None
     """What the axis runs."""
+    units: AxisUnits
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -160,6 +162,7 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
         part("dual_drive", DualDrive),
         declared,
         runs,
+        units_of(keys.get("kind")),
     )
     return parts, problems
 
@@ -168,7 +171,7 @@ def check_axis(document: Document, parts: AxisParts, rate_hz: float | None) -> l
     """Apply every rule whose parts could be read; the rate is the axis' own [Hz]."""
     path = ("axes", parts.name)
     return [
-        document.problem((*path, *where), message)
+        document.problem((*path, *where), parts.units.words(message))
         for where, message in _findings(document, parts, rate_hz)
     ]
 
@@ -179,6 +182,8 @@ def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> It
     # As it is written, so that it is told beside whatever else is wrong with the limits.
     if message := out_of_order(document.at((*path, "limits", "travel_m"))):
         yield ("limits", "travel_m"), message
+    if parts.units.kind == "rotary" and document.at((*path, "dual_drive")) is not None:
+        yield ("dual_drive",), "is of a linear axis: the two ends of a beam; remove it"
     if parts.guards:
         yield from check_reactions(parts.guards)
     if limits:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from motorctl.axis_units import AxisUnits
 from motorctl.config.analysis import open_loop
 from motorctl.config.loop_cases import USUAL_PHASE_DEG, LoopCase, loop_cases
 from motorctl.config.machine import Axis, Machine
@@ -63,12 +64,13 @@ def _draw(axis: Axis, period_s: float, path: Path) -> None:
     with panels_in_file(2, path, height=HEIGHT_INCHES) as (figure, (size, phase)):
         figure.suptitle(
             f"Open loop of axis {axis.name}, k1 {axis.gains.k1_1_s:g} 1/s, ks "
-            f"{axis.gains.ks_v_s_m:g} V s/m, {late[0].delay_s * 1e3:g} ms of delay",
+            + axis.units.words(f"{axis.gains.ks_v_s_m:g} V s/m, ")
+            + f"{late[0].delay_s * 1e3:g} ms of delay",
             x=0.01,
             ha="left",
         )
         for k, case in enumerate(late):
-            _draw_case(size, phase, case, colour(k))
+            _draw_case(size, phase, case, colour(k), axis.units)
         size.axhline(0.0, color="black", lw=0.7)
         size.set_ylim(bottom=LOWEST_DB)
         size.set_ylabel("|L| [dB]")
@@ -82,7 +84,7 @@ def _draw(axis: Axis, period_s: float, path: Path) -> None:
         phase.set_xscale("log")
 
 
-def _draw_case(size: Axes, phase: Axes, case: LoopCase, line: str) -> None:
+def _draw_case(size: Axes, phase: Axes, case: LoopCase, line: str, units: AxisUnits) -> None:
     nyquist = math.pi / case.period_s
     w = np.geomspace(nyquist / 10.0**DECADES, 0.999 * nyquist, POINTS)
     response = open_loop(case.plant, case.gains, w)
@@ -94,7 +96,8 @@ def _draw_case(size: Axes, phase: Axes, case: LoopCase, line: str) -> None:
         told = f"{margins.phase_margin_deg:.0f}°"
         if margins.gain_margin:
             told += f", {20.0 * math.log10(margins.gain_margin):.1f} dB"
-    label = f"inertia {case.inertia_at}, {case.inertia:g} V s²/m: {told}"
+    inertia = units.words(f"{case.inertia:g} V s²/m")
+    label = f"inertia {case.inertia_at}, {inertia}: {told}"
     hz = w / (2.0 * np.pi)
     size.plot(hz, 20.0 * np.log10(np.abs(response)), color=line, lw=1.2, label=label)
     phase.plot(hz, np.degrees(turn), color=line, lw=1.2)

@@ -19,6 +19,7 @@ def log_axes(machine: Machine) -> list[LogAxis]:
             a.model.parameter_names,
             dual_drive=a.dual_drive is not None,
             learning=a.learning is not None,
+            units=a.units,
         )
         for a in machine.axes.values()
     ]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from motorctl.axis_units import LINEAR, AxisUnits, units_in
 from motorctl.config.validation import shown, suggest
 from motorctl.errors import ConfigError, MotorctlError, Problem
 from motorctl.located_yaml import Document, KeyPath
 from motorctl.motion import (
     AxisLimits,
+    Circle,
     Program,
     RequiredVoltage,
     Violation,
@@ -72,8 +75,16 @@ def build_programs(document: Document, directory: Path) -> tuple[dict[str, Progr
         else:
             if not own:
                 found[name] = program
-        problems += own
+        units = _units(document, part)
+        problems += [replace(problem, message=units.words(problem.message)) for problem in own]
     return found, problems
+
+
+def _units(document: Document, part: Mapping[str, Any]) -> AxisUnits:
+    """Return the units of a program: of its axis, or of the first of several."""
+    axes = part.get("axes")
+    axis = part.get("axis") or (axes[0] if isinstance(axes, list) and axes else None)
+    return units_in(document.data, axis) if isinstance(axis, str) else LINEAR
 
 
 def _line(document: Document, path: KeyPath, location: KeyPath) -> int | None:
@@ -92,12 +103,19 @@ def check_programs(
         if not all(axis in limits for axis in program.axes):
             continue
         path = ("programs", name)
+        kinds = {units_in(document.data, axis).kind for axis in program.axes}
+        if isinstance(program, Circle) and len(kinds) > 1:
+            message = f"axes {' and '.join(program.axes)}: a circle needs two axes of one kind"
+            problems.append(document.problem((*path, "axes"), message))
         try:
             violations = check_program(program, limits, required_voltage)
         except MotorctlError as error:
             problems.append(document.problem(path, str(error)))
             continue
-        problems += [document.problem(path, _told(violation)) for violation in violations]
+        problems += [
+            document.problem(path, units_in(document.data, v.axis).words(_told(v)))
+            for v in violations
+        ]
     return problems
 
 

@@ -46,7 +46,10 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
         found += _held_back(limits, guards, parts.gains, need, friction_v, least_m)
     if parts.dual and rate_hz:
         found += _squared(parts, guards, rate_hz, least_m)
-    return [document.problem(("axes", parts.name, *where), what) for where, what in found]
+    return [
+        document.problem(("axes", parts.name, *where), parts.units.words(what))
+        for where, what in found
+    ]
 
 
 def _friction_v(parts: AxisParts) -> float:

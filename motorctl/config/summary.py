@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -35,6 +36,7 @@ from motorctl.config.recording_summary import (
 )
 from motorctl.errors import MotorctlError
 from motorctl.json_values import plain
+from motorctl.log.units import unit_for
 from motorctl.model import Effect, EffectList, known_effects
 from motorctl.model.knowledge import Signal
 from motorctl.motion import Program
@@ -77,26 +79,35 @@ def summarise(machine: Machine) -> dict[str, Any]:
         "loop": machine.loop.model_dump(),
         "log_directory": str(machine.log_directory),
         "recording": recording_summary(machine.recording, recording_rate_of(machine)),
-        "notes": [
-            *notes_on_groups(machine),
-            *notes_on_guards(machine, {n: driver["watchdog_s"] for n, driver in drivers.items()}),
-            *notes_on_motion(machine),
-            *notes_on_learning(machine),
-            *notes_on_recording(machine.recording, recording_rate_of(machine)),
-            *(f"driver {n}: {said}" for n, driver in drivers.items() for said in driver["advice"]),
-            *(
-                note
-                for name, axis in axes.items()
-                for note in (
-                    *_notes(name, axis, machine.axes[name].model),
-                    *_exchange_notes(machine.axes[name], drivers[axis["driver"]]["delay_s"]),
-                )
-            ),
-        ],
+        "notes": [_in_own_units(machine, note) for note in _all_notes(machine, drivers, axes)],
         "resolved": dict(machine.resolved),
     }
     document: dict[str, Any] = plain(summary)
     return document
+
+
+def _all_notes(
+    machine: Machine, drivers: Mapping[str, Any], axes: Mapping[str, Any]
+) -> Iterator[str]:
+    watchdogs_s = {n: driver["watchdog_s"] for n, driver in drivers.items()}
+    rate = recording_rate_of(machine)
+    yield from notes_on_groups(machine)
+    yield from notes_on_guards(machine, watchdogs_s)
+    yield from notes_on_motion(machine)
+    yield from notes_on_learning(machine)
+    yield from notes_on_recording(machine.recording, rate)
+    for name, driver in drivers.items():
+        yield from (f"driver {name}: {said}" for said in driver["advice"])
+    for name, axis in axes.items():
+        yield from _notes(name, axis, machine.axes[name].model)
+        yield from _exchange_notes(machine.axes[name], drivers[axis["driver"]]["delay_s"])
+
+
+def _in_own_units(machine: Machine, note: str) -> str:
+    """Return a note on an axis in that axis' units."""
+    found = re.match(r"axis (\w+): ", note)
+    axis = machine.axes.get(found[1]) if found else None
+    return note if axis is None else axis.units.words(note)
 
 
 def _groups(machine: Machine) -> list[list[str]] | None:
@@ -138,6 +149,8 @@ def _axis(
     axis: Axis, period_s: float, loop: LoopSettings, driver: Mapping[str, Any]
 ) -> dict[str, Any]:
     return {
+        "kind": axis.kind,
+        "position_unit": axis.units.position,
         "driver": axis.driver,
         "channel": axis.channel,
         "dual_drive": _dual_drive(axis, period_s),
@@ -199,7 +212,14 @@ def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, parameter, estimate in zip(
         model.parameter_names, model.parameters, axis.estimates, strict=True
     ):
-        yield name, {"symbol": parameter.symbol, "unit": parameter.unit, **asdict(estimate)}
+        yield (
+            name,
+            {
+                "symbol": parameter.symbol,
+                "unit": unit_for(parameter.unit, axis.units.position, "V"),
+                **asdict(estimate),
+            },
+        )
 
 
 def _robust_gain(axis: Axis) -> dict[str, Any]:

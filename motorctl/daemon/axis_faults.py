@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.config.machine import Machine
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.faults import UNTIL_OPENED, fault_message, hides_turns, partner_words
@@ -29,12 +30,14 @@ def faults_of(
     """
     names = list(machine.axes)
     periods_s = [machine.period_of(name) for name in names]
+    units = [axis.units for axis in machine.axes.values()]
     return {
         name: fault_of(
             name,
             statuses[i],
             periods_s[i],
-            partner_words(i, statuses, names, periods_s),
+            partner_words(i, statuses, names, periods_s, units),
+            units[i],
             with_remedy=with_remedy,
         )
         for i, name in enumerate(names)
@@ -46,6 +49,7 @@ def fault_of(
     status: np.void,
     period_s: float,
     partner: str = "",
+    units: AxisUnits = LINEAR,
     *,
     with_remedy: bool = True,
 ) -> dict[str, Any] | None:
@@ -61,6 +65,8 @@ def fault_of(
         Period of the axis [s].
     partner
         Why another axis tripped that this one was stopped for, from `partner_words`.
+    units
+        Of the axis.
     with_remedy
         Whether the message says what to do about it.
     """
@@ -70,7 +76,7 @@ def fault_of(
     value, limit, time_s = (float(status[f"fault_{part}"]) for part in ("value", "limit", "time_s"))
     word = int(status["fault_status"])
     message = fault_message(
-        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner
+        cause, value, limit, time_s, period_s=period_s, status=word, partner=partner, units=units
     )
     named = {"cause": cause.name.lower(), "guard": cause.guard, "code": int(cause)}
     if not with_remedy:

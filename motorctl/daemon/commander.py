@@ -225,6 +225,7 @@ class Commander:
                 axis.name: {
                     "theta_names": list(axis.theta_names),
                     "dual_drive": axis.dual_drive,
+                    "position_unit": axis.units.position,
                 }
                 for axis in log_axes(self.machine)
             },

@@ -35,6 +35,7 @@ class Refusals:
         self._memory = memory
         self._names = list(machine.axes)
         axes = machine.axes.values()
+        self._units = {axis.name: axis.units for axis in axes}
         self._top_m_s = {axis.name: axis.limits.max_velocity_m_s for axis in axes}
         self._absolute = {axis.name for axis in axes if axis.homing.method == "absolute"}
 
@@ -73,7 +74,7 @@ class Refusals:
                     f"than {STANDSTILL_RATIO * self._top_m_s[name]:.3g} m/s, "
                     f"{STANDSTILL_RATIO:.0%} of its top speed, then {command} is possible"
                 )
-                return RefusedError(Code.STILL_MOVING, message)
+                return RefusedError(Code.STILL_MOVING, self._units[name].words(message))
             case Reply.EXCITED:
                 message = f"axis {name} is excited already: wait until that ends, or stop the axis"
                 return RefusedError(Code.WRONG_STATE, message)

@@ -222,6 +222,7 @@ class Report:
             },
             "homed": bool(status["homed"]),
             "controller": axis.controller,
+            "position_unit": axis.units.position,
             "trial_motions_left": self.models.on_trial(axis.name) if self.models else None,
             "position_m": finite(status["position_m"]),
             "velocity_m_s": finite(status["velocity_m_s"]),

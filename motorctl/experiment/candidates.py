@@ -173,25 +173,28 @@ def _of_one(reach: Reach) -> Iterator[tuple[str, str, list[Stroke]]]:
             strokes = list(_reversals(reach, place, speed))
             words = f"reversals over {_way(strokes, reach)} around {_place(place, reach)} at "
             words += f"{_speed(speed * reach.speed)} and {reach.acceleration:.3g} m/s^2"
-            yield "fast reversals", words, strokes
+            yield "fast reversals", reach.units.words(words), strokes
     for speed in CROSSINGS:
         strokes = [Stroke(1.0, speed, 0.8), Stroke(0.0, speed, 0.8), Stroke(0.5, speed, 0.8)]
-        yield "crossing", f"the whole way at {_speed(speed * reach.speed)}, there and back", strokes
+        words = f"the whole way at {_speed(speed * reach.speed)}, there and back"
+        yield "crossing", reach.units.words(words), strokes
     for low, high in ((0.1, 0.9), (0.3, 0.7)):
         strokes = [
             Stroke(to, 0.8, share) for share in (1.0, GENTLE) for to in (high, low, high, low)
         ]
         words = f"{_place(low, reach)} to {_place(high, reach)} and back with "
         words += f"{reach.acceleration:.3g} and {GENTLE * reach.acceleration:.3g} m/s^2"
-        yield "two accelerations", words, strokes
+        yield "two accelerations", reach.units.words(words), strokes
     for speed in SLOW_SPEEDS:
         for place in PLACES:
             strokes = list(_to_and_fro(reach, place, speed))
             words = f"to and fro over {_way(strokes, reach)} around {_place(place, reach)} at "
-            yield "slow reversals", words + _speed(speed * reach.speed), strokes
+            words += _speed(speed * reach.speed)
+            yield "slow reversals", reach.units.words(words), strokes
     ladder = [stroke for speed in SLOW_SPEEDS for stroke in _to_and_fro(reach, 0.5, speed, pairs=1)]
     speeds = ", ".join(_speed(share * reach.speed) for share in SLOW_SPEEDS)
-    yield "slow reversals", f"to and fro around {_place(0.5, reach)} at {speeds}", ladder
+    words = f"to and fro around {_place(0.5, reach)} at {speeds}"
+    yield "slow reversals", reach.units.words(words), ladder
     for begin in BEGINS:
         strokes = list(roam(reach, ROAMING, begin))
         seconds = duration_s(reach, strokes)

@@ -81,8 +81,10 @@ def _draw_motion(panel: Axes, candidate: Candidate, reaches: Mapping[str, Reach]
     for k, (axis, path) in enumerate(candidate.trajectories(reaches).items()):
         time_s = np.linspace(0.0, path.duration_s, POINTS)
         x = path.sample(time_s)[0]
-        panel.plot(time_s, 1e3 * (x - x[0]), color=colour(k), lw=1.0, label=f"axis {axis}")
+        place = reaches[axis].units.place
+        panel.plot(time_s, place.factor * (x - x[0]), color=colour(k), lw=1.0, label=f"axis {axis}")
     panel.set_xlabel("time [s]")
-    panel.set_ylabel("way from the start [mm]")
+    units = ", ".join(dict.fromkeys(reach.units.place.unit for reach in reaches.values()))
+    panel.set_ylabel(f"way from the start [{units}]")
     panel.set_title(textwrap.fill(candidate.words, TITLE_WIDTH), fontsize=8, loc="left")
     panel.legend(frameon=False, fontsize=8)

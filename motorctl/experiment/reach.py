@@ -52,6 +52,7 @@ def reach_of(machine: Machine, axis: Axis, effort: float = 1.0) -> Reach:
         SPEED * effort * speed,
         ACCELERATION * effort * acceleration,
         effort * jerk,
+        axis.units,
     )
 
 
@@ -67,11 +68,12 @@ def reach_in_envelope(machine: Machine, axis: Axis, effort: float = 1.0) -> Reac
     allowed = allowed_travel_m(axis)
     low, high = max(reach.low, allowed[0]), min(reach.high, allowed[1])
     if not low < high:
-        raise UsageError(
+        words = (
             f"axes.{axis.name}.experiments.travel_m: {allowed[0]:g} to {allowed[1]:g} m leaves "
             f"nothing of the {reach.low:g} to {reach.high:g} m in which motions are made: "
             f"{100 * CLEARANCE:g} % of limits.travel_m are kept free at either end"
         )
+        raise UsageError(axis.units.words(words))
     return replace(
         reach,
         low=low,

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from motorctl.axis_units import units_in
 from motorctl.flight.fault_moment import axes_of, fault_row
 from motorctl.flight.records import FlightRecord
 from motorctl.picture_style import COLOURS, draw_curve, panels_in_file
@@ -100,11 +101,13 @@ def _draw_axis(
         for panel in panels:
             panel.set_prop_cycle(marker=["."], markersize=[3])
     motion, error, command, timing, states = panels
-    draw_curve(motion, since, signal("reference_m") * 1e3, DIM, "reference")
-    draw_curve(motion, since, signal("position_m") * 1e3, COLOURS[1], "position")
-    motion.set_ylabel("position\n[mm]")
+    units = units_in(record.metadata.get("config") or {}, axis)
+    place = units.place
+    draw_curve(motion, since, signal("reference_m") * place.factor, DIM, "reference")
+    draw_curve(motion, since, signal("position_m") * place.factor, COLOURS[1], "position")
+    motion.set_ylabel(f"position\n[{place.unit}]")
     draw_curve(error, since, signal("following_error_m") * 1e6, COLOURS[1])
-    error.set_ylabel("following\nerror [µm]")
+    error.set_ylabel(f"following\nerror [{units.error.unit}]")
     draw_curve(command, since, signal("command_v"), COLOURS[1])
     _limit_lines(command, record, axis)
     command.set_ylabel("command\n[V]")

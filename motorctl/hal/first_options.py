@@ -9,7 +9,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class FirstAxis:
-    """What is known of an axis when the first configuration of its machine is written."""
+    """What is known of an axis when the first configuration of its machine is written.
+
+    Of a rotary axis in radians, where the names say metres.
+    """
 
     name: str
     channel: int
@@ -28,6 +31,8 @@ class FirstAxis:
     """How it is homed: absolute, switch, switch_index or index."""
     home_position_m: float
     """Where its home switch's edge or index mark is, where it has one."""
+    friction_slope_s_m: float | None = None
+    """How steeply its friction turns over; None: as that of a carriage."""
     delay_s: float = 0.0
     """How late a command of the real machine's bus acts, for one that is simulated in its place."""
 

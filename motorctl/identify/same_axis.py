@@ -49,11 +49,11 @@ def check_belongs(recording: Recording, machine: Machine, axes: Iterable[str]) -
     for name in axes:
         data = measured(recording, name)
         axis = _axis_of(machine, name)
-        if axis is None or (data.position_unit, data.command_unit) != ("m", "V"):
+        if axis is None or not _in_its_units(data, axis):
             continue
         found = against(data, axis) or inertia_against(data, axis)
         problems += [f"axis {name}: {words}" for words in found]
-    _refuse(recording, f"{machine.source}, or not in its units, m and V", problems)
+    _refuse(recording, f"{machine.source}, or not in its units", problems)
 
 
 def declared_inertias(
@@ -61,7 +61,7 @@ def declared_inertias(
 ) -> dict[str, tuple[float, float]]:
     """Return the bounds that a machine's configuration gives the inertia of some axes.
 
-    Of axes that it describes, recorded in a configuration's units, m and V.
+    Of axes that it describes, recorded in its units.
     """
     if machine is None:
         return {}
@@ -69,7 +69,7 @@ def declared_inertias(
     for name in axes:
         axis, data = _axis_of(machine, name), measured(recording, name)
         place = None if axis is None else axis.model.index_of("acceleration")
-        if axis is None or place is None or (data.position_unit, data.command_unit) != ("m", "V"):
+        if axis is None or place is None or not _in_its_units(data, axis):
             continue
         bounds = axis.estimates[place]
         found[name] = bounds.lower, bounds.upper
@@ -89,10 +89,12 @@ def require_same_machine(recording: Recording, machine: Machine, axes: Iterable[
             problems.append(f"axis '{name}' is not in the configuration, which has: {known}")
             continue
         data = measured(recording, name)
-        if (data.position_unit, data.command_unit) != ("m", "V"):
+        units = machine.axes[name].units
+        if not _in_its_units(data, machine.axes[name]):
             raise UsageError(
-                f"{data.place} is in {data.position_unit} and {data.command_unit}; a configuration "
-                "is in m and V, so nothing of it can be refined from this recording"
+                f"{data.place} is in {data.position_unit} and {data.command_unit}; axes.{name} is "
+                f"{units.kind}, in {units.position} and V, so nothing of it can be refined from "
+                "this recording"
             )
         problems += [f"axis {name}: {words}" for words in against(data, machine.axes[name])]
     _refuse(recording, str(machine.source), problems)
@@ -102,6 +104,10 @@ def _refuse(recording: Recording, whose: str, problems: list[str]) -> None:
     if problems:
         listed = "".join(f"\n  {problem}" for problem in problems)
         raise DataError(f"{recording.source} is not a recording of the machine in {whose}:{listed}")
+
+
+def _in_its_units(data: Measured, axis: Axis) -> bool:
+    return (data.position_unit, data.command_unit) == (axis.units.position, "V")
 
 
 def _axis_of(machine: Machine, name: str) -> Axis | None:
@@ -140,7 +146,7 @@ def against(data: Measured, axis: Axis) -> list[str]:
     largest, limit = float(np.max(np.abs(command))), axis.limits.max_voltage_v
     if largest > (1.0 + BEYOND_VOLTAGE) * limit:
         found.append(f"its commands reach {largest:.4g} V, limits.max_voltage_v is {limit:g}")
-    return found
+    return [axis.units.words(words) for words in found]
 
 
 def inertia_against(data: Measured, axis: Axis) -> list[str]:
@@ -154,10 +160,8 @@ def inertia_against(data: Measured, axis: Axis) -> list[str]:
         return []
     if bounds.lower / FAR_BEYOND_BOUNDS < inertia < bounds.upper * FAR_BEYOND_BOUNDS:
         return []
-    return [
-        f"its inertia is about {inertia:.3g} V*s^2/m, model.{name}.bounds is "
-        f"{bounds.lower:g} to {bounds.upper:g}"
-    ]
+    told = f"its inertia is about {inertia:.3g} V*s^2/m, model.{name}.bounds is "
+    return [f"{axis.units.words(told)}{bounds.lower:g} to {bounds.upper:g}"]
 
 
 def _off_grid(position: np.ndarray, resolution: float) -> float:

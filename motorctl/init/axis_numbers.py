@@ -41,6 +41,9 @@ COUNTS = 10 * COUNTS_AT_REST
 """Following error at standstill in counts at least: ten times of what is refused."""
 FILTER_S, FILTER_PERIODS = 0.002, 5
 """For so long the following error may be beyond its limit: one bad sample is no fault."""
+ROTARY_FRICTION = 0.01
+"""Friction of what turns, as a part of the full command: nobody knows the load of its bearing.
+Larger and smaller ones are learned. By hand."""
 PUBLISHED_ACCELERATION_M_S2, PUBLISHED_VELOCITY_M_S = 38.0, 1.5
 """Of the published gantry, whose covariances the effects have as defaults: an estimator's speed is
 covariance times signal squared."""
@@ -135,9 +138,16 @@ def axis_numbers(known: AxisKnown, period_s: float, delay_s: float) -> AxisNumbe
         gains=gains,
         d_hat_max_v=_rounded(min(max(LEARNED_SHARE * full, 3.0 * friction), full)),
         filter_rad_s=_rounded(min(HIGHEST_FILTER_RAD_S, FILTER_SHARE * math.pi / period_s)),
-        gate_velocity_m_s=_rounded(min(0.02, fastest / 20.0)),
-        gate_acceleration_m_s2=_rounded(min(1.0, acceleration / 20.0)),
+        gate_velocity_m_s=_gate(known, 0.02, fastest, PUBLISHED_VELOCITY_M_S),
+        gate_acceleration_m_s2=_gate(known, 1.0, acceleration, PUBLISHED_ACCELERATION_M_S2),
     )
+
+
+def _gate(known: AxisKnown, published: float, own_top: float, published_top: float) -> float:
+    """Return above which speed or acceleration is learned: as published, or a share of the top."""
+    if known.units.kind == "rotary":
+        return _rounded(published * own_top / published_top)
+    return _rounded(min(published, own_top / 20.0))
 
 
 def mechanics(known: AxisKnown) -> tuple[float, float, float]:
@@ -151,15 +161,29 @@ def mechanics(known: AxisKnown) -> tuple[float, float, float]:
     return inertia, friction, _rounded(min(friction / known.max_velocity_m_s, parameter.upper))
 
 
+def friction_slope_s_m(known: AxisKnown) -> float | None:
+    """Return how steeply friction turns over, s/rad; None: as it does by itself.
+
+    The usual slope is that of a carriage. What turns crosses zero within a sample at it, and a
+    model that is steeper than the samples are close tells nothing of friction there.
+    """
+    if known.units.kind == "linear":
+        return None
+    usual: float = basic_effects()["direction"]().options.slope_s_m  # type: ignore[attr-defined]
+    return _rounded(usual * PUBLISHED_VELOCITY_M_S / known.max_velocity_m_s)
+
+
 def _inertia(known: AxisKnown) -> float:
     (parameter,) = basic_effects()["acceleration"]().parameters
     inertia = _rounded(known.inertia_v_s2_m)
     if not 2.0 * parameter.lower <= inertia <= 0.5 * parameter.upper:
+        units, rotary = known.units, known.units.kind == "rotary"
+        options = "--inertia and --torque-constant" if rotary else "--mass and --force-constant"
         raise UsageError(
-            f"axis {known.name}: a mass of {known.mass_kg:g} kg over "
-            f"{known.force_constant_n_v:g} N/V is {inertia:g} V*s^2/m, should be "
-            f"{2.0 * parameter.lower:g} to {0.5 * parameter.upper:g}: are the units of --mass and "
-            "--force-constant right?"
+            f"axis {known.name}: {known.mass_kg:g} {units.inertia} over "
+            f"{known.force_constant_n_v:g} {units.force}/V is {inertia:g} "
+            f"{units.words('V*s^2/m')}, should be {2.0 * parameter.lower:g} to "
+            f"{0.5 * parameter.upper:g}: are the units of {options} right?"
         )
     return inertia
 
@@ -167,13 +191,16 @@ def _inertia(known: AxisKnown) -> float:
 def _friction(known: AxisKnown, inertia: float) -> float:
     if known.friction_n is None:
         guess = ROLLING_FRICTION * STANDARD_GRAVITY_M_S2 * inertia
+        if known.units.kind == "rotary":
+            guess = ROTARY_FRICTION * known.max_voltage_v
         return _rounded(min(guess, 0.5 * FRICTION_SHARE * known.max_voltage_v))
     friction = _rounded(known.friction_n / known.force_constant_n_v)
     if 2.0 * friction >= known.max_voltage_v:
         most_n = 0.5 * known.max_voltage_v * known.force_constant_n_v
         raise UsageError(
-            f"axis {known.name}: --friction {known.friction_n:g}N takes {friction:g} V of "
-            f"{known.max_voltage_v:g} V, should be below {most_n:g}N: half of the full command"
+            f"axis {known.name}: --friction {known.friction_n:g}{known.units.force} takes "
+            f"{friction:g} V of {known.max_voltage_v:g} V, should be below "
+            f"{most_n:g}{known.units.force}: half of the full command"
         )
     return friction
 
@@ -186,11 +213,12 @@ def _acceleration(known: AxisKnown, inertia: float, friction: float, speed_up_s:
         return _rounded_down(min(strongest, known.max_velocity_m_s / speed_up_s))
     most = (full - 2.0 * friction) / inertia
     if told > most:
-        raise UsageError(
+        words = (
             f"axis {known.name}: --max-acceleration {told:g}m/s^2 needs "
             f"{told * inertia + 2.0 * friction:.3g} V with its friction, and the full command is "
             f"{full:g} V; should be at most {_rounded_down(most):g}m/s^2"
         )
+        raise UsageError(known.units.words(words))
     return told
 
 
@@ -205,11 +233,12 @@ def _insist_on_room(known: AxisKnown, acceleration: float, jerk: float) -> None:
         middle = 0.5 * (low + high)
         fits = stopping_distance_m(middle, acceleration, jerk) <= room
         low, high = (middle, high) if fits else (low, middle)
-    raise UsageError(
+    words = (
         f"axis {known.name}: --max-velocity {known.max_velocity_m_s:g}m/s: to stop from it takes "
         f"{needed:.3g} m at {acceleration:g} m/s^2, {COMMAND_SHARE:.0%} of the full command, and "
         f"the travel is {room:g} m; should be at most {_rounded_down(low):g}m/s"
     )
+    raise UsageError(known.units.words(words))
 
 
 def _error_m(known: AxisKnown, gains: FirstGains, friction: float) -> float:
@@ -223,12 +252,13 @@ def _error_m(known: AxisKnown, gains: FirstGains, friction: float) -> float:
     least = max(COUNTS * known.resolution_m, HELD_RATIO * held)
     most = ERROR_SHARE * (known.travel_m[1] - known.travel_m[0])
     if least > most:
-        raise UsageError(
+        words = (
             f"axis {known.name}: a travel of {known.travel_m[1] - known.travel_m[0]:g} m is too "
             f"short for this loop: it may be {least:.3g} m behind, by a count of "
             f"{known.resolution_m:g} m, friction of {friction:g} V and k1 {gains.k1_1_s:g} 1/s; "
             "give a finer --encoder, or a higher --rate"
         )
+        raise UsageError(known.units.words(words))
     return _rounded(min(max(least, known.max_voltage_v / stiffness), most))
 
 

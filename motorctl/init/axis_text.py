@@ -8,7 +8,9 @@ from typing import Any
 from motorctl.init.axis_numbers import (
     COMMAND_SHARE,
     ROLLING_FRICTION,
+    ROTARY_FRICTION,
     AxisNumbers,
+    friction_slope_s_m,
 )
 from motorctl.init.known import AxisKnown, driver_key
 from motorctl.init.yaml_text import Path
@@ -28,6 +30,8 @@ three speeds tell viscous friction from drag and from Coulomb friction. No round
 whole number of counts a tick each is off by the same, which looks like an encoder's error."""
 SEARCH_M_S, LATCH_M_S = 0.05, 0.01
 """Speeds of homing at most [m/s]: slow enough that a switch that is not there harms nothing."""
+SEARCH_RAD_S, LATCH_RAD_S = 0.5, 0.1
+"""The same of a rotary axis [rad/s]: those of a rim of 10 cm. By hand."""
 HOME_SHARE = 0.05
 """Of the travel, from its lower end: where a home switch or an index mark is taken to be."""
 
@@ -35,7 +39,9 @@ HOME_SHARE = 0.05
 def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     """Return the keys of an axis, and comments by their paths below the axis."""
     known, gains = numbers.known, numbers.gains
-    keys: dict[str, Any] = {
+    units = known.units
+    keys: dict[str, Any] = {"kind": "rotary"} if units.kind == "rotary" else {}
+    keys |= {
         "driver": driver_key(known.driver),
         "channel": known.channel,
         "encoder": {
@@ -67,7 +73,9 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
         },
     }
     told: dict[Path, str] = {
-        ("encoder",): "metres a count; direction: 1 where counts rise with positive volts, else -1",
+        ("kind",): "in radians: every key that is named in metres is in rad, rad/s, rad/s^2",
+        ("encoder",): f"{'radians' if units.kind == 'rotary' else 'metres'} a count; "
+        "direction: 1 where counts rise with positive volts, else -1",
         ("limits", "travel_m"): "soft limits, in force once the axis is homed",
         ("limits", "max_velocity_m_s"): "1.2 times as much trips the axis",
         ("limits", "max_acceleration_m_s2"): _acceleration_words(numbers),
@@ -93,7 +101,7 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     keys["homing"], told["homing",] = homing(known)
     keys["program"] = program_name(known)
     told["program",] = "what `start` follows; remove it to hold"
-    return keys, told
+    return keys, {path: units.words(text) for path, text in told.items() if path[0] in keys}
 
 
 def _acceleration_words(numbers: AxisNumbers) -> str:
@@ -122,21 +130,30 @@ def _model(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     known, basic = numbers.known, basic_effects()
     mass, viscous = basic["acceleration"].name, basic["velocity"].name
     coulomb, constant = basic["direction"].name, basic["one"].name
+    slope_s_m = friction_slope_s_m(known)
+    slope = {} if slope_s_m is None else {"slope_s_m": slope_s_m}
     model: dict[str, Any] = {
         mass: _parameter(numbers.inertia, numbers.inertia_bounds, numbers.covariances[0]),
         viscous: _parameter(numbers.viscous, numbers.viscous_bounds, numbers.covariances[1]),
-        coulomb: _parameter(numbers.friction, numbers.friction_bounds),
+        coulomb: _parameter(numbers.friction, numbers.friction_bounds) | slope,
         constant: _parameter(0.0, numbers.offset_bounds),
     }
+    units, rotary = known.units, known.units.kind == "rotary"
     friction = f"friction of {ROLLING_FRICTION:.0%} of the weight, a guess for a rail"
+    if rotary:
+        friction = f"friction of {ROTARY_FRICTION:.0%} of the full command, a guess for a bearing"
     if known.friction_n is not None:
-        friction = f"{known.friction_n:g} N over the force constant"
+        which = "torque" if rotary else "force"
+        friction = f"{known.friction_n:g} {units.force} over the {which} constant"
+    inertia = f"{known.mass_kg:.4g} {units.inertia}"
     told: dict[Path, str] = {
         (mass,): "V*s^2/m: "
-        + (known.inertia_said or f"{known.mass_kg:.4g} kg / {known.force_constant_n_v:.4g} N/V"),
+        + (known.inertia_said or f"{inertia} / {known.force_constant_n_v:.4g} {units.force}/V"),
         (viscous,): "V*s/m: at the top speed as much as Coulomb friction, a guess",
         (coulomb,): f"V: {friction}",
-        (constant,): "V: a slope, a cable; a vertical axis has its weight here",
+        (constant,): "V: a cable, a constant torque"
+        if rotary
+        else "V: a slope, a cable; a vertical axis has its weight here",
     }
     delay = delay_effect(numbers.delay_s)
     if delay is not None:
@@ -173,8 +190,10 @@ def homing(known: AxisKnown) -> tuple[dict[str, Any], str]:
     if known.homing == "absolute":
         return {"method": "absolute"}, "the encoder knows its position at power-on"
     low, high = known.travel_m
-    search = float(f"{min(SEARCH_M_S, known.max_velocity_m_s / 5.0):.2g}")
-    latch = float(f"{min(LATCH_M_S, search / 2.0):.2g}")
+    rotary = known.units.kind == "rotary"
+    fast, slow = (SEARCH_RAD_S, LATCH_RAD_S) if rotary else (SEARCH_M_S, LATCH_M_S)
+    search = float(f"{min(fast, known.max_velocity_m_s / 5.0):.2g}")
+    latch = float(f"{min(slow, search / 2.0):.2g}")
     slowest = latch if known.homing == "index" else min(search, latch)
     timeout_s = math.ceil(5.0 * (high - low) / slowest + 5.0)
     keys: dict[str, Any] = {"method": known.homing}

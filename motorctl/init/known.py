@@ -8,12 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.config.axis_keys import HomingMethod
 
 
 @dataclass(frozen=True)
 class AxisKnown:
-    """One axis, as a person knows it, in the units of the loop."""
+    """One axis, as a person knows it, in the units of the loop.
+
+    A rotary one has radians, kg*m^2 and N*m where this says metres, kilograms and newtons.
+    """
 
     name: str
     driver: str
@@ -38,6 +42,7 @@ class AxisKnown:
     """Where the mass over the force constant comes from; None: from the two."""
     said: tuple[str, ...] = ()
     """Arithmetic that led to the numbers, in words: of a screw, of an amplifier."""
+    units: AxisUnits = LINEAR
 
     @property
     def inertia_v_s2_m(self) -> float:

@@ -1,4 +1,4 @@
-"""Quantities as people write them, with their unit: 12kg, 30N/V, -200mm..0.3m."""
+"""Quantities as people write them, with their unit: 12kg, 30N/V, -200mm..0.3m, 60rpm."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from motorctl.errors import UsageError
+from motorctl.log.units import POSITION_UNITS, VELOCITY_UNITS, usual_spelling
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -47,11 +48,21 @@ FREQUENCY = Kind("a frequency", {"Hz": 1.0, "kHz": 1e3}, "5kHz")
 ROTARY_INERTIA = Kind(
     "a rotary inertia", {"kg*m^2": 1.0, "kg*cm^2": 1e-4, "g*cm^2": 1e-7}, "1.2e-5kg*m^2"
 )
-ANGLES = ("rad", "mrad", "urad", "deg", "arcsec", "rev", "turn", "turns", "rpm")
+_RADIANS = {unit: size for unit, (size, base) in POSITION_UNITS.items() if base == "rad"}
+_RADIANS_S = {unit: size for unit, (size, base) in VELOCITY_UNITS.items() if base == "rad"}
+ANGLE = Kind("an angle", _RADIANS, "90deg")
+ANGLE_A_COUNT = Kind("counts a turn, or the angle of a count", _RADIANS, "1000000/turn or 5urad")
+ANGULAR_VELOCITY = Kind("an angular speed", _RADIANS_S, "2rad/s or 60rpm")
+ANGULAR_ACCELERATION = Kind(
+    "an angular acceleration", {f"{u}/s^2": size for u, size in _RADIANS.items()}, "50rad/s^2"
+)
+TORQUE_CONSTANT = Kind("a torque constant", {"N*m/V": 1.0, "N*m/A": 1.0}, "0.8N*m/V", bare=False)
+TORQUE = Kind("a torque", {"N*m": 1.0, "mN*m": 1e-3}, "0.2N*m")
 NO_ANGLES = (
-    "motorctl keeps positions in metres and has no rotary axes: an angle cannot be given. An axis "
-    "that a screw, rack or belt moves is told by its travel a turn, as in --screw-pitch 5mm, its "
-    "encoder by counts a turn, as in --encoder 10000/turn"
+    "is an angle, and this axis is linear, in metres. An axis that turns is told by --kind rotary, "
+    "with --inertia and --torque-constant. One that a screw, rack or belt moves is linear: it is "
+    "told by its travel a turn, as in --screw-pitch 5mm, its encoder by counts a turn, as in "
+    "--encoder 10000/turn"
 )
 
 
@@ -74,8 +85,8 @@ def quantity(option: str, text: str, kind: Kind) -> tuple[float, str]:
     """
     found = re.fullmatch(rf"\s*({NUMBER})\s*(\D\S*)?\s*", text)
     unit = _spelled(found[2] or "") if found else ""
-    if unit.split("/")[0] in ANGLES:
-        raise UsageError(f"{option} {text}: {NO_ANGLES}")
+    if unit.split("/")[0] in _RADIANS and unit not in kind.units:
+        raise UsageError(f"{option} {text} {NO_ANGLES}")
     if found and not unit and kind.bare:
         unit = next(iter(kind.units))
     if found is None or unit not in kind.units:
@@ -97,35 +108,38 @@ def positive(option: str, text: str, kind: Kind) -> float:
     return value
 
 
-def travel(option: str, text: str) -> tuple[float, float]:
-    """Return both ends of a travel such as ``-0.2..0.3`` or ``-200mm..300mm`` [m].
+def travel(option: str, text: str, kind: Kind = LENGTH) -> tuple[float, float]:
+    """Return both ends of a travel such as ``-0.2..0.3`` or ``-200mm..300mm`` [m or rad].
 
     The unit of the second end holds for both where the first has none. Raises UsageError.
     """
     ends = text.split("..")
     if len(ends) != 2:
         raise UsageError(f"{option} {text}: should be two ends, as in -0.2..0.3 or -200mm..300mm")
-    high, unit = quantity(option, ends[1], LENGTH)
-    first = ends[0] if re.search(r"[a-zA-Zµ]\s*$", ends[0]) else f"{ends[0]}{unit}"
-    low, _ = quantity(option, first, LENGTH)
+    high, unit = quantity(option, ends[1], kind)
+    first = ends[0] if re.search(r"[a-zA-Zµ°]\s*$", ends[0]) else f"{ends[0]}{unit}"
+    low, _ = quantity(option, first, kind)
     if not low < high:
         raise UsageError(f"{option} {text}: the lower end should stand first")
     return low, high
 
 
-def resolution(option: str, text: str, screw_pitch_m: float | None) -> float:
-    """Return metres a count, of which a turn of a screw may have so many. Raises UsageError."""
-    turn = re.fullmatch(rf"\s*({NUMBER})\s*(?:counts?)?\s*/\s*(?:turn|rev)\s*", text)
-    if turn is None:
-        return positive(option, text, RESOLUTION)
-    counts = float(turn[1])
+def resolution(option: str, text: str, turn: float | None, kind: Kind = RESOLUTION) -> float:
+    """Return metres (or radians) a count, which may be told by counts a turn.
+
+    turn is the way of one turn: of a screw, or 2 pi. Raises UsageError.
+    """
+    found = re.fullmatch(rf"\s*({NUMBER})\s*(?:counts?)?\s*/\s*(?:turn|rev)\s*", text)
+    if found is None:
+        return positive(option, text, kind)
+    counts = float(found[1])
     if not counts > 0.0:
         raise UsageError(f"{option} {text}: should be above 0, as in 10000/turn")
-    if screw_pitch_m is None:
+    if turn is None:
         raise UsageError(
             f"{option} {text}: counts a turn need the travel a turn, as in --screw-pitch 5mm"
         )
-    return screw_pitch_m / counts
+    return turn / counts
 
 
 def _spelled(unit: str) -> str:
@@ -133,4 +147,4 @@ def _spelled(unit: str) -> str:
     unit = unit.replace("µ", "u").replace("μ", "u").replace("²", "^2").replace("·", "*")
     unit = re.sub(r"^Nm\b", "N*m", unit)
     unit = re.sub(r"/s2$", "/s^2", unit)
-    return re.sub(r"m2$", "m^2", unit)
+    return usual_spelling(re.sub(r"m2$", "m^2", unit)) if unit else unit

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from typing import Any
 
 import yaml
 
+from motorctl.axis_units import AxisUnits, units_of
 from motorctl.config.axis_keys import HomingMethod
 from motorctl.errors import UsageError
 from motorctl.hal import FoundAxis, driver_class
@@ -20,33 +22,27 @@ from motorctl.init.known import (
     force_of_torque,
     mass_of_rotor,
 )
+from motorctl.init.questions import (
+    AMPLIFIER,
+    HOME,
+    HOMING,
+    KIND,
+    OF_LINEAR,
+    OF_ROTARY,
+    ONLY_LINEAR,
+    ONLY_ROTARY,
+    SCREW,
+    Asked,
+    Question,
+)
 from motorctl.located_yaml import CoreLoader
 
 AXIS_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 USUAL_NAMES = ("x", "y", "z")
-HOMING: tuple[HomingMethod, ...] = get_args(HomingMethod)
-
-
-@dataclass(frozen=True)
-class Question:
-    """Something that has to be known of an axis."""
-
-    option: str
-    """Without its dashes."""
-    words: str
-    """What is asked at a terminal."""
-    example: str
-
-
-ENCODER = Question("encoder", "encoder: length of a count, or counts a turn", "0.5um, 10000/turn")
-SCREW = Question("screw-pitch", "travel of one turn of the screw", "5mm")
-MASS = Question("mass", "mass of all that moves", "12kg")
-FORCE = Question("force-constant", "force a volt (or an ampere) of command", "30N/V, 45N/A")
-AMPLIFIER = Question("amplifier", "amperes that the amplifier gives a volt", "2A/V")
-TRAVEL = Question("travel", "travel between the soft limits", "-0.2..0.3")
-VELOCITY = Question("max-velocity", "top speed", "0.5m/s")
-HOME = Question("homing", f"how it finds its zero: {', '.join(HOMING)}", "absolute")
-IN_NEWTONS = (MASS.option, FORCE.option, AMPLIFIER.option, "rotor-inertia", "friction")
+IN_NEWTONS = (
+    *(asked.option for own in (OF_LINEAR, OF_ROTARY) for asked in (own.mass, own.force)),
+    *(AMPLIFIER.option, "rotor-inertia", "friction"),
+)
 """What counts only where both mass and force constant are told: an inertia in V s^2/m, as devices
 tell it, says nothing of newtons and kilograms."""
 
@@ -65,30 +61,67 @@ class AxisTold:
         """Take what the device told. Raises UsageError where words beside it would not be used."""
         self.found, self.channel = found, found.channel
         told = [f"--{option}" for option in IN_NEWTONS if option in self.words]
-        both = self._has(MASS) and self._has(FORCE)
+        both = self._has(self.asked.mass) and self._has(self.asked.force)
         if found.inertia_v_s2_m is not None and told and not both:
             raise UsageError(
                 f"axis {self.name}: {', '.join(told)}: its device tells an inertia of "
-                f"{found.inertia_v_s2_m:g} V*s^2/m, and no newtons a volt: give both --mass and "
-                f"--force-constant, which then go before it, or leave {', '.join(told)} out"
+                f"{found.inertia_v_s2_m:g} {self.units.words('V*s^2/m')}, and no newtons a volt: "
+                f"give both --{self.asked.mass.option} and --{self.asked.force.option}, which then "
+                f"go before it, or leave {', '.join(told)} out"
+            )
+
+    @property
+    def units(self) -> AxisUnits:
+        """Units of the axis: rotary where that, an inertia or a torque constant is told."""
+        told = self.words.get(KIND.option)
+        if told is None:
+            told = "rotary" if any(option in self.words for option in ONLY_ROTARY) else "linear"
+        return units_of(told)
+
+    @property
+    def asked(self) -> Asked:
+        """What is asked of an axis of its kind."""
+        return OF_ROTARY if self.units.kind == "rotary" else OF_LINEAR
+
+    @property
+    def kind_is_open(self) -> bool:
+        """Whether nothing that was told so far says if it is linear or rotary."""
+        return not self.words.keys() - {HOME.option} and self.found is None
+
+    def insist_on_kind(self) -> None:
+        """Raise UsageError where words are of an axis of the other kind."""
+        kind = self.words.get(KIND.option, "linear")
+        if kind not in ("linear", "rotary"):
+            raise UsageError(f"--kind {kind}: should be linear or rotary")
+        others = ONLY_LINEAR if self.units.kind == "rotary" else ONLY_ROTARY
+        wrong = [f"--{option}" for option in others if option in self.words]
+        if wrong:
+            own = self.asked
+            raise UsageError(
+                f"axis {self.name} is {self.units.kind} by --"
+                f"{' or --'.join(o for o in (KIND.option, *ONLY_ROTARY) if o in self.words)}, and "
+                f"{', '.join(wrong)} would be of the other kind: it has --{own.mass.option} and "
+                f"--{own.force.option} (AXIS=VALUE tells one axis alone)"
             )
 
     def missing(self) -> list[Question]:
         """Return what has still to be known, in the order in which people are asked."""
-        found = self.found or FoundAxis(self.channel)
+        self.insist_on_kind()
+        found, own = self.found or FoundAxis(self.channel), self.asked
         needed: list[tuple[Question, object]] = [
-            (ENCODER, found.resolution_m),
-            (MASS, found.inertia_v_s2_m),
-            (FORCE, found.inertia_v_s2_m),
-            (TRAVEL, found.travel_m),
-            (VELOCITY, None),
+            (own.encoder, found.resolution_m),
+            (own.mass, found.inertia_v_s2_m),
+            (own.force, found.inertia_v_s2_m),
+            (own.travel, found.travel_m),
+            (own.velocity, None),
         ]
         if not driver_class(self.driver).simulated:
             needed.append((HOME, found.homing))  # a wrong zero makes soft limits worthless
         missing = [asked for asked, known in needed if known is None and not self._has(asked)]
-        force, encoder = self.words.get(FORCE.option, ""), self.words.get(ENCODER.option, "")
+        force = self.words.get(own.force.option, "")
+        encoder = self.words.get(own.encoder.option, "")
         turns = re.search(r"/\s*(turn|rev)", encoder) or re.match(r".*\d\s*N\*?m", force)
-        if turns and not self._has(SCREW):
+        if turns and not self._has(SCREW) and own is OF_LINEAR:
             missing.insert(0, SCREW)  # beside the answer that needs it
         if force.rstrip().endswith("/A") and not self._has(AMPLIFIER):
             missing.insert(0, AMPLIFIER)
@@ -99,17 +132,34 @@ class AxisTold:
 
     def read(self, question: Question) -> None:
         """Refuse words that make no sense for a question; others may still be missing."""
-        words = self.words[question.option]
+        words, own = self.words[question.option], self.asked
         option = f"--{question.option}"
-        pitch = self._positive(SCREW, q.LENGTH)
-        if question is ENCODER and "/" in words and pitch is None:
+        turn = self._turn()
+        if question is KIND:
+            self._read_kind()
+        elif question is own.encoder and "/" in words and turn is None:
             q.resolution(option, words, 1.0)
-        elif question is TRAVEL:
-            q.travel(option, words)
+        elif question is own.encoder:
+            q.resolution(option, words, turn, own.count)
+        elif question is own.travel:
+            q.travel(option, words, own.position)
         elif question is HOME:
             _homing(words)
-        elif question in KINDS:
-            q.positive(option, words, KINDS[question])
+        elif question in own.kinds:
+            q.positive(option, words, own.kinds[question])
+
+    def _read_kind(self) -> None:
+        try:
+            self.insist_on_kind()
+        except UsageError:
+            self.words.pop(KIND.option)
+            raise
+
+    def _turn(self) -> float | None:
+        """Return the way of one turn: of a rotary axis, or of a screw where that was told."""
+        if self.units.kind == "rotary":
+            return 2.0 * math.pi
+        return self._positive(SCREW, q.LENGTH)
 
     def _positive(self, question: Question, kind: q.Kind) -> float | None:
         words = self.words.get(question.option)
@@ -117,27 +167,29 @@ class AxisTold:
 
     def known(self) -> AxisKnown:
         """Return the axis in numbers. Raises UsageError where words make no sense."""
-        found = self.found or FoundAxis(self.channel)
+        found, own = self.found or FoundAxis(self.channel), self.asked
         said: list[str] = []
-        pitch = self._positive(SCREW, q.LENGTH)
+        turn = self._turn()
         resolution = found.resolution_m
-        if ENCODER.option in self.words:
-            words = self.words[ENCODER.option]
-            resolution = q.resolution("--encoder", words, pitch)
-            if pitch is not None and "/" in words:
-                said.append(f"a count is {pitch:g} m a turn / {words.partition('/')[0].strip()}")
-        force, mass, inertia_said = self._force_and_mass(found, pitch, said)
+        if own.encoder.option in self.words:
+            words = self.words[own.encoder.option]
+            resolution = q.resolution("--encoder", words, turn, own.count)
+            if turn is not None and "/" in words:
+                way = f"{turn:.6g} {self.units.position}"
+                said.append(f"a count is {way} a turn / {words.partition('/')[0].strip()}")
+        force, mass, inertia_said = self._force_and_mass(found, turn, said)
         travel = found.travel_m
-        if TRAVEL.option in self.words:
-            travel = q.travel("--travel", self.words[TRAVEL.option])
+        if own.travel.option in self.words:
+            travel = q.travel("--travel", self.words[own.travel.option], own.position)
         homing = _homing(self.words.get(HOME.option) or found.homing or "absolute")
         home = found.home_position_m
         if "home-position" in self.words:
-            home, _ = q.quantity("--home-position", self.words["home-position"], q.LENGTH)
-        velocity = self._positive(VELOCITY, q.VELOCITY)
+            home, _ = q.quantity("--home-position", self.words["home-position"], own.position)
+        velocity = self._positive(own.velocity, own.speed)
         assert resolution is not None  # what is missing was asked for
         assert travel is not None
         assert velocity is not None
+        low, high = (float(f"{end:.10g}") for end in travel)
         return AxisKnown(
             name=self.name,
             driver=self.driver,
@@ -145,16 +197,17 @@ class AxisTold:
             resolution_m=float(f"{resolution:.10g}"),
             mass_kg=mass,
             force_constant_n_v=force,
-            travel_m=travel,
-            max_velocity_m_s=velocity,
-            max_acceleration_m_s2=self._optional("max-acceleration", q.ACCELERATION),
+            travel_m=(low, high),
+            max_velocity_m_s=float(f"{velocity:.10g}"),
+            max_acceleration_m_s2=self._optional("max-acceleration", own.acceleration),
             max_voltage_v=self._optional("max-voltage", q.VOLTAGE) or found.max_voltage_v or 10.0,
             counter_bits=self._bits() or found.counter_bits or 32,
-            friction_n=self._optional("friction", q.FORCE),
+            friction_n=self._optional("friction", own.friction),
             homing=homing,
             home_position_m=home,
             inertia_said=inertia_said,
             said=tuple(said),
+            units=self.units,
         )
 
     def _optional(self, option: str, kind: q.Kind) -> float | None:
@@ -173,18 +226,18 @@ class AxisTold:
         self, found: FoundAxis, pitch: float | None, said: list[str]
     ) -> tuple[float, float, str | None]:
         """Return newtons a volt, kilograms, and where their ratio comes from if not from them."""
-        if FORCE.option not in self.words or MASS.option not in self.words:
+        own = self.asked
+        if not (self._has(own.force) and self._has(own.mass)):
             assert found.inertia_v_s2_m is not None  # what is missing was asked for
             return 1.0, found.inertia_v_s2_m, "as the device tells"
-        words = self.words[FORCE.option]
-        force, unit = q.quantity("--force-constant", words, q.FORCE_CONSTANT)
+        option, words = f"--{own.force.option}", self.words[own.force.option]
+        force, unit = q.quantity(option, words, own.constant)
         if not force > 0.0:
-            raise UsageError(f"--force-constant {words}: should be above 0, as in 30N/V")
-        if unit.startswith("N*m"):
+            raise UsageError(f"{option} {words}: should be above 0, as in {own.constant.example}")
+        if unit.startswith("N*m") and own is OF_LINEAR:
             if pitch is None:
                 raise UsageError(
-                    f"--force-constant {words}: a torque needs the travel a turn, as in "
-                    "--screw-pitch 5mm"
+                    f"{option} {words}: a torque needs the travel a turn, as in --screw-pitch 5mm"
                 )
             force = force_of_torque(force, pitch)
             said.append(f"force constant: {words} x 2 pi / {pitch:g} m = {force:.4g} N/{unit[-1]}")
@@ -192,12 +245,12 @@ class AxisTold:
             gain = self._positive(AMPLIFIER, q.CURRENT_GAIN)
             if gain is None:
                 raise UsageError(
-                    f"--force-constant {words}: the command is in volts, so amperes a volt of the "
+                    f"{option} {words}: the command is in volts, so amperes a volt of the "
                     "amplifier are needed, as in --amplifier 2A/V"
                 )
             force *= gain
-            said.append(f"the amplifier gives {gain:g} A/V: {force:.4g} N/V")
-        mass = q.positive("--mass", self.words[MASS.option], q.MASS)
+            said.append(f"the amplifier gives {gain:g} A/V: {force:.4g} {self.units.force}/V")
+        mass = q.positive(f"--{own.mass.option}", self.words[own.mass.option], own.inertia)
         rotor = self._optional("rotor-inertia", q.ROTARY_INERTIA)
         if rotor is not None:
             if pitch is None:
@@ -216,16 +269,6 @@ def _homing(words: str) -> HomingMethod:
         if words == method:
             return method
     raise UsageError(f"--homing {words}: should be one of {', '.join(HOMING)}")
-
-
-KINDS = {
-    SCREW: q.LENGTH,
-    MASS: q.MASS,
-    FORCE: q.FORCE_CONSTANT,
-    AMPLIFIER: q.CURRENT_GAIN,
-    VELOCITY: q.VELOCITY,
-    ENCODER: q.RESOLUTION,
-}
 
 
 def axes_told(

@@ -12,7 +12,12 @@ from motorctl.errors import ConfigError, UsageError
 from motorctl.hal import FirstAxis
 from motorctl.identify.refine.written_beside import put_in_place, written_beside
 from motorctl.init import yaml_text
-from motorctl.init.axis_numbers import AxisNumbers, axis_numbers, mechanics
+from motorctl.init.axis_numbers import (
+    AxisNumbers,
+    axis_numbers,
+    friction_slope_s_m,
+    mechanics,
+)
 from motorctl.init.axis_text import axis_keys, home_position_m, program, program_name
 from motorctl.init.known import AxisKnown, MachineKnown, driver_key
 from motorctl.init.rates import FirstDriver, first_drivers
@@ -140,6 +145,7 @@ def _first(axis: AxisKnown, delay_s: float) -> FirstAxis:
         homing=axis.homing,
         home_position_m=home_position_m(axis),
         delay_s=delay_s,
+        friction_slope_s_m=friction_slope_s_m(axis),
     )
 
 

@@ -188,7 +188,7 @@ def _begin(
     if not whole or not off_m <= OFF_COURSE_M:
         raise DataError(
             f"{place}: its last motion was not the whole of '{program}'"
-            + (f" (its reference is {off_m * 1e6:.3g} µm off)" if whole else "")
+            + (f" (its reference is {off_m * 1e6:.3g} µ{axis.position_unit} off)" if whole else "")
             + ": give a log that ends with it"
         )
     return begin_s, slice(int(inside[0]), end)

@@ -311,7 +311,8 @@ class _Session:
         if learnable_m <= math.sqrt(WORTH) * last.rms_m:
             return (
                 f"what stands out of the noise of {len(last.error)} cycles and repeats, "
-                f"{learnable_m * 1e6:.2g} µm rms, is not worth another run"
+                f"{learnable_m * 1e6:.2g} {self._axis.units.error.unit} rms, is not worth "
+                "another run"
             )
         errors = [trial.repetition.rms_m for trial in self.trials]
         least, since = errors[0], 0

@@ -53,7 +53,7 @@ def draw_learning(learning: Learning, path: Path) -> Path:
 
 
 def _draw_error(panel: Axes, learning: Learning) -> None:
-    first = learning.trials[0]
+    first, words = learning.trials[0], learning.loop.units.words
     name = "with what had been learned" if learning.before else "nothing learned"
     shown = [(first, BEFORE, name)]
     if learning.best:
@@ -61,10 +61,10 @@ def _draw_error(panel: Axes, learning: Learning) -> None:
     for trial, colour, label in shown:
         each = trial.repetition
         time_s = each.period_s * np.arange(each.points) / each.points
-        told = f"{label}: last cycle, eF {trial.eF_m * 1e6:.2g} µm"
+        told = words(f"{label}: last cycle, eF {trial.eF_m * 1e6:.2g} µm")
         panel.plot([], [], color=colour, label=told)
         draw_curve(panel, time_s, each.error[-1] * 1e6, colour)
-    panel.set_ylabel("error [µm]")
+    panel.set_ylabel(words("error [µm]"))
     panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2, **LEGEND)
 
 
@@ -80,7 +80,7 @@ def _draw_learned(panel: Axes, learning: Learning) -> None:
     beside.grid(visible=False)
     at_s = each.period_s * np.arange(each.points) / each.points
     beside.plot(at_s, each.reference_velocity, color="0.6", lw=0.8)
-    beside.set_ylabel("reference [m/s]", color="0.5")
+    beside.set_ylabel(learning.loop.units.words("reference [m/s]"), color="0.5")
 
 
 def _draw_norms(panel: Axes, learning: Learning) -> None:
@@ -96,7 +96,7 @@ def _draw_norms(panel: Axes, learning: Learning) -> None:
         panel.semilogy(runs, np.array(values) * 1e6, marker=".", color=colour, label=label)
     panel.set_xticks(runs)
     panel.set_xlabel("run")
-    panel.set_ylabel("error [µm]")
+    panel.set_ylabel(learning.loop.units.words("error [µm]"))
     panel.legend(**LEGEND)
 
 

@@ -11,6 +11,11 @@ from motorctl.learn.learning import Learning
 HEADINGS = ("eF µm", "rms µm", "repeats", "does not", "learned V", "peak V")
 
 
+def headings(learning: Learning) -> tuple[str, ...]:
+    """Return what stands over the columns, errors in the axis' unit."""
+    return tuple(map(learning.loop.units.words, HEADINGS))
+
+
 def rows(learning: Learning) -> Iterator[tuple[str, ...]]:
     """Yield a row for each repetition."""
     for k, trial in enumerate(learning.trials):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.log.sample import AXIS_FIELDS, TICK_FIELDS, Signal
 
 METADATA_KEY = b"motorctl"
@@ -26,6 +27,7 @@ class LogAxis:
     """Two motors and encoders drive it: it has columns of its skew."""
     learning: bool = False
     """It may get a learned feedforward, and has a column of it."""
+    units: AxisUnits = LINEAR
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class Column:
     """Which axis of the samples; None for what is once a tick."""
     entry: int | None = None
     """Which entry of theta_hat."""
+    unit: str = ""
+    """Of its values on this axis; empty: a count, or a code."""
 
     @property
     def dtype(self) -> np.dtype[np.generic]:
@@ -47,7 +51,7 @@ class Column:
 
 def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
     """Return the columns of a log of `axes`, in the order in which they stand in the file."""
-    columns = [Column(field.name, field) for field in TICK_FIELDS]
+    columns = [Column(field.name, field, unit=field.unit) for field in TICK_FIELDS]
     for j, axis in enumerate(axes):
         for field in AXIS_FIELDS:
             if not field.is_recorded(dual_drive=axis.dual_drive, learning=axis.learning):
@@ -55,9 +59,9 @@ def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
             name = f"{axis.name}.{field.name}"
             if field.per_parameter:
                 thetas = enumerate(axis.theta_names)
-                columns += [Column(f"{name}_{theta}", field, j, k) for k, theta in thetas]
+                columns += [Column(f"{name}_{t}", field, j, k, field.unit) for k, t in thetas]
             else:
-                columns.append(Column(name, field, j))
+                columns.append(Column(name, field, j, unit=axis.units.words(field.unit)))
     return tuple(columns)
 
 
@@ -82,7 +86,9 @@ def log_schema(axes: Sequence[LogAxis], metadata: bytes) -> pa.Schema:
             pa.from_numpy_dtype(column.dtype),
             nullable=False,
             metadata={
-                key: told for key in ("unit", "description") if (told := getattr(column.field, key))
+                key: told
+                for key, told in (("unit", column.unit), ("description", column.field.description))
+                if told
             },
         )
         for column in log_columns(axes)

@@ -16,6 +16,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
+from motorctl.axis_units import PositionUnit
 from motorctl.errors import ConfigError, DataError, Problem
 from motorctl.located_yaml import Document, read_document
 from motorctl.log.recording import ForcePerCommand
@@ -26,7 +27,6 @@ from motorctl.log.units import (
     TIME_UNITS,
     VELOCITY_UNITS,
     CommandUnit,
-    PositionUnit,
     usual_spelling,
 )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from motorctl.axis_units import units_of
 from motorctl.errors import DataError
 from motorctl.log.columns import THETA
 from motorctl.log.description import (
@@ -184,7 +185,8 @@ def _axis(
     recorded = grid.recorded_without(blanks)
     return AxisRecording(
         name=axis, theta_hat=theta, resolution=resolution, recorded=recorded,
-        uneven=grid.resampled, **found,
+        uneven=grid.resampled,
+        position_unit=units_of(config.get("kind")).position, **found,
     )  # fmt: skip
 
 

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import PositionUnit
 from motorctl.log.axis_names import insist_on_names
-from motorctl.log.units import CommandUnit, PositionUnit, unit_for
+from motorctl.log.units import CommandUnit, unit_for
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -6,7 +6,8 @@ import math
 import re
 from typing import Literal
 
-PositionUnit = Literal["m", "rad"]
+from motorctl.axis_units import PositionUnit
+
 CommandUnit = Literal["V", "A", "N", "N*m", "%"]
 
 POSITION_UNITS: dict[str, tuple[float, PositionUnit]] = {
@@ -18,6 +19,8 @@ POSITION_UNITS: dict[str, tuple[float, PositionUnit]] = {
     "cm": (1e-2, "m"),
     "nm": (1e-9, "m"),
     "mrad": (1e-3, "rad"),
+    "urad": (1e-6, "rad"),
+    "arcsec": (math.pi / 648000.0, "rad"),
     "turn": (2.0 * math.pi, "rad"),
 }
 """A unit in metres or radians."""
@@ -44,6 +47,7 @@ FORCE_UNITS: tuple[str, ...] = tuple(
 
 _OTHER_SPELLINGS = {
     **{"µm": "um", "μm": "um", "µs": "us", "μs": "us", "counts": "count", "percent": "%"},
+    **{"µrad": "urad", "μrad": "urad", "°": "deg"},
     **{"rev": "turn", "revs": "turn", "turns": "turn", "rpm": "turn/min", "degrees": "deg"},
 }
 

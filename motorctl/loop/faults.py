@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.hal import FAULT_BITS, Status, error_code, error_words
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import (
@@ -224,6 +225,7 @@ def fault_message(
     period_s: float,
     status: int = 0,
     partner: str = "",
+    units: AxisUnits = LINEAR,
 ) -> str:
     """Return in words what tripped an axis: the cause, its value and its limit.
 
@@ -242,6 +244,8 @@ def fault_message(
     partner
         With PARTNER: the axis that tripped, and why, when, in words; empty where that is not
         known.
+    units
+        Of the axis.
     """
     if cause is FaultCause.PARTNER and partner:
         return f"partner {partner}"
@@ -262,6 +266,7 @@ def fault_message(
         text = f"{what} {value * scale:.4g} {unit}, limit {limit * scale:.4g} {unit}"
     else:
         text = _WITHOUT_LIMIT[cause]
+    text = units.words(text)
     if end := _ENDS.get(status & ENDS):
         text += f", {end} of the beam"
     told = []
@@ -281,7 +286,11 @@ def _stall_limit_words(status: int) -> str:
 
 
 def partner_words(
-    index: int, statuses: NDArray[np.void], names: Sequence[str], periods_s: Sequence[float]
+    index: int,
+    statuses: NDArray[np.void],
+    names: Sequence[str],
+    periods_s: Sequence[float],
+    units: Sequence[AxisUnits],
 ) -> str:
     """Return why the partner tripped that an axis was stopped for; empty for any other fault.
 
@@ -291,10 +300,10 @@ def partner_words(
         Which axis.
     statuses
         The axes' status records, of `motorctl.loop.layout.axis_status`, shape (axes,).
-    names, periods_s
+    names, periods_s, units
         Of all axes, with their periods [s].
     """
-    return _partner_words(index, statuses, names, periods_s, {index})
+    return _partner_words(index, statuses, names, periods_s, units, {index})
 
 
 def _partner_words(
@@ -302,6 +311,7 @@ def _partner_words(
     statuses: NDArray[np.void],
     names: Sequence[str],
     periods_s: Sequence[float],
+    units: Sequence[AxisUnits],
     told: set[int],
 ) -> str:
     if FaultCause(int(statuses[index]["fault"])) is not FaultCause.PARTNER:
@@ -318,7 +328,8 @@ def _partner_words(
         float(status["fault_time_s"]),
         period_s=periods_s[other],
         status=int(status["fault_status"]),
-        partner=_partner_words(other, statuses, names, periods_s, told | {other}),
+        partner=_partner_words(other, statuses, names, periods_s, units, told | {other}),
+        units=units[other],
     )
     return f"{text}: {why}"
 

@@ -59,9 +59,10 @@ def plan_move(
     ):
         limit: float = getattr(axis.limits, key)
         if value is not None and not 0.0 < value <= limit:
+            own = axis.units.words(unit)
             raise UsageError(
-                f"{key.split('_')[1]} {value:g} {unit}: must be above 0 and at most {limit:g} "
-                f"{unit}, limits.{key}"
+                f"{key.split('_')[1]} {value:g} {own}: must be above 0 and at most {limit:g} "
+                f"{own}, limits.{key}"
             )
     move = PointToPoint(
         name="move",
@@ -75,7 +76,10 @@ def plan_move(
     low, high = axis.limits.travel_m
     if not low <= to_m <= high:
         raise UsageError(
-            f"target {to_m:g} m: must lie within the travel {low:g} to {high:g} m, limits.travel_m"
+            axis.units.words(
+                f"target {to_m:g} m: must lie within the travel {low:g} to {high:g} m, "
+                "limits.travel_m"
+            )
         )
     _check(machine, move, from_m)
     return move.trajectories()[axis_name]
@@ -251,6 +255,5 @@ def _check(machine: Machine, program: Program, from_m: float | None = None) -> N
         voltages[name] = need
     violations = check_program(program, limits, voltages)
     if violations:
-        raise UsageError(
-            "\n".join(f"program '{program.name}': {violation}" for violation in violations)
-        )
+        told = (machine.axes[v.axis].units.words(str(v)) for v in violations)
+        raise UsageError("\n".join(f"program '{program.name}': {words}" for words in told))

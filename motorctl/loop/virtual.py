@@ -226,6 +226,7 @@ class VirtualMachine:
                     float(status["fault_time_s"]),
                     period_s=self.machine.period_of(name),
                     status=int(status["fault_status"]),
+                    units=self.machine.axes[name].units,
                 )
                 raise RunError(f"axis {name} tripped ({cause.name.lower()}): {message}")
 

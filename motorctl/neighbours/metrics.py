@@ -75,7 +75,8 @@ OF_AXIS: Sequence[Family] = (
     (CounterMetricFamily, "missed_samples", "Ticks in which the driver had no new sample.",
      _within("samples", "missed")),
 )  # fmt: skip
-"""Of each axis, under `motorctl_axis_…`."""
+"""Of each axis, under `motorctl_axis_…`; of a rotary one with radians for meters."""
+METERS, RADIANS = "meters", "radians"
 OF_LOOP: Sequence[Family] = (
     (GaugeMetricFamily, "rate_hertz", "Of the loop.", _key("rate_hz")),
     (CounterMetricFamily, "ticks", "Ticks since the loop began.", _key("ticks")),
@@ -144,12 +145,24 @@ def _of_axes(axes: Mapping[str, AxisStatus]) -> Iterator[Metric]:
     yield _state_set("motorctl_axis_state", "In which state an axis is.", STATES, states, AXIS)
     faults = [([name], axis.fault_cause) for name, axis in axes.items()]
     yield _state_set("motorctl_axis_fault", "What tripped an axis.", CAUSES, faults, AXIS)
+    rotary = {name: axis for name, axis in axes.items() if axis.position_unit == "rad"}
+    linear = {name: axis for name, axis in axes.items() if name not in rotary}
     for kind, name, help_, told in OF_AXIS:
-        family = kind(f"motorctl_axis_{name}", help_, labels=AXIS)  # type: ignore[call-arg]
-        for axis, status in axes.items():
-            if (value := told(status.document)) is not None:
-                family.add_metric([axis], value)  # type: ignore[attr-defined]
-        yield family
+        if METERS in name:
+            yield _of(linear, (kind, name, help_, told))
+            if rotary:
+                yield _of(rotary, (kind, name.replace(METERS, RADIANS), help_, told))
+        else:
+            yield _of(axes, (kind, name, help_, told))
+
+
+def _of(axes: Mapping[str, AxisStatus], family: Family) -> Metric:
+    kind, name, help_, told = family
+    metric = kind(f"motorctl_axis_{name}", help_, labels=AXIS)  # type: ignore[call-arg]
+    for axis, status in axes.items():
+        if (value := told(status.document)) is not None:
+            metric.add_metric([axis], value)  # type: ignore[attr-defined]
+    return metric
 
 
 def _families(

@@ -54,7 +54,8 @@ def draw_response(measurement: Measurement, path: Path) -> Path:
         _draw_nyquist(panels["nyquist"], measurement)
         _draw_sensitivities(panels["sensitivity"], measurement)
         response = measurement.response
-        how = f"at {response.speed_m_s * 1e3:.3g} mm/s" if response.speed_m_s else "at rest"
+        words = measurement.machine.axes[response.axis].units.words
+        how = words(f"at {response.speed_m_s * 1e3:.3g} mm/s") if response.speed_m_s else "at rest"
         figure.suptitle(
             f"Response of axis {response.axis}, measured {how}, {response.windows} windows",
             x=0.01,
@@ -84,7 +85,8 @@ def _draw_plant(size: Axes, phase: Axes, measurement: Measurement) -> None:
     size.plot(hz[good], _db(plant)[good], ".", color=MEASURED, ms=4, label="measured")
     size.plot(hz, _db(measurement.model.plant), color=MODEL, lw=1.2, label="configured model")
     size.plot(dense_hz, _db(dense), color=FITTED, lw=1.0, ls="--", label="fitted to it")
-    size.set_ylabel("|P|, command to\nposition [dB re 1 m/V]")
+    units = measurement.machine.axes[measurement.response.axis].units
+    size.set_ylabel(units.words("|P|, command to\nposition [dB re 1 m/V]"))
     size.legend(loc="upper right", **LEGEND)
     for part in measurement.fitted.parts:
         size.axvline(part.resonance_hz, color="black", lw=0.7, ls=":")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.config.analysis import loop_margins
 from motorctl.config.loop_rules import loop_gains, parameter_range
 from motorctl.config.machine import Axis
@@ -73,6 +74,7 @@ class ResponsePlan:
     shaken_m: float
     """Largest position error that the model expects of the excitation [m]."""
     duration_s: float
+    units: AxisUnits = LINEAR
 
     @property
     def words(self) -> str:
@@ -82,12 +84,12 @@ class ResponsePlan:
             f"axis {self.axis}: {self.peak_v:.3g} V ({self.share:.1%} of max_voltage_v) from "
             f"{low:.3g} to {high:.3g} Hz on {len(self.waves.lines)} lines, for "
             f"{self.duration_s:.0f} s; the model expects it to be shaken by "
-            f"{self.shaken_m * 1e6:.3g} µm at most"
+            f"{self.units.words(f'{self.shaken_m * 1e6:.3g} µm')} at most"
         )
         if self.motion is None:
             return f"{told}; it holds where it is"
         start, target = self.motion.start_m, self.motion.moves[0].target_m
-        return (
+        return self.units.words(
             f"{told}; meanwhile it moves to and fro between {start:g} and {target:g} m at "
             f"{self.speed_m_s:.3g} m/s"
         )
@@ -148,15 +150,17 @@ def plan_response(
     shaken_m, shaken_m_s = _shaken(axis, period_s, waves)
     most_m = ERROR_SHARE * limits.following_error.minimum_m
     if shaken_m > most_m:
-        raise UsageError(
+        words = (
             f"axis {axis.name}: {peak_v:.3g} V would shake it by {shaken_m * 1e6:.3g} µm; limit "
             f"{most_m * 1e6:.3g} µm, {ERROR_SHARE:.0%} of limits.following_error.minimum_m: ask "
             f"for --amplitude {peak_v * most_m / shaken_m:.2g} or less, or for a higher band"
         )
+        raise UsageError(axis.units.words(words))
     duration_s = excitation.total_ticks * period_s
     slowest, fastest = (s * limits.max_velocity_m_s for s in (SLOWEST_SHARE, FASTEST_SHARE))
     speed = min(max(FASTER * shaken_m_s, slowest), fastest) if moving else 0.0
     return ResponsePlan(
+        units=axis.units,
         axis=axis.name,
         period_s=period_s,
         waves=waves,
@@ -226,7 +230,8 @@ def _to_and_fro(axis: Axis, speed_m_s: float, duration_s: float, lasts_s: float)
     stroke_s = (ends[1] - ends[0]) / speed_m_s
     if stroke_s < STROKE_PERIODS * lasts_s:
         raise UsageError(
-            f"axis {axis.name}: a stroke of {ends[1] - ends[0]:.3g} m at {speed_m_s:.3g} m/s takes "
+            f"axis {axis.name}: a stroke of "
+            f"{axis.units.words(f'{ends[1] - ends[0]:.3g} m at {speed_m_s:.3g} m/s')} takes "
             f"{stroke_s:.3g} s, and a period of the excitation {lasts_s:.3g} s: needs "
             f"{STROKE_PERIODS:g} in a stroke; ask for a --band that begins higher, for less "
             "--amplitude, which is slower, or for --standing"

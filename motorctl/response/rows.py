@@ -26,8 +26,10 @@ def words(measurement: Measurement) -> Iterator[str]:
     """Yield what was found of the plant, and what a reader should know."""
     plant, response = measurement.fitted, measurement.response
     errors = plant.errors
+    inertia = f"inertia {plant.theta1:.4g} ± {errors[0]:.1g} V*s^2/m"
+    units = measurement.machine.axes[response.axis].units
     yield (
-        f"plant fitted to it: inertia {plant.theta1:.4g} ± {errors[0]:.1g} V*s^2/m, delay "
+        f"plant fitted to it: {units.words(inertia)}, delay "
         f"{plant.delay_s * 1e3:.3g} ± {errors[2] * 1e3:.1g} ms, lag {plant.lag_s * 1e3:.3g} ± "
         f"{errors[3] * 1e3:.1g} ms; it leaves {plant.error_db:.2g} dB"
     )

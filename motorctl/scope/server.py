@@ -20,8 +20,10 @@ from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.own_names import name_to_ask, needs_token, own_names
 from motorctl.scope.access import LOG_PAGE, Access, guarded, new_token
 from motorctl.scope.bands import bands
+from motorctl.scope.laps import laps
 from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.opened_log import OpenedLog
+from motorctl.scope.place_spectrum import place_spectrum
 from motorctl.scope.planes import path, plane
 from motorctl.scope.shown import Shown
 from motorctl.scope.signals import signals
@@ -33,7 +35,10 @@ from motorctl.version import VERSION
 T = TypeVar("T")
 MOST_ASKED_BYTES = 4096
 """Of a request's body: a trigger has some hundred."""
-OF_LOGS = ("logs", "signals", "bands", "plane", "path", "spectrum", "values")
+OF_LOGS = (
+    *("logs", "signals", "bands", "plane", "path", "spectrum", "place_spectrum", "laps"),
+    "values",
+)
 """What is asked of anything that is shown."""
 RECORDS = "/flight_record/"
 MOST_RECORDS = 8
@@ -132,6 +137,16 @@ class Questions:
         """Tell of which frequencies a column is made."""
         name = _word(request, "column")
         return await self._arrays(request, lambda o, a, b: spectrum(o, name, a, b))
+
+    async def place_spectrum(self, request: web.Request) -> web.Response:
+        """Tell of which waves over position a column is made."""
+        name, over = _word(request, "column"), _word(request, "position")
+        return await self._arrays(request, lambda o, a, b: place_spectrum(o, name, over, a, b))
+
+    async def laps(self, request: web.Request) -> web.Response:
+        """Tell a column lap by lap."""
+        axis, name = _word(request, "axis"), _word(request, "column")
+        return await self._arrays(request, lambda o, a, b: laps(o, axis, name, a, b))
 
     async def values(self, request: web.Request) -> web.Response:
         """Tell one row."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.log.sample import AxisState
+from motorctl.scope.estimate_bounds import estimate_bounds
 from motorctl.scope.pyramid import Pyramid, Recorded
 
 GAP_PERIODS = 1.5
@@ -148,6 +149,11 @@ class Shown:
             "paths": _paths(config, log.axes),
             "axes": list(log.axes),
             "units": {name: log.units.get(name, "") for name in log.columns},
+            "bounds": {
+                name: bounds
+                for name, bounds in estimate_bounds(config).items()
+                if name in log.columns
+            },
             "notes": list(log.notes),
         }
 

@@ -69,21 +69,22 @@ def draw_tuning(tuning: Tuning, path: Path) -> Path:
 
 
 def _draw_error(panel: Axes, tuning: Tuning) -> None:
-    loop = tuning.loop
-    draw_curve(panel, *_counted(loop), BEFORE, f"recorded, eF {loop.eF_m * 1e6:.3g} µm")
+    loop, words = tuning.loop, tuning.loop.units.words
+    recorded = words(f"recorded, eF {loop.eF_m * 1e6:.3g} µm")
+    draw_curve(panel, *_counted(loop), BEFORE, recorded)
     told = tuning.chosen.prediction
     length_s = loop.counted * loop.period_s
     time_s = np.linspace(0.0, length_s, len(told.error), endpoint=False)
-    label = f"predicted with the tuned gains, eF {told.eF_m * 1e6:.3g} µm"
+    label = words(f"predicted with the tuned gains, eF {told.eF_m * 1e6:.3g} µm")
     draw_curve(panel, time_s, told.error * 1e6, AFTER, label)
     if (plain := tuning.without_filter) is not None:
         label = f"predicted without the filter, eF {plain.prediction.eF_m * 1e6:.3g} µm"
         draw_curve(panel, time_s, plain.prediction.error * 1e6, PLAIN, label)
     if (tried := tuning.tried_out) is not None:
-        label = f"tried out with them, eF {tried.eF_m * 1e6:.3g} µm"
+        label = words(f"tried out with them, eF {tried.eF_m * 1e6:.3g} µm")
         draw_curve(panel, *_counted(tried), TRIED, label)
     panel.set_xlabel("time [s], over the rows of eF")
-    panel.set_ylabel("error [µm]")
+    panel.set_ylabel(words("error [µm]"))
     panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2, **LEGEND)
 
 
@@ -105,7 +106,7 @@ def _draw_phase(panel: Axes, tuning: Tuning) -> None:
     panel.axvline(tuning.wanted.phase_deg, color="black", lw=0.8, ls="--")
     panel.set_yscale("log")
     panel.set_xlabel("phase margin [degrees]   (dashed: asked for)")
-    panel.set_ylabel("least predicted eF [µm]")
+    panel.set_ylabel(tuning.loop.units.words("least predicted eF [µm]"))
     panel.legend(**LEGEND)
 
 
@@ -121,7 +122,7 @@ def _draw_noise(panel: Axes, tuning: Tuning) -> None:
     panel.set_yscale("log")
     panel.set_xscale("log")
     panel.set_xlabel("noise of the command at rest [V rms]   (dashed: at most)")
-    panel.set_ylabel("least predicted eF [µm]")
+    panel.set_ylabel(tuning.loop.units.words("least predicted eF [µm]"))
 
 
 def _mark(panel: Axes, x: float | None, eF_m: float, colour: str, label: str) -> None:

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.config.analysis import DelayedPlant, LoopGains
 from motorctl.config.loop_rules import loop_gains, parameter_range
 from motorctl.config.machine import Axis, Machine
@@ -109,6 +110,7 @@ class RecordedLoop:
     """What a reader of the margins should know."""
     measured: MeasuredPlant | None = None
     """The plant as its response was measured, which `plant` is the rigid part of then."""
+    units: AxisUnits = LINEAR
 
     @property
     def eF_m(self) -> float:
@@ -196,6 +198,7 @@ def recorded_loop(
             "prediction does not hold",
         )
     return RecordedLoop(
+        units=axis.units,
         axis=name,
         source=recording.source,
         period_s=logged.period_of(name),

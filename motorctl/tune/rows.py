@@ -13,11 +13,12 @@ NONE = "–"
 
 def rows(tuning: Tuning) -> Iterator[tuple[str, ...]]:
     """Yield the rows: what it is, before, tuned."""
+    words = tuning.loop.units.words
     loop, before, after = tuning.loop, tuning.before, tuning.gains
     told, tried = tuning.chosen.prediction, tuning.tried_out
     yield "k1 [1/s]", f"{before.k1_1_s:.4g}", f"{after.k1_1_s:.4g}"
-    yield "ks [V s/m]", f"{before.ks_v_s_m:.4g}", f"{after.ks_v_s_m:.4g}"
-    yield "gamma_d [V/m]", f"{before.gamma_d:.4g}", f"{after.gamma_d:.4g}"
+    yield words("ks [V s/m]"), f"{before.ks_v_s_m:.4g}", f"{after.ks_v_s_m:.4g}"
+    yield words("gamma_d [V/m]"), f"{before.gamma_d:.4g}", f"{after.gamma_d:.4g}"
     if before.command_filter or after.command_filter:
         yield "filter of the command", *(filter_words(gains) for gains in (before, after))
     pair = (tuning.before_margins, tuning.margins)
@@ -27,17 +28,18 @@ def rows(tuning: Tuning) -> Iterator[tuple[str, ...]]:
     noise = (tuning.before_prediction.command_noise_v, told.command_noise_v)
     yield "noise of the command [V rms]", *(f"{value:.3g}" for value in noise)
     predicted = (tuning.before_prediction.eF_m, told.eF_m)
-    yield "eF predicted [µm]", *(f"{value * 1e6:.3g}" for value in predicted)
+    yield words("eF predicted [µm]"), *(f"{value * 1e6:.3g}" for value in predicted)
     measured = NONE if tried is None else f"{tried.eF_m * 1e6:.3g}"
-    yield "eF measured [µm]", f"{loop.eF_m * 1e6:.3g}", measured
+    yield words("eF measured [µm]"), f"{loop.eF_m * 1e6:.3g}", measured
 
 
 def footnotes(tuning: Tuning) -> Iterator[str]:
     """Yield what the figures rest on, and which limit binds."""
     loop, plant = tuning.loop, tuning.loop.plant
+    friction = f"{plant.theta1:.4g} V*s^2/m, viscous friction {plant.theta2:.3g} V*s/m"
     yield (
-        f"loop from {loop.source}: inertia {plant.theta1:.4g} V*s^2/m, viscous friction "
-        f"{plant.theta2:.3g} V*s/m, delay {plant.delay_s * 1e3:.3g} ms"
+        f"loop from {loop.source}: inertia {loop.units.words(friction)}, delay "
+        f"{plant.delay_s * 1e3:.3g} ms"
         + (f", lag {plant.lag_s * 1e3:.3g} ms" if plant.lag_s else "")
     )
     yield f"what keeps the gains from going further: {tuning.bound_by}"

@@ -197,10 +197,13 @@ def try_out(tuning: Tuning, config: Path, log: Path, progress: Progress) -> Tuni
     axis = tuning.loop.axis
     machine = load(config)
     done = recorded_loop(record_program(machine, axis, log, progress), machine, axis)
+    words = tuning.loop.units.words
     if done.eF_m > tuning.loop.eF_m and not tuning.error_for_margin:
         raise RunError(
-            f"axis {axis}: tried out, the tuned gains have an eF of {done.eF_m * 1e6:.3g} µm where "
-            f"it was {tuning.loop.eF_m * 1e6:.3g} µm, so nothing was written; ask for more margin"
+            f"axis {axis}: tried out, the tuned gains have an eF of "
+            f"{words(f'{done.eF_m * 1e6:.3g} µm')} where it was "
+            f"{words(f'{tuning.loop.eF_m * 1e6:.3g} µm')}, so nothing was written; ask for more "
+            "margin"
         )
     return replace(tuning, tried_out=done)
 

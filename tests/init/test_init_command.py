@@ -68,9 +68,9 @@ def test_an_option_holds_for_every_axis_or_for_the_one_that_it_names(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--encoder=0.1mrad",), "has no rotary axes: an angle cannot be given"),
-        (("--travel=0..360deg",), "has no rotary axes: an angle cannot be given"),
-        (("--max-velocity=3000rpm",), "has no rotary axes: an angle cannot be given"),
+        (("--encoder=0.1mrad",), "is an angle, and this axis is linear.* --kind rotary"),
+        (("--travel=0..360deg",), "is an angle, and this axis is linear.* --kind rotary"),
+        (("--max-velocity=3000rpm",), "is an angle, and this axis is linear.* --kind rotary"),
         (("--mass=12",), None),
         (("--mass=12lb",), r"--mass 12lb: should be a mass, as in 12kg; units: kg, g, t"),
         (("--mass=-1kg",), "--mass -1kg: should be above 0"),

@@ -97,6 +97,12 @@ def test_numbers_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
     assert value(samples, "loop_turnaround_max_seconds") == 3e-4
     about = {"version": document["daemon"]["version"], "machine": "published-gantry"}
     assert value(samples, "daemon_build_info", **about) == 1.0
+    x["position_unit"] = "rad"  # as of a rotary axis
+    samples = read(text_of(document))
+    assert value(samples, "axis_position_radians", axis="x") == x["position_m"]
+    assert value(samples, "axis_velocity_radians_per_second", axis="x") == x["velocity_m_s"]
+    meters = {dict(labels)["axis"] for name, labels in samples if "_meters" in name}
+    assert meters <= {"y"}
 
 
 def test_an_axis_has_one_state_and_a_fault_its_cause(tmp_path: Path) -> None:

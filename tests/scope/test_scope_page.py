@@ -191,6 +191,34 @@ def test_paths_spectra_and_planes_are_drawn(open_page: Any, bench: tuple[Path, s
         assert page.pixels(name, X if name == "path" else Y)["count"] > 300, name
 
 
+def test_waves_over_position_and_laps_are_drawn(open_page: Any, bench: tuple[Path, str]) -> None:
+    names = ("laps", "error_place", "command_place")
+    page = open_page(bench[1], f"panels={','.join(names)}&from=10&to=15")
+    assert page.layout()["panels"] == ",".join(names)
+    for name in names:
+        assert page.pixels(name, Y)["count"] > 300, name
+    assert int(page.panel("laps").get_attribute("data-lines")) == 2 * 10
+    assert "laps 1 to 10 of 0.5 s" in page.panel("laps").locator(".panel-head").inner_text()
+
+
+def test_estimates_stand_between_their_bounds(open_page: Any, tmp_path: Path) -> None:
+    ticks, samples = make_rows(4000)
+    samples["theta_hat"][:, 0, 0] = 0.4 + 0.05 * np.exp(-ticks["time_s"])
+    parameter = {"initial": 0.4, "bounds": [0.2, 0.8]}
+    config = {"axes": {"x": {"model": {"inertia": parameter}, "gains": {"d_hat_max_v": 2.0}}}}
+    path = tmp_path / "run.parquet"
+    write_log(path, (ticks, samples), {"rate_hz": RATE_HZ, "machine": "m", "config": config})
+    with served([path]) as url:
+        page = open_page(url, "panels=estimates&axes=x")
+        found = page.page.locator(".panel[data-panel=estimates]")
+        words = found.evaluate_all("all => all.map((p) => p.dataset.parameter)")
+        assert words == ["inertia", "offset", "d0"]
+        limits = [float(found.nth(0).get_attribute(f"data-{w}")) for w in ("low", "high")]
+        assert limits == pytest.approx([0.2 - 0.03, 0.8 + 0.03])
+        drawn = page.pixels("estimates", X)
+        assert drawn["rows"][1] - drawn["rows"][0] > 0.8 * 60, "both bounds are drawn"
+
+
 def test_two_logs_stand_side_by_side_from_where_their_programs_begin(
     open_page: Any, tmp_path: Path
 ) -> None:

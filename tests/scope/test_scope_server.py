@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_rows import AXES, columns, make_rows, write_csv, write_log
+from recorded_rows import AXES, back_and_forth, columns, make_rows, write_csv, write_log
 
 pytest.importorskip("aiohttp", reason="the scope needs the extra [scope]")
 
@@ -23,8 +23,9 @@ from aiohttp import CookieJar
 from aiohttp.test_utils import TestClient, TestServer
 
 import motorctl
+from motorctl.axis_units import LINEAR, ROTARY, AxisUnits
 from motorctl.errors import DataError, UsageError
-from motorctl.log import LogWriter
+from motorctl.log import LogAxis, LogWriter
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.own_names import own_names
 from motorctl.scope.access import Access
@@ -149,6 +150,90 @@ def test_the_spectrum_of_a_sine_has_its_line_at_its_frequency_and_rms(log: Path)
     line = found["amplitude"][1:].argmax() + 1
     assert found["frequency_hz"][line] == pytest.approx(7.0, abs=0.5)
     assert found["amplitude"][line] == pytest.approx(1e-5 / np.sqrt(2), rel=0.1)
+
+
+def asked_arrays(path: Path, query: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    status, _, body = asked([path], (f"/api/{query}", {}))
+    assert status == 200, body
+    return arrays(body)
+
+
+@pytest.mark.parametrize(
+    ("units", "unit", "scale"), [(LINEAR, "cycles/m", 1.0), (ROTARY, "cycles/turn", 2.0 * np.pi)]
+)
+def test_a_wave_over_position_has_its_line_at_its_wave_number_whatever_the_speed(
+    tmp_path: Path, units: AxisUnits, unit: str, scale: float
+) -> None:
+    ticks, samples = make_rows(20_000)
+    time_s = ticks["time_s"]
+    reference = back_and_forth(time_s, period_s=2.0)  # at every speed up to the highest
+    wave = 1e-5 * np.sin(2 * np.pi * reference / 0.025)
+    samples["position_m"][:, 0] = reference
+    samples["following_error_m"][:, 0] = wave + 1e-5 * np.sin(2 * np.pi * 31.37 * time_s)
+    path = tmp_path / "run.parquet"
+    axes = (LogAxis("x", ("inertia", "offset"), units=units), AXES[1])
+    write_log(path, (ticks, samples), {"rate_hz": 1000.0}, axes)
+    told, found = asked_arrays(
+        path,
+        "place_spectrum?log=0&column=x.following_error_m&position=x.position_m&begin_s=0&end_s=20",
+    )
+    line = found["amplitude"][1:].argmax() + 1
+    assert told["unit"] == unit
+    assert found["cycles"][line] == pytest.approx(40.0 * scale, abs=1.5 * told["resolution"])
+    assert found["amplitude"][line] == pytest.approx(1e-5 / np.sqrt(2), rel=0.2)
+
+
+def test_where_nothing_moves_no_wave_over_position_is_told(tmp_path: Path) -> None:
+    ticks, samples = make_rows(3000)
+    samples["position_m"][:, 0] = 0.1
+    path = tmp_path / "run.parquet"
+    write_log(path, (ticks, samples), {"rate_hz": 1000.0})
+    query = "log=0&column=x.command_v&position=x.position_m&begin_s=0&end_s=3"
+    told, found = asked_arrays(path, f"place_spectrum?{query}")
+    assert told["note"] == "too little way is passed in this view: zoom out"
+    assert len(found["cycles"]) == 0
+    told, found = asked_arrays(path, "laps?log=0&axis=x&column=x.command_v&begin_s=0&end_s=0.4")
+    assert told["note"] == "no cycle is repeated in this view: zoom out"
+
+
+def test_laps_are_told_one_by_one_with_every_peak(tmp_path: Path) -> None:
+    ticks, samples = make_rows(10_500)
+    reference = back_and_forth(ticks["time_s"] - 0.5, period_s=2.0)
+    samples["reference_m"][:, 0] = np.where(ticks["time_s"] < 0.5, 0.0, reference)
+    samples["state"][:500] = AxisState.IDLE
+    samples["following_error_m"][:, 0] = 0.0
+    samples["following_error_m"][4_700, 0] = 1e-3  # in lap 3, 0.2 s after it began
+    path = tmp_path / "run.parquet"
+    write_log(path, (ticks, samples), {"rate_hz": 1000.0})
+    told, found = asked_arrays(
+        path, "laps?log=0&axis=x&column=x.following_error_m&begin_s=0&end_s=11"
+    )
+    assert told["period_s"] == pytest.approx(2.0, abs=0.01)
+    assert len(found["rows"]) == 5
+    peak = found["y"].argmax()
+    assert found["y"][peak] == 1e-3
+    assert found["x"][peak] == pytest.approx(0.2, abs=0.02)
+    assert np.searchsorted(np.cumsum(found["rows"]), peak, "right") == 2
+
+
+def test_estimates_are_told_with_the_bounds_of_the_configuration(tmp_path: Path) -> None:
+    config = {
+        "axes": {
+            "x": {
+                "model": {
+                    "inertia": {"initial": 0.4, "bounds": [0.2, 0.8]},
+                    "offset": {"bounds": "none"},
+                    "gone": {"parameters": {"sin_1": {"bounds": [-1, 1]}}},
+                },
+                "gains": {"d_hat_max_v": 2.0},
+            }
+        }
+    }
+    path = tmp_path / "run.parquet"
+    write_log(path, make_rows(100), {"rate_hz": 1000.0, "config": config})
+    _, _, body = asked([path], ("/api/logs", {}))
+    bounds = json.loads(body)["logs"][0]["bounds"]
+    assert bounds == {"x.theta_hat_inertia": [0.2, 0.8], "x.d0_hat_v": [-2.0, 2.0]}
 
 
 def test_the_error_over_position_lights_every_pixel_that_a_row_falls_onto(tmp_path: Path) -> None:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import PositionUnit
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.filters import velocity_of
 from motorctl.log import Recording, read_recording
 from motorctl.log.sample import AxisState, SampleFlag
-from motorctl.log.units import CommandUnit, PositionUnit
+from motorctl.log.units import CommandUnit
 
 Array = NDArray[np.float64]
 

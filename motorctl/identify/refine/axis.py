@@ -210,7 +210,7 @@ def _wanted(
         wanted.append(
             WantedEffect(with_rounded_options(effect), estimates, type_name, lines, errors)
         )
-    return tuple(wanted)
+    return tuple(replace(part, position_unit=axis.units.position) for part in wanted)
 
 
 def _with_estimates(

@@ -9,9 +9,11 @@ from typing import Any
 
 import yaml
 
+from motorctl.axis_units import PositionUnit
 from motorctl.config.freeze import decode
 from motorctl.config.machine import Estimate
 from motorctl.identify.refine.yaml_text import Item, KeyPath, YamlText
+from motorctl.log.units import unit_for
 from motorctl.model import Effect, Parameter
 from motorctl.model.option_units import option_unit
 
@@ -28,6 +30,8 @@ class WantedEffect:
     above: tuple[str, ...] = ()
     """Comment lines, where the effect is new."""
     option_errors: Mapping[str, float] | None = None
+    position_unit: PositionUnit = "m"
+    """Of the axis."""
 
     def data(self) -> dict[str, Any]:
         """Return what the configuration should mean: keys and values of the effect."""
@@ -49,14 +53,18 @@ class WantedEffect:
         named = [(p, e) for p, e in self._pairs() if p.name]
         if not options and len(single) == 1 and not named:
             parameter, estimate = single[0]
-            return Item(name, _flow_of(_numbers(estimate)), parameter.unit, above)
+            return Item(name, _flow_of(_numbers(estimate)), self._own(parameter.unit), above)
         items = options
         for parameter, estimate in single:
-            items += [Item(k, v, parameter.unit * (k != "covariance")) for k, v in _texts(estimate)]
+            unit = self._own(parameter.unit)
+            items += [Item(k, v, unit * (k != "covariance")) for k, v in _texts(estimate)]
         if named:
-            parts = [Item(p.name, _flow_of(_numbers(e)), p.unit) for p, e in named]
+            parts = [Item(p.name, _flow_of(_numbers(e)), self._own(p.unit)) for p, e in named]
             items.append(Item("parameters", parts))
         return Item(name, items, self.effect.formula, above)
+
+    def _own(self, unit: str) -> str:
+        return unit_for(unit, self.position_unit, "V")
 
     def _pairs(self) -> list[tuple[Parameter, Estimate]]:
         return list(zip(self.effect.parameters, self.estimates, strict=True))
@@ -64,7 +72,7 @@ class WantedEffect:
     def _option_items(self) -> list[Item]:
         items = [] if self.type is None else [Item("type", self.type)]
         for name, value in self.effect.options.model_dump(mode="json", exclude_none=True).items():
-            unit = option_unit(name)
+            unit = self._own(option_unit(name))
             error = (self.option_errors or {}).get(name, math.nan)
             told = f" +- {error:.2g}" if math.isfinite(error) else ""
             items.append(Item(name, text_of(value), f"{unit}{told}".strip()))

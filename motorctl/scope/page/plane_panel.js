@@ -25,7 +25,7 @@ export class PlanePanel {
     if (this.kind.path) this.clouds = await this.askPath(stretch, magnified, signal);
     else {
       const asked = this.axisNames.map((axis) => this.askAxis(axis, stretch, signal));
-      this.clouds = (await Promise.all(asked)).filter((cloud) => cloud !== null);
+      this.clouds = (await Promise.all(asked)).flat().filter((cloud) => cloud !== null);
     }
   }
 
@@ -33,6 +33,8 @@ export class PlanePanel {
     const { kind, log } = this;
     const colour = colourOf(log, axis);
     const label = axis;
+    if (kind.laps) return this.askLaps(axis, stretch, signal);
+    if (kind.over) return this.askPlaces(axis, stretch, signal);
     if (kind.column) {
       const [factor, unit] = this.scale(axis, kind.column);
       if (factor === null) return null;
@@ -44,6 +46,34 @@ export class PlanePanel {
     if (xFactor === null || yFactor === null) return null;
     const told = await askArrays("plane", { ...stretch, x: `${axis}.${kind.x[0]}`, y: `${axis}.${kind.y[0]}` }, signal);
     return { x: told.arrays.x.map((v) => v * xFactor), y: told.arrays.y.map((v) => v * yFactor), line: told.line, note: told.note, colour, label, xUnit, yUnit };
+  }
+
+  /** Waves over position: cycles by metre, or by turn of a rotary axis. */
+  async askPlaces(axis, stretch, signal) {
+    const [factor, unit] = this.scale(axis, this.kind.column);
+    const position = `${axis}.position_m`;
+    if (factor === null || !(position in this.log.units)) return null;
+    const told = await askArrays("place_spectrum", { ...stretch, column: `${axis}.${this.kind.column[0]}`, position }, signal);
+    const { cycles, amplitude } = told.arrays;
+    return { x: cycles.subarray(1), y: amplitude.subarray(1).map((v) => v * factor), line: true, note: told.note, colour: colourOf(this.log, axis), label: axis, xUnit: told.unit, yUnit: `${unit} rms` };
+  }
+
+  /** Each lap is a line of its own: the first faint, the last dark. */
+  async askLaps(axis, stretch, signal) {
+    const [factor, unit] = this.scale(axis, this.kind.laps);
+    if (factor === null || !(`${axis}.reference_m` in this.log.units)) return null;
+    const told = await askArrays("laps", { ...stretch, axis, column: `${axis}.${this.kind.laps[0]}` }, signal);
+    const { x, y, rows } = told.arrays;
+    const colour = colourOf(this.log, axis), common = { line: true, note: told.note, colour, xUnit: "s in the cycle", yUnit: unit };
+    if (!rows.length) return { ...common, x, y, label: axis };
+    let end = 0;
+    return Array.from(rows, (count, k) => {
+      const begin = end;
+      end += count;
+      const last = k === rows.length - 1;
+      const label = last ? `${axis}, laps ${told.first} to ${told.first + rows.length - 1} of ${shown(told.period_s, 4)} s` : undefined;
+      return { ...common, x: x.subarray(begin, end), y: y.subarray(begin, end).map((v) => v * factor), label, alpha: rows.length > 1 ? 0.2 + 0.8 * k / (rows.length - 1) : 1 };
+    });
   }
 
   async askPath(stretch, magnified, signal) {
@@ -69,9 +99,10 @@ export class PlanePanel {
   draw(width) {
     this.plot?.destroy();
     const { clouds, kind } = this;
-    const { line, note } = head(kind.title, clouds);
+    const { line, note } = head(kind.title, clouds.filter((cloud) => cloud.label));
     note.textContent = clouds.map((cloud) => cloud.note).find(Boolean) ?? "";
     this.root.replaceChildren(line);
+    this.root.dataset.lines = clouds.length;
     this.root.dataset.points = clouds.reduce((sum, cloud) => sum + cloud.x.length, 0);
     if (!clouds.some((cloud) => cloud.x.length)) return;
     const logarithmic = Boolean(kind.column);
@@ -118,6 +149,7 @@ function drawCloud(cloud) {
     ctx.clip();
     ctx.strokeStyle = ctx.fillStyle = cloud.colour;
     ctx.lineWidth = devicePixelRatio;
+    ctx.globalAlpha = cloud.alpha ?? 1;
     const size = 1.5 * devicePixelRatio;
     ctx.beginPath();
     for (let k = 0; k < cloud.x.length; k += 1) {

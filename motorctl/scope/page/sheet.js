@@ -3,7 +3,7 @@
 import { askArrays, askJson } from "./ask.js";
 import { Band } from "./band.js";
 import { LEFT, RIGHT, element } from "./frame.js";
-import { PLANE_PANELS, TIME_PANELS, seriesOf } from "./kinds.js";
+import { PLANE_PANELS, TIME_PANELS, seriesOf, timeKinds } from "./kinds.js";
 import { PlanePanel } from "./plane_panel.js";
 import { TimePanel } from "./time_panel.js";
 
@@ -23,12 +23,14 @@ export class Sheet {
     this.place.style.gridTemplateColumns = `repeat(${this.logs.length}, minmax(0, 1fr))`;
     this.columns = this.logs.map((log, index) => ({ log, index, time: [], planes: [], band: new Band(log) }));
     for (const { log } of this.columns) this.place.append(logHead(log));
-    const times = layout.panels.filter((name) => name in TIME_PANELS);
-    times.forEach((name, k) => {
+    const named = layout.panels.filter((name) => name in TIME_PANELS);
+    const times = named.flatMap((name) => timeKinds(name, this.logs, layout.axes).map((kind) => [name, kind]));
+    times.forEach(([name, kind], k) => {
       for (const column of this.columns) {
-        const series = seriesOf(TIME_PANELS[name], column.log, layout.axes);
-        const panel = new TimePanel(TIME_PANELS[name], column.log, series, k === times.length - 1, this.hears);
+        const series = seriesOf(kind, column.log, layout.axes);
+        const panel = new TimePanel(kind, column.log, series, k === times.length - 1, this.hears);
         panel.root.dataset.panel = name;
+        if (kind.parameter) panel.root.dataset.parameter = kind.parameter;
         column.time.push(panel);
         this.place.append(panel.root);
       }

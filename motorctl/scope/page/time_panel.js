@@ -3,7 +3,7 @@
 import { LEFT, PADDING, RIGHT, axes, element, extent, head, tickWords, widened } from "./frame.js";
 import { shown } from "./units.js";
 
-const HEIGHT = 150;
+const HEIGHT = 150, HEIGHT_OF_ESTIMATES = 96;
 const CURSOR_COLOURS = { a: "#b8860b", b: "#7a5195" };
 
 export class TimePanel {
@@ -28,7 +28,7 @@ export class TimePanel {
   draw(width) {
     this.plot?.destroy();
     const options = {
-      width, height: HEIGHT + (this.last ? 16 : 0),
+      width, height: (this.kind.bounds ? HEIGHT_OF_ESTIMATES : HEIGHT) + (this.last ? 16 : 0),
       padding: PADDING,
       legend: { show: false },
       cursor: {
@@ -70,7 +70,8 @@ export class TimePanel {
     this.root.dataset.everyRow = told.every_row;
     this.root.dataset.points = timeS.length;
     const deadline = this.kind.deadline ? [[0, this.deadline]] : [];
-    this.own = extent([...lines.map((line) => line.filter((v) => v !== null)), ...deadline]);
+    const bounds = this.series.map((one) => one.bounds ?? []);
+    this.own = extent([...lines.map((line) => line.filter((v) => v !== null)), ...deadline, ...bounds]);
   }
 
   get deadline() {
@@ -128,6 +129,12 @@ export class TimePanel {
       this.stroke(ctx, "#c0392b", [6, 3], bbox.left, y, bbox.left + bbox.width, y);
       ctx.fillStyle = "#c0392b";
       ctx.fillText(`deadline ${shown(this.deadline)} µs`, bbox.left + 6, y + 13 * devicePixelRatio);
+    }
+    for (const one of this.series) {
+      for (const bound of one.bounds ?? []) {
+        const y = u.valToPos(bound, "y", true);
+        this.stroke(ctx, one.colour, [2, 4], bbox.left, y, bbox.left + bbox.width, y);
+      }
     }
     for (const [name, time] of Object.entries(this.cursors)) {
       if (time === null || time < this.view[0] || time > this.view[1]) continue;

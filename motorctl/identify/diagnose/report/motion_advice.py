@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.axis_units import LINEAR, AxisUnits
 from motorctl.identify.columns.measured import Measured
 from motorctl.model import Effect, Spans
 from motorctl.model.knowledge import Motion
@@ -99,6 +100,7 @@ class Reach:
     speed: float
     acceleration: float
     jerk: float
+    units: AxisUnits = LINEAR
 
     @property
     def travel(self) -> float:

@@ -1,0 +1,58 @@
+"""The page of three machines tells what happens: its commands in virtual time, one by one."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs" / "three_machines.md").read_text()
+CHAPTERS = {
+    title: re.findall(r"^```(\w*)\n(.*?)^```$", words, re.M | re.S)
+    for title, words in re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", TEXT, re.M | re.S)
+}
+MACHINES = [title for title, blocks in CHAPTERS.items() if blocks]
+ENVIRONMENT = {
+    **os.environ,
+    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    "COLUMNS": "80",
+}
+
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
+
+def typed(block: str, folder: Path) -> str:
+    """Return what a shell prints for the lines of a block, which all succeed."""
+    done = subprocess.run(
+        ["bash", "-e", "-c", block],
+        cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{block}{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+@pytest.mark.timeout(1500)
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_machine_is_begun_checked_simulated_and_diagnosed_as_told(
+    tmp_path: Path, machine: str
+) -> None:
+    said, told = "", []
+    for language, block in CHAPTERS[machine]:
+        if language == "sh" and "/tmp/m.sock" not in block:
+            said += typed(block, tmp_path)
+        elif not language:
+            told.append(block.strip())
+    assert "valid: " in said
+    place = 0
+    for sentence in told:  # in the order of the page
+        place = " ".join(said.split()).find(sentence, place)
+        assert place >= 0, sentence
+    assert list(tmp_path.glob("*_report/diagnosis.html"))
+    if (tmp_path / "refined.yaml").is_file():
+        before, after = (float(x) for x in re.findall(r"eF µrad ([\d.]+)", said)[1:3])
+        assert after < 0.3 * before
