@@ -33,7 +33,11 @@ from motorctl.identify.diagnose.search.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.search.physics import is_physical
-from motorctl.identify.diagnose.search.refutation import led_at_its_end, without_refuted
+from motorctl.identify.diagnose.search.refutation import (
+    beside_driving_friction,
+    led_at_its_end,
+    without_refuted,
+)
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
@@ -107,6 +111,8 @@ def assemble(
     split = split_rows(found.final, segments)
     ended = led_at_its_end(found)
     found, refuted = without_refuted(found, split.held_out)
+    found, unsure = beside_driving_friction(found)
+    refuted += unsure
     found, shown = without_shown(found)
     found, rigid = without_rigid(found)
     found, commanded = without_commanded_waves(found)
