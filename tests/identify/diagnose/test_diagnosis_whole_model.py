@@ -13,6 +13,7 @@ from motorctl.config import load
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.refutation import beside_driving_friction, without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
@@ -71,6 +72,15 @@ def test_beside_friction_that_drives_the_axis_anyway_nothing_is_named(side):
     kept, why = beside_driving_friction(found)
     assert not kept.final.added
     assert "cogging: not named, for with it and without it the friction of the whole" in why[0]
+
+
+@pytest.mark.slow
+def test_a_machine_whose_friction_seems_to_drive_it_gets_no_name():
+    data = replace(PLANT, cogging=0.3, pitch_m=0.04).run(seed=4, duration_s=8.0)
+    speed = np.gradient(data.position, data.period_s)
+    found = diagnose_axis(replace(data, command=data.command - 2.0 * speed), C1)
+    assert found.effects == ()
+    assert any("drives the axis" in note for note in found.notes)
 
 
 def test_two_frictions_that_drive_together_are_to_blame_and_not_what_stands_beside_them():

@@ -111,8 +111,6 @@ def assemble(
     split = split_rows(found.final, segments)
     ended = led_at_its_end(found)
     found, refuted = without_refuted(found, split.held_out)
-    found, unsure = beside_driving_friction(found)
-    refuted += unsure
     found, shown = without_shown(found)
     found, rigid = without_rigid(found)
     found, commanded = without_commanded_waves(found)
@@ -121,9 +119,10 @@ def assemble(
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
     found, useless = _without_useless(found, split)
+    found, unsure = beside_driving_friction(found)
     stood = standing(found, split, too_plain is not None)
     found, judged, supports = stood.found, stood.judged, stood.supports
-    refuted += stood.refuted
+    refuted += (*unsure, *stood.refuted)
     doubted = {**doubted, **stood.doubted}
     extra, impossible = compensation(found, judged), None
     if extra is not None and not is_physical(found.final, extra):
