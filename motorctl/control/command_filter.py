@@ -57,6 +57,11 @@ def command_filter(
         What a notch leaves at its frequency.
     period_s
         Of the axis [s].
+
+    Returns
+    -------
+    CommandFilter
+        Its coefficients at that period.
     """
     t = math.tan(math.pi * frequency_hz * period_s)  # s = w/t (z - 1)/(z + 1)
     scale = 1.0 + 2.0 * damping * t + t * t

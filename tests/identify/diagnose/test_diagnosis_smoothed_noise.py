@@ -71,7 +71,7 @@ def with_mode(data: Measured, frequency_hz: float, damping_ratio: float = 0.1) -
 def test_a_resonance_that_only_smooths_noise_is_refuted_with_what_the_command_lacks():
     refuted = uncommanded(with_mode(clean_wheel(), 2.3))
     assert refuted is not None
-    assert "above 1.15 Hz the command has" in refuted[1]
+    assert "above 2.07 Hz the command has" in refuted[1]
 
 
 def test_one_sine_shows_no_resonance_on_itself():

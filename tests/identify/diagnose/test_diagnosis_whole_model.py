@@ -13,8 +13,9 @@ from motorctl.config import load
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.refutation import beside_driving_friction, without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.identify.diagnose.search.whole_model import (
     GIVES,
@@ -67,9 +68,36 @@ def test_beside_friction_that_drives_the_axis_anyway_nothing_is_named(side):
     ripple = make_effect(effect_class("cogging"), {"pitch_m": 0.06, "orders": (1,)})
     found = outcome(driven, ripple, side=side)
     assert friction_power(found.base).given > GIVES
-    kept, why = without_refuted(found)
+    assert without_refuted(found) == (found, ())
+    kept, why = beside_driving_friction(found)
     assert not kept.final.added
-    assert "cogging is not named: with it and without it the friction of the whole model" in why[0]
+    assert "cogging: not named, for with it and without it the friction of the whole" in why[0]
+
+
+@pytest.mark.slow
+def test_a_machine_whose_friction_seems_to_drive_it_gets_no_name():
+    data = replace(PLANT, cogging=0.3, pitch_m=0.04).run(seed=4, duration_s=8.0)
+    speed = np.gradient(data.position, data.period_s)
+    found = diagnose_axis(replace(data, command=data.command - 2.0 * speed), C1)
+    assert found.effects == ()
+    assert any("drives the axis" in note for note in found.notes)
+
+
+def test_two_frictions_that_drive_together_are_to_blame_and_not_what_stands_beside_them():
+    pushed = pushed_one_way(1.2)
+    speed = np.gradient(pushed.position, pushed.period_s)
+    force = pushed.command + 0.05 * np.sin(2.0 * np.pi * pushed.position / 0.02)
+    pushed = replace(pushed, command=force - 0.8 * speed * np.abs(speed))
+    effects = [
+        make_effect(effect_class("cogging"), {"pitch_m": 0.02, "orders": (1,)}),
+        make_effect(effect_class("asymmetric_friction")),
+        make_effect(effect_class("quadratic_drag")),
+    ]
+    found = outcome(pushed, *effects, side="command")
+    assert friction_power(found.final).given > GIVES
+    kept, why = without_refuted(found)
+    assert "cogging" in [effect.name for effect in kept.final.added]
+    assert "_" in why[0].split(" is refuted")[0]
 
 
 @pytest.mark.parametrize("scale", [0.01, 20.0])

@@ -297,7 +297,7 @@ def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
         if found_ is None or found_.held_out > best.held_out * (1.0 - RICHER_GAIN):
             break
         best = found_
-    return _fundamental(hypothesis, pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
+    return fundamental(hypothesis, pruned(hypothesis, by_simplex(hypothesis, best, spans)), spans)
 
 
 def _beside(hypothesis: Hypothesis, sines: Sequence[Effect]) -> Hypothesis:
@@ -365,7 +365,7 @@ def _fundamentals(waves: list[float], spans: Spans) -> list[tuple[float, tuple[i
     return ordered[:MOST_FUNDAMENTALS]
 
 
-def _fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+def fundamental(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Shorten a pitch of which only multiples are left, or that a slow variation made so long."""
     orders, pitch = _orders(form.effect), form.effect.repeats_every
     for divisor in range(max(orders), 1, -1):

@@ -13,7 +13,7 @@ from motorctl.identify.diagnose.search.parameters import (
     theta_of,
     values_of,
 )
-from motorctl.identify.diagnose.search.whole_model import FAR_OFF, seen_inertia
+from motorctl.identify.diagnose.search.whole_model import seen_inertia
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -63,10 +63,10 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                     f"{value:.3g}, and no more than all of it, 1, can be lost"
                 )
         force = _largest_force(hypothesis, effect, theta)
-        if force > BEYOND * largest and force > BEYOND * _resisting(hypothesis):
+        if force > BEYOND * largest and force > BEYOND * (resisting := _resisting(hypothesis)):
             return own, (
-                f"{effect.name} is refuted: its force would be {force:.3g}, and the largest "
-                f"command of the recording is {largest:.3g}"
+                f"{effect.name} is refuted: its force would be {force:.3g}; the largest command of "
+                f"the recording is {largest:.3g}, and inertia resists with {resisting:.3g} at most"
             )
     return None
 
@@ -124,11 +124,11 @@ def _resisting(hypothesis: Hypothesis) -> float:
     """Return the largest force with which the inertia resists along the motion; 0 where unseen.
 
     What swings freely passes places where its weight is many times its motor's command. Its inertia
-    is that which is seen beside any function of place and of speed, whatever the effects.
+    is the least that is seen beside any function of place and of speed, whatever the effects.
     """
     base = Hypothesis(hypothesis.regressors)
     seen = seen_inertia(base)
-    if seen is None or seen.high > FAR_OFF * seen.low:
+    if seen is None:
         return 0.0
     rows = base.problem.joined(hypothesis.regressors.signals.rows)
     acceleration = rows[0] if hypothesis.regressors.side == "command" else rows[-1]

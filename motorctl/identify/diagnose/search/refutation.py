@@ -36,6 +36,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     FAR_OFF,
     GIVES,
     OF_INERTIA,
+    FrictionPower,
     InertiaRange,
     beside_waves,
     can_move,
@@ -147,33 +148,51 @@ def moves_no_nearer(
 def drives_itself(final: Hypothesis) -> tuple[Effect, str] | None:
     """Return the effect with which the friction of the whole model gives energy at some speed.
 
-    Friction that gives without any of them, too, is no fault of theirs. Yet no machine moves as
-    such a model does: what it lacks is not known, and a name beside that says nothing sure.
+    Of several frictions, without any one of which the others still drive, that which takes least.
+    Friction that gives without any of them is no fault of theirs.
     """
     power = friction_power(final)
     if power.given <= GIVES:
         return None
+    effect = _blamed(final, lambda rest: friction_power(rest).given <= GIVES)
+    if effect is None:
+        frictions = [each for each in final.added if "friction" in each.groups]
+        rest = final
+        for each in frictions:
+            rest = rest.without(each.name)
+        if not frictions or friction_power(rest.refreshed()).given > GIVES:
+            return None
+        effect = min(frictions, key=lambda each: final.without(each.name).refreshed().held_out)
+    return effect, (
+        f"{effect.name} is refuted: with it {_drives(final, power)}; without the friction that was "
+        f"added, it gives no more than {100.0 * GIVES:g} %"
+    )
+
+
+def beside_driving_friction(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without any name where friction drives the axis anyway, and why.
+
+    No machine moves as such a model does: what it lacks is not known, and a name beside that says
+    nothing sure. It does not speak against the effects themselves.
+    """
+    final = found.final
+    power = friction_power(final)
+    if not final.added or power.given <= GIVES:
+        return found, ()
+    names = " and ".join(effect.name for effect in final.added)
+    return with_final(found, Hypothesis(final.regressors).refreshed()), (
+        f"{names}: not named, for with it and without it {_drives(final, power)} (limit "
+        f"{100.0 * GIVES:g} %): something else is missing, or a column is not what it is said to "
+        "be",
+    )
+
+
+def _drives(final: Hypothesis, power: FrictionPower) -> str:
     unit = final.regressors.signals.data.position_unit
-    drives = (
+    return (
         f"the friction of the whole model drives the axis at {power.speed:.3g} {unit}/s, and gives "
         f"{100.0 * power.given:.3g} % of the energy that passes between command and motion"
     )
-    most = f"{100.0 * GIVES:g} %"
-    effect = _blamed(final, lambda rest: friction_power(rest).given <= GIVES)
-    if effect is not None:
-        return effect, (
-            f"{effect.name} is refuted: with it {drives}; without it, it gives no more than {most}"
-        )
-    effect = _least(final)
-    return effect, (
-        f"{effect.name} is not named: with it and without it {drives} (limit {most}): something "
-        "else is missing, or a column is not what it is said to be"
-    )
-
-
-def _least(final: Hypothesis) -> Effect:
-    """Return the effect that takes the least beside all others."""
-    return min(final.added, key=lambda each: final.without(each.name).refreshed().held_out)
 
 
 def of_impossible_inertia(

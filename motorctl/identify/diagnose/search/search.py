@@ -281,10 +281,12 @@ def search(
         hypothesis = settled(Hypothesis(regressors, added).refreshed(), spans)
         hypothesis = sideways(hypothesis, rivals, spans, sign, taken.effect.name, steps)
         hypothesis = merged(hypothesis, spans, sign)
-        hypothesis = one_wave(hypothesis, spans) or hypothesis
+        joined = one_wave(hypothesis, spans)
+        hypothesis = joined or hypothesis
         hypothesis = told_apart(hypothesis, spans, sign, steps)
         hypothesis = backward(hypothesis, noise, spans)
-        if {e.name for e in hypothesis.added} == {e.name for e in added if e is not taken.effect}:
+        before = {effect.name for effect in added if effect is not taken.effect}
+        if joined is None and {effect.name for effect in hypothesis.added} == before:
             break  # what was just taken was dropped again, and would be for ever
         added = hypothesis.added
     base = Hypothesis(hypothesis.regressors).refreshed()

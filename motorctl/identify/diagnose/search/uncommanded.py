@@ -28,11 +28,14 @@ Array = NDArray[np.float64]
 ASKED = 0.1
 """Command where a part on a spring swings, over what the spring explains of the command [rms], at
 least. Larger refutes resonances that hardly take force, smaller takes smoothed noise for a spring.
-Chosen by hand: on recorded machines springs have from 0.24 on, smoothed noise 0.005 to 0.03."""
-BELOW = 0.5
+Chosen by hand: on recorded machines springs have from 0.4 on, smoothed noise 0.005 to 0.04."""
+BELOW = 0.9
 """Part of a resonance's frequency from which on a part on a spring swings. Nearer to 1 leaves the
-foot of broad resonances out, smaller counts the slow motion of the whole. Chosen by hand: an octave
-below, its column has a third of the acceleration."""
+foot of broad resonances out, smaller counts the slow motion of the whole. Chosen by hand: from 0.5
+on, a leg that was swept to just below such a resonance has 0.8 to 1.2."""
+IN_BAND = 0.75
+"""Part of the band, up to which that frequency is asked: above, the foot of a resonance is all that
+is seen. Larger asks of too little, smaller counts slow motion. Chosen by hand."""
 FINER = 8
 """Factor by which the spectrum is finer than its resolution, in which the strongest line is sought.
 Larger takes time, smaller leaves more of a sine behind. Arithmetic: 1/8 of a period is left."""
@@ -61,7 +64,7 @@ def uncommanded(final: Hypothesis) -> tuple[Effect, str] | None:
             )
         if final.regressors.side != "command":
             continue
-        lowest_hz = BELOW * min(effect.lines)
+        lowest_hz = BELOW * min(*effect.lines, IN_BAND * signals.band_hz)
         left = _without(signals.time_s, command - command.mean(), line_hz)
         has = _above(left, signals.row_period_s, lowest_hz)
         part = math.sqrt(float(has @ has) / max(rest.held_out - final.held_out, 1e-300))

@@ -33,7 +33,11 @@ from motorctl.identify.diagnose.search.parameters import (
     values_of,
 )
 from motorctl.identify.diagnose.search.physics import is_physical
-from motorctl.identify.diagnose.search.refutation import led_at_its_end, without_refuted
+from motorctl.identify.diagnose.search.refutation import (
+    beside_driving_friction,
+    led_at_its_end,
+    without_refuted,
+)
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
@@ -115,9 +119,10 @@ def assemble(
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
     found, useless = _without_useless(found, split)
+    found, unsure = beside_driving_friction(found)
     stood = standing(found, split, too_plain is not None)
     found, judged, supports = stood.found, stood.judged, stood.supports
-    refuted += stood.refuted
+    refuted += (*unsure, *stood.refuted)
     doubted = {**doubted, **stood.doubted}
     extra, impossible = compensation(found, judged), None
     if extra is not None and not is_physical(found.final, extra):
