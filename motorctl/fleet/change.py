@@ -99,9 +99,7 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
     """
     n = len(value)
     beside = np.empty((n, 0)) if beside is None else beside
-    if n < FEWEST_POINTS:
-        return None
-    if float(np.ptp(value)) <= SAME * float(np.max(np.abs(value), initial=0.0)):
+    if n < FEWEST_POINTS or never_differs(value):
         return None
     value, noise = drawn_in(value)
     steps = steps_in(value, noise)
@@ -120,6 +118,12 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
         forms.append((criterion(left_by_steps, n, 2 * len(steps) + 1), best))
     _, best = min(forms, key=lambda form: form[0])
     return replace(best, p_value=min(1.0, 3.0 * best.p_value))
+
+
+def never_differs(value: Array) -> bool:
+    """Return whether a series is the same all the time, but for rounding."""
+    size = float(np.max(np.abs(value), initial=0.0))
+    return not len(value) or float(np.ptp(value)) <= SAME * size
 
 
 def told_alone(column: Array, beside: Array) -> float:
@@ -163,7 +167,8 @@ def rest_scatter(left: Array, further: int, noise: float) -> tuple[float, float]
     squares = max(float(left @ left), n * noise**2 * SAME)
     # each mean or slope that was taken away hides about one neighbour's likeness
     doubt = DOUBT / math.sqrt(n) + 2.0 * further / n
-    correlated = float(left[1:] @ left[:-1]) / squares + doubt
+    alike = float(left[1:] @ left[:-1]) / squares if squares > 0.0 else 0.0
+    correlated = alike + doubt
     correlated = float(np.clip(correlated, 0.0, MOST_CORRELATED))
     freedom = max(n - 1 - further, 1)
     return max(noise, math.sqrt(squares / freedom)), (1.0 + correlated) / (1.0 - correlated)
@@ -183,6 +188,8 @@ def drawn_in(value: Array) -> tuple[Array, float]:
 
 def steps_in(value: Array, noise: float) -> list[int]:
     """Return the first points after each step."""
+    if not noise > 0.0 or len(value) < 2 * SHORTEST_PART:
+        return []
     search = ruptures.KernelCPD(kernel="linear", min_size=SHORTEST_PART)
     scaled = (value - np.median(value)) / noise
     ends = search.fit(scaled[:, None]).predict(pen=PENALTY * math.log(len(value)))

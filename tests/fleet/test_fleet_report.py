@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
+from datetime import timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import parse_qs, urlparse
 
+import numpy as np
 import pyarrow as pa
 import pytest
-from fleet_findings import BEGAN, FRICTION, fleet_store, head, keep, parameter
+from fleet_findings import BEGAN, FRICTION, fleet_store, head, keep, kept, parameter
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
 from motorctl.fleet.findings import Refusal, table_of_log, table_of_refusal
+from motorctl.fleet.siblings import latest_level
 from motorctl.fleet.store import open_store
 
 EVIL = "<script>alert(1)</script>"
@@ -57,7 +62,7 @@ def report(folder: Path, page: Path, *options: str) -> Balanced:
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     machines = [*(f"m{k}" for k in range(10)), EVIL]
-    kept = fleet_store(
+    fleet = fleet_store(
         tmp_path / "fleet findings",
         machines=machines,
         days=20,
@@ -71,14 +76,14 @@ def store(tmp_path: Path) -> Path:
     verdict = {"axis": "x", "program": EVIL, "window": 0, "kind": "verdict", "name": "effect"}
     refused = Refusal(EVIL, f"{EVIL}: no rows")
     keep(
-        kept,
+        fleet,
         "strange",
         [
             table_of_log(strange, "f" * 32, [effect, verdict]),
             table_of_refusal(refused, "e" * 32, "e" * 64, None),
         ],
     )
-    return kept.folder
+    return fleet.folder
 
 
 def test_the_page_shows_changes_with_pictures_and_every_machine(
@@ -133,6 +138,36 @@ def test_a_store_without_findings_and_findings_of_older_files_make_a_page(tmp_pa
     page = report(tmp_path / "older", tmp_path / "older.html")
     (link,) = (a["href"] for tag, a in page.seen if tag == "a" and "log/" in str(a["href"]))
     assert str(link).endswith(f"/log/{'a' * 64}/#axes=x&align=time")
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 12), st.sampled_from([0.0, 1.0, 0.3]), st.sampled_from([0.0, 1e-13, 1.0]))
+def test_a_series_has_a_level_however_short_and_however_constant(
+    points: int, value: float, scatter: float
+) -> None:
+    noise = np.random.default_rng(points).standard_normal(points)
+    level = latest_level(value + scatter * noise)
+    assert level.points == min(points, 9)
+    assert level.value == pytest.approx(value, abs=4.0 * scatter)
+    assert level.std_error <= 3.0 * scatter + 1e-12 or points < 3
+
+
+def test_machines_that_are_young_and_values_that_never_differ_are_on_the_page(
+    tmp_path: Path,
+) -> None:
+    store = open_store(tmp_path / "young", create=True)
+    logs = [
+        kept(head(f"m{points}", f"{points}-{k}", BEGAN + k * timedelta(hours=8)), value(k))
+        for points, value in (
+            *((n, lambda k: 0.1 + 0.01 * (-1) ** k) for n in (3, 4, 5)),
+            (30, lambda _: 0.0),
+        )
+        for k in range(points)
+    ]
+    keep(store, "all", logs)
+    words = report(store.folder, tmp_path / "young.html").words
+    for machine in ("m3", "m4", "m5", "m30"):
+        assert machine in words
 
 
 def test_a_page_that_cannot_be_written_is_told(store: Path, tmp_path: Path) -> None:
