@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from motorctl.fleet.run import FleetRun
 
 NEEDED = ("distributed", "fsspec", "ruptures")
+SOME_REFUSED = 3
+"""Exit status where some logs cannot be used: none that a failure has, so that timers can tell."""
 FalseAlarms = Annotated[
     float,
     typer.Option(
@@ -97,7 +99,7 @@ def _diagnose(
     allow_code: AllowCode = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit and diagnose every log that was not looked at before; exit with 1 where some cannot be.
+    """Fit and diagnose every log that was not looked at before; exit with 3 where some cannot be.
 
     A bad log is told with its file and the reason, and the others go on. What is done stays,
     whatever ends the run: the same command again does the rest.
@@ -124,7 +126,7 @@ def _diagnose(
             say(f"motorctl: not looked at: {refusal.reason}", err=True)
         say(_summary(run))
     if run.refused:
-        raise typer.Exit(2 if len(run.refused) == run.logs else 1)
+        raise typer.Exit(2 if len(run.refused) == run.logs else SOME_REFUSED)
 
 
 def _changes(

@@ -114,7 +114,7 @@ def test_the_command_tells_what_it_did_and_exits_by_it(
     assert sound.exit_code == 0, sound.output
     assert json.loads(sound.stdout)["looked_at"] == 2
     some = run(f"{logs}/**/*.parquet")
-    assert some.exit_code == 1
+    assert some.exit_code == 3
     document = json.loads(some.stdout)
     assert {Path(each["source"]).name for each in document["refused"]} == {
         "cut.parquet",
