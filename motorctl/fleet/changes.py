@@ -11,7 +11,7 @@ from typing import Any
 from scipy import stats
 
 from motorctl.errors import UsageError
-from motorctl.fleet.change import Change, change_in
+from motorctl.fleet.change import Change, change_in, stands
 from motorctl.fleet.covariates import Covariates
 from motorctl.fleet.influence import (
     Influence,
@@ -297,7 +297,9 @@ def _judged(series: Sequence[Series], covariates: Covariates) -> list[Judged]:
     for each in series:
         names, values = covariates.beside(each.machine, each.time_s)
         at = [covariates.names.index(name) for name in names]
-        influence = influence_on(each.value, values - usual[at], names) if names else None
+        # what stands at a bound follows nothing: a slope would move it away from there
+        follows = bool(names) and not stands(each.value)
+        influence = influence_on(each.value, values - usual[at], names) if follows else None
         plain_change = change_in(each.value)
         change = plain_change if influence is None else change_beside(influence)
         if plain_change is not None and change is not None:

@@ -20,6 +20,7 @@ from motorctl.fleet.change import (
     drawn_in,
     never_differs,
     scatter_of,
+    stands,
     steps_in,
 )
 from motorctl.fleet.head import SIMULATED
@@ -72,7 +73,8 @@ class Standing:
 def latest_level(value: Array) -> Level:
     """Return what a series is by its latest points, whatever it was before.
 
-    Of one that is too short to be judged, or never differs, its plain standard deviation counts.
+    Of one that is too short to be judged, never differs, or stands at one value for a large part,
+    its plain standard deviation counts.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def latest_level(value: Array) -> Level:
     if len(value) < 3:
         return Level(float(np.median(value)), math.inf, len(value))
     last = value[-LATEST:]
-    if len(value) < FEWEST_POINTS or never_differs(value):
+    if len(value) < FEWEST_POINTS or never_differs(value) or stands(value):
         scatter, together = float(np.std(value, ddof=1)), 1.0
     else:
         clean, noise = drawn_in(value)
