@@ -73,7 +73,8 @@ class Alarm:
 
     judged: Judged
     adjusted: float
-    """The level at which alarms would just include it (Benjamini-Hochberg over the fleet)."""
+    """The level at which alarms would just include it (Benjamini-Hochberg over all changes of the
+    fleet; doubled where distances from siblings take the other half of the level)."""
 
     @property
     def series(self) -> Series:
@@ -258,16 +259,17 @@ def judged(
 ) -> FleetChanges:
     """Return the alarms of some series at a level; first the largest beside its usual scatter.
 
-    Changes and distances from siblings are held against one level, together.
+    Changes and distances from siblings are two families, each held against its share of the level:
+    machines that always were unlike the others make no change more probable.
     """
     found = _judged(series, covariates or Covariates())
-    changed = [_telling(each.change) for each in found]
     compared = [each.standing.p_value for each in found if each.standing is not None]
-    adjusted = _adjusted([*changed, *compared])
-    told = dict(zip(map(id, found), adjusted, strict=False))
+    families = 2 if compared else 1
+    adjusted = _adjusted([_telling(each.change) for each in found], families)
+    told = dict(zip(map(id, found), adjusted, strict=True))
     alarms = [Alarm(each, q) for each in found if (q := told[id(each)]) <= level]
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
-    apart = iter(adjusted[len(found) :])
+    apart = iter(_adjusted(compared, families))
     unlike = [
         Unlike(each, each.standing, q)
         for each in found
@@ -277,7 +279,7 @@ def judged(
     return FleetChanges(
         tuple(alarms),
         tuple(unlike),
-        _explained(found, told, level),
+        _explained(found, told, level, families),
         tuple(found),
         _without(series, found),
         len(found),
@@ -313,10 +315,10 @@ def _judged(series: Sequence[Series], covariates: Covariates) -> list[Judged]:
 
 
 def _explained(
-    found: Sequence[Judged], told: dict[int, float], level: float
+    found: Sequence[Judged], told: dict[int, float], level: float, families: int
 ) -> tuple[Explained, ...]:
     """Return what would be alarms were it not for the covariates."""
-    would = _adjusted([_telling(each.plain) for each in found])
+    would = _adjusted([_telling(each.plain) for each in found], families)
     explained = [
         Explained(each, remainder_of(each.plain, each.series.value, each.influence))
         for each, q in zip(found, would, strict=True)
@@ -334,6 +336,8 @@ def _telling(change: Change) -> float:
     return change.p_value if change.size >= LEAST_SIZE else 1.0
 
 
-def _adjusted(p_values: Sequence[float]) -> list[float]:
-    """Return each probability after Benjamini and Hochberg."""
-    return list(map(float, stats.false_discovery_control(p_values))) if len(p_values) else []
+def _adjusted(p_values: Sequence[float], families: int) -> list[float]:
+    """Return each probability of a family after Benjamini and Hochberg, and times the families."""
+    if not p_values:
+        return []
+    return [min(1.0, families * float(q)) for q in stats.false_discovery_control(p_values)]

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
-from motorctl.fleet.changes import changes_in
-from motorctl.fleet.series import series_of
+from motorctl.fleet.changes import changes_in, judged
+from motorctl.fleet.series import Seen, Series, series_of
 from motorctl.fleet.store import Store, open_store
 
 
@@ -113,6 +113,29 @@ def test_windows_of_one_shift_are_one_point_and_vague_ones_none(store: Store) ->
     keep(store, "m4", [*shift, kept(vague, 1e9, std_error=5.0)])
     (m4,) = (series for series in series_of(store) if series.machine == "m4")
     assert list(m4.value) == [2.5]
+
+
+def test_machines_that_always_were_unlike_make_no_change_more_probable() -> None:
+    rng, machines, points = np.random.default_rng(11), 40, 60
+    times = np.arange(points) * 8.0 * 3600.0
+
+    def told(odd: int) -> list[float]:
+        series = []
+        for k in range(machines):
+            value = rng.standard_normal(points) + (1000.0 if k < odd else 0.0)
+            if k == machines - 1:
+                value[40:] += 2.7  # a change that its own family leaves in doubt
+            seen = (Seen("log", "id"),) * points
+            series.append(Series(f"m{k}", "x", "p", FRICTION, "V", times, value, seen))
+        found = judged(series, 0.999, 1.0)
+        assert sum(one.adjusted < 1e-3 for one in found.unlike) == odd
+        return [alarm.adjusted for alarm in found.alarms if alarm.series.machine == "m39"]
+
+    state = rng.bit_generator.state
+    alone = told(0)
+    assert alone[0] < 0.5
+    rng.bit_generator.state = state
+    assert told(15) == pytest.approx(alone, rel=1e-6)
 
 
 @pytest.mark.parametrize(("alarms", "looks"), [(0.0, 1.0), (400.0, 1.0), (1.0, 0.0)])
