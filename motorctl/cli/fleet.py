@@ -251,11 +251,13 @@ def _judged(found: FleetChanges) -> str:
         if found.of_other_models
         else ""
     )
-    if found.without_covariates:
-        others += (
-            f" For {found.without_covariates} series no covariate is known at every point: they "
-            "were judged as they are."
-        )
+    for use in found.covariates:
+        if use.not_used or use.points_left_out:
+            others += (
+                f" {use.name}: {use.series} series were judged with it, {use.not_used} without, as "
+                f"too few points have a reading or it tells nothing there; {use.points_left_out} "
+                "points without a reading were left out."
+            )
     return (
         f"{len(found.alarms)} of {found.series} series changed, {len(found.unlike)} of "
         f"{found.compared} are unlike their siblings; {found.too_short} have too few "

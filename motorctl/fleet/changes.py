@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from motorctl.errors import UsageError
 from motorctl.fleet.change import Change, change_in, stands
-from motorctl.fleet.covariates import Covariates
+from motorctl.fleet.covariates import MOST_MISSING, Covariates, usable
 from motorctl.fleet.influence import (
     Influence,
     Remainder,
@@ -24,6 +26,8 @@ from motorctl.fleet.series import Series, series_of
 from motorctl.fleet.siblings import Standing, latest_level, standings
 from motorctl.fleet.store import Store
 from motorctl.json_values import plain
+
+Array = NDArray[np.float64]
 
 DAYS = 365.0
 LEAST_SIZE = 2.5
@@ -167,6 +171,19 @@ class Unlike:
         return {key: plain(value) for key, value in document.items()}
 
 
+@dataclass
+class CovariateUse:
+    """For how many of the series that were judged a covariate was used."""
+
+    name: str
+    series: int = 0
+    not_used: int = 0
+    """Series that were judged without it: too few of their points have a reading, or it never
+    varied there, or they are too short or stand at one value."""
+    points_left_out: int = 0
+    """Points without a reading, of series that were judged with it."""
+
+
 @dataclass(frozen=True)
 class FleetChanges:
     """What changed: alarms, first those to look at first."""
@@ -186,7 +203,8 @@ class FleetChanges:
     compared: int
     """Of those judged, that have siblings enough."""
     without_covariates: int
-    """Of those judged, for which no covariate is known at every point."""
+    """Of those judged, for which no covariate could be used."""
+    covariates: tuple[CovariateUse, ...]
     of_other_models: int
     """Values of these series that were left out because another model than the last gave them."""
     level: float
@@ -200,6 +218,7 @@ class FleetChanges:
         del document["judged"], document["unjudged"]
         for key in ("alarms", "unlike", "explained"):
             document[key] = [each.to_dict() for each in document[key]]
+        document["covariates"] = [vars(each) for each in self.covariates]
         return document
 
 
@@ -262,7 +281,7 @@ def judged(
     Changes and distances from siblings are two families, each held against its share of the level:
     machines that always were unlike the others make no change more probable.
     """
-    found = _judged(series, covariates or Covariates())
+    found, uses = _judged(series, covariates or Covariates())
     compared = [each.standing.p_value for each in found if each.standing is not None]
     families = 2 if compared else 1
     adjusted = _adjusted([_telling(each.change) for each in found], families)
@@ -286,32 +305,60 @@ def judged(
         len(series) - len(found),
         len(compared),
         sum(each.influence is None for each in found) if covariates else 0,
+        uses,
         sum(each.of_other_models for each in series),
         level,
         false_alarms_a_year,
     )
 
 
-def _judged(series: Sequence[Series], covariates: Covariates) -> list[Judged]:
+def _judged(
+    series: Sequence[Series], covariates: Covariates
+) -> tuple[list[Judged], tuple[CovariateUse, ...]]:
     """Judge each series that is long enough and differs at all."""
     usual = covariates.usual()
+    uses = [CovariateUse(name) for name in covariates.names]
     found: list[tuple[Series, Change, Change, Influence | None]] = []
-    for each in series:
-        names, values = covariates.beside(each.machine, each.time_s)
-        at = [covariates.names.index(name) for name in names]
-        # what stands at a bound follows nothing: a slope would move it away from there
-        follows = bool(names) and not stands(each.value)
-        influence = influence_on(each.value, values - usual[at], names) if follows else None
+    for whole in series:
+        values = covariates.beside(whole.machine, whole.time_s)
+        each, influence = _beside(whole, values - usual, covariates.names)
         plain_change = change_in(each.value)
         change = plain_change if influence is None else change_beside(influence)
-        if plain_change is not None and change is not None:
-            found.append((each, change, plain_change, influence))
+        if plain_change is None or change is None:
+            continue
+        found.append((each, change, plain_change, influence))
+        for use, known in zip(uses, np.isfinite(values).T, strict=True):
+            used = influence is not None and use.name in influence.names
+            use.series += used
+            use.not_used += not used
+            use.points_left_out += int(np.sum(~known)) if used else 0
     levels = [
         latest_level(each.value if influence is None else influence.adjusted)
         for each, _, _, influence in found
     ]
     stand = standings([each for each, _, _, _ in found], levels)
-    return [Judged(*each, standing) for each, standing in zip(found, stand, strict=True)]
+    judged = [Judged(*each, standing) for each, standing in zip(found, stand, strict=True)]
+    return judged, tuple(uses)
+
+
+def _beside(
+    series: Series, values: Array, names: tuple[str, ...]
+) -> tuple[Series, Influence | None]:
+    """Return a series' points that have readings, and how it goes with them.
+
+    Where too few points have readings, all of them are returned, and no influence.
+    """
+    # what stands at a bound follows nothing: a slope would move it away from there
+    if not names or not len(series.value) or stands(series.value):
+        return series, None
+    use = usable(values)
+    known = np.asarray(np.isfinite(values[:, use]).all(axis=1), np.bool_)
+    if not use.any() or np.mean(known) < 1.0 - MOST_MISSING:
+        return series, None
+    part = series.only(known)
+    used = tuple(name for name, kept in zip(names, use, strict=True) if kept)
+    influence = influence_on(part.value, values[known][:, use], used)
+    return (series, None) if influence is None else (part, influence)
 
 
 def _explained(
@@ -328,8 +375,8 @@ def _explained(
 
 
 def _without(series: Sequence[Series], found: Sequence[Judged]) -> tuple[Series, ...]:
-    known = {id(each.series) for each in found}
-    return tuple(each for each in series if id(each) not in known)
+    known = {each.series.key for each in found}
+    return tuple(each for each in series if each.key not in known)
 
 
 def _telling(change: Change) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -62,6 +62,24 @@ class Series:
     def moment(self, point: int) -> datetime:
         """Return when a point was."""
         return datetime.fromtimestamp(float(self.time_s[point]), UTC)
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Return what no other series has."""
+        return (self.machine, self.axis, self.program, self.name, self.unit)
+
+    def only(self, wanted: NDArray[np.bool_]) -> Series:
+        """Return some points of it.
+
+        Parameters
+        ----------
+        wanted
+            Which, (N,).
+        """
+        if wanted.all():
+            return self
+        seen = tuple(each for each, kept in zip(self.seen, wanted, strict=True) if kept)
+        return replace(self, time_s=self.time_s[wanted], value=self.value[wanted], seen=seen)
 
 
 def seen_in(row: Mapping[str, Any]) -> Seen:

@@ -163,7 +163,8 @@ def test_rounded_values_in_which_nothing_changes_are_told_as_none() -> None:
 @pytest.mark.parametrize("bound", [-1.5, -1.0, -0.5, 0.0])
 def test_what_leaves_its_bound_now_and_then_is_told_as_no_change(bound: float) -> None:
     told = sum(
-        told_in_a_fleet(change_in(np.maximum(0.0, bound + noise(180, 7000 + k)))) for k in range(300)
+        told_in_a_fleet(change_in(np.maximum(0.0, bound + noise(180, 7000 + k))))
+        for k in range(300)
     )
     assert told <= 1
 
