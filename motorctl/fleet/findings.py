@@ -146,7 +146,7 @@ def table_of_log(head: LogHead, key: str, rows: Iterable[Row]) -> pa.Table:
         "written_utc": datetime.now(UTC),
     }
     ordered = sorted(rows, key=_order)
-    return pa.Table.from_pylist([whole | row for row in ordered], schema=SCHEMA)
+    return _table([whole | row for row in ordered])
 
 
 def table_of_refusal(refusal: Refusal, key: str, log_id: str, head: LogHead | None) -> pa.Table:
@@ -155,7 +155,20 @@ def table_of_refusal(refusal: Refusal, key: str, log_id: str, head: LogHead | No
     if head is not None:
         return table_of_log(head, key, [row])
     row |= {"key": key, "log_id": log_id, "version": VERSION, "source": refusal.source}
-    return pa.Table.from_pylist([row | {"written_utc": datetime.now(UTC)}], schema=SCHEMA)
+    return _table([row | {"written_utc": datetime.now(UTC)}])
+
+
+def _table(rows: Iterable[Row]) -> pa.Table:
+    """Return rows whose text can be written: half a character of a name is written out."""
+    kept = [
+        {key: _whole(each) if isinstance(each, str) else each for key, each in row.items()}
+        for row in rows
+    ]
+    return pa.Table.from_pylist(kept, schema=SCHEMA)
+
+
+def _whole(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _of(head: LogHead, window: Window, span_s: tuple[float, float]) -> Row:

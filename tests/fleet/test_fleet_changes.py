@@ -17,6 +17,8 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
 from motorctl.fleet.changes import changes_in, judged
+from motorctl.fleet.findings import Refusal, table_of_refusal
+from motorctl.fleet.report import write_fleet_page
 from motorctl.fleet.series import Seen, Series, series_of
 from motorctl.fleet.store import Store, open_store
 
@@ -78,6 +80,24 @@ def test_the_model_that_was_fitted_last_counts_though_it_did_not_fit_the_last_lo
     assert changes_in(store).of_other_models == 1
     shown = CliRunner().invoke(make_app(), ["fleet", "changes", "--store", str(store.folder)])
     assert "1 values of other models than the last were left out" in shown.stdout
+
+
+def test_a_log_that_was_refused_later_counts_no_more(store: Store, tmp_path: Path) -> None:
+    logs = [head("m2", f"m2-{k}", BEGAN + k * timedelta(hours=8)) for k in range(42, 60)]
+    refused = [Refusal(log.source, f"{log.source}: is of another machine") for log in logs]
+    keep(
+        store,
+        "refused",
+        [
+            table_of_refusal(why, f"{log.log_id}-r", log.log_id, log)
+            for why, log in zip(refused, logs, strict=True)
+        ],
+    )
+    (m2,) = (series for series in series_of(store) if series.machine == "m2")
+    assert len(m2.value) == 42
+    changes, page = changes_in(store), write_fleet_page(store, tmp_path / "page.html")
+    assert not changes.alarms
+    assert [page.series, page.alarms] == [changes.series, changes.alarms]
 
 
 def test_a_point_names_a_log_that_has_its_value(store: Store) -> None:

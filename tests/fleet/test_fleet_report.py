@@ -170,6 +170,20 @@ def test_machines_that_are_young_and_values_that_never_differ_are_on_the_page(
         assert machine in words
 
 
+def test_a_copy_that_was_torn_is_told_until_it_is_whole(tmp_path: Path) -> None:
+    store, whole = open_store(tmp_path / "torn", create=True), head("m1", "a" * 64, BEGAN)
+    for k, size in enumerate("bc"):  # two nights, as the copy grew
+        why = Refusal(whole.source, f"{whole.source}: its end is missing ({size})")
+        store.write(size * 32, None, table_of_refusal(why, size * 32, size * 64, None))
+        words = report(store.folder, tmp_path / f"{k}.html").words
+        assert words.count("its end is missing") == 1
+        assert f"its end is missing ({size})" in words
+    store.write("a" * 32, BEGAN, table_of_log(whole, "a" * 32, [parameter(0.14)]))
+    words = report(store.folder, tmp_path / "whole.html").words
+    assert "its end is missing" not in words
+    assert "cannot be used" not in words
+
+
 def test_a_page_that_cannot_be_written_is_told(store: Path, tmp_path: Path) -> None:
     words = ["fleet", "report", str(store), "--out", str(tmp_path / "no" / "fleet.html")]
     done = CliRunner().invoke(make_app(), words)

@@ -55,8 +55,19 @@ class MachineSeen:
     """By axis and program."""
 
 
+def _last_written(rows: Sequence[Mapping[str, Any]]) -> dict[str, datetime]:
+    """Return when what was last found of each file was written."""
+    last: dict[str, datetime] = {}
+    for row in rows:
+        kept = last.get(row["source"], row["written_utc"])
+        last[row["source"]] = max(kept, row["written_utc"])
+    return last
+
+
 def machines_in(rows: Sequence[Mapping[str, Any]]) -> dict[str, MachineSeen]:
     """Return what findings tell of each machine, by name.
+
+    A refusal counts until something newer is known of the same file.
 
     Parameters
     ----------
@@ -64,7 +75,11 @@ def machines_in(rows: Sequence[Mapping[str, Any]]) -> dict[str, MachineSeen]:
         Of the store, in order of time.
     """
     found: dict[str, MachineSeen] = {}
+    written = _last_written(rows)
     for row in rows:
+        # a copy that was torn, and is whole by now, or was torn again
+        if row["kind"] == "refused" and row["written_utc"] < written[row["source"]]:
+            continue
         name = UNNAMED if row["machine"] is None else str(row["machine"])
         machine = found.setdefault(name, MachineSeen(name))
         if row["kind"] == "refused":
