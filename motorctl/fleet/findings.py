@@ -161,13 +161,14 @@ def table_of_refusal(refusal: Refusal, key: str, log_id: str, head: LogHead | No
 def _table(rows: Iterable[Row]) -> pa.Table:
     """Return rows whose text can be written: half a character of a name is written out."""
     kept = [
-        {key: _whole(each) if isinstance(each, str) else each for key, each in row.items()}
+        {key: whole_text(each) if isinstance(each, str) else each for key, each in row.items()}
         for row in rows
     ]
     return pa.Table.from_pylist(kept, schema=SCHEMA)
 
 
-def _whole(text: str) -> str:
+def whole_text(text: str) -> str:
+    """Return a text that can be written, as a file's name with bytes of no character cannot be."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from asyncio import CancelledError
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from motorctl.config import load
 from motorctl.errors import RunError, UsageError
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.conflicts import conflicts_of
-from motorctl.fleet.findings import Refusal, Row, table_of_log, table_of_refusal
+from motorctl.fleet.findings import Refusal, Row, table_of_log, table_of_refusal, whole_text
 from motorctl.fleet.head import Declared, LogHead
 from motorctl.fleet.job import Steps, steps_of
 from motorctl.fleet.look import look_at_head
@@ -162,13 +163,17 @@ class _Fleet:
             self._refuse(refusal, identity, None)
         heads.sort(key=lambda head: (head.begin_utc, head.source))
         logs: dict[str, LogHead] = {}
+        places: dict[str, set[str]] = defaultdict(set)
         for head in heads:
             if head.copied:
                 self.run.copies += 1
-            elif logs.setdefault(self._key(head), head) is not head:
+                continue
+            places[self._key(head)].add(whole_text(head.source))
+            if logs.setdefault(self._key(head), head) is not head:
                 self.run.twins += 1
         conflicts = {each.source: each for each in conflicts_of(list(logs.values()))}
         told = self.store.refusals({self._refused_key(head) for head in logs.values()})
+        kept_at = self.store.sources()
         wanted: list[LogHead] = []
         for key, head in logs.items():
             refused_key = self._refused_key(head)
@@ -178,6 +183,8 @@ class _Fleet:
                 self.run.refused.append(Refusal(head.source, told[refused_key]))
             elif key in self.store:
                 self.run.known += 1
+                if kept_at.get(key) not in places[key]:
+                    self.store.moved(key, head.source)
             else:
                 wanted.append(head)
         return wanted

@@ -16,7 +16,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from motorctl.errors import DataError, RunError, UsageError
-from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION
+from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION, whole_text
 from motorctl.fleet.paths import FINDINGS, MARK
 from motorctl.log.synced import sync
 from motorctl.version import VERSION
@@ -48,7 +48,12 @@ class Store:
     def write(self, key: str, began: datetime | None, table: pa.Table) -> None:
         """Keep the findings of a log. Raises RunError where they cannot be written."""
         month = self.folder / FINDINGS / (f"{began:%Y-%m}" if began else _UNDATED)
-        draft, target = month / f"{_DRAFT}{key}", month / f"{key}.parquet"
+        self._write(month / f"{key}.parquet", table)
+        self._known.add(key)
+
+    def _write(self, target: Path, table: pa.Table) -> None:
+        month = target.parent
+        draft = month / f"{_DRAFT}{target.stem}"
         try:
             month.mkdir(parents=True, exist_ok=True)
             pq.write_table(table, draft, compression="zstd")
@@ -57,7 +62,20 @@ class Store:
             sync(month)
         except OSError as error:
             raise RunError(f"{target}: cannot be written: {error}") from error
-        self._known.add(key)
+
+    def sources(self) -> dict[str, str]:
+        """Return where the logs were, by the keys of their findings."""
+        rows = self.read(["key", "source"]).group_by(["key", "source"]).aggregate([])
+        told = zip(rows.column("key").to_pylist(), rows.column("source").to_pylist(), strict=True)
+        return {str(key): str(source) for key, source in told}
+
+    def moved(self, key: str, source: str) -> None:
+        """Keep where a log is now. Raises RunError where that cannot be written."""
+        for file in (self.folder / FINDINGS).glob(f"*/{key}.parquet"):
+            table = pq.read_table(file, schema=SCHEMA)
+            place = SCHEMA.get_field_index("source")
+            column = pa.array([whole_text(source)] * table.num_rows, pa.string())
+            self._write(file, table.set_column(place, SCHEMA.field(place), column))
 
     def refusals(self, keys: set[str]) -> dict[str, str]:
         """Return why logs cannot be used, by the keys of their findings, as was kept before."""
