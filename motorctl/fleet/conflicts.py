@@ -111,7 +111,7 @@ def _both_at_once(first: LogHead, then: LogHead) -> bool:
 
 
 def _refusal(log: LogHead, reason: str) -> Refusal:
-    return Refusal(log.source, f"{log.source}: {reason}", lasting=False)
+    return Refusal(log.source, f"{log.source}: {reason}", lasting=False, machine=log.machine)
 
 
 def _at(log: LogHead) -> str:

@@ -74,6 +74,8 @@ class Refusal:
     reason: str
     lasting: bool = True
     """Whether that lies in the log itself, and will be so tomorrow."""
+    machine: str | None = None
+    """As the log says, where that is known."""
 
 
 def fit_rows(head: LogHead, window: Window, span_s: tuple[float, float], fit: AxisFit) -> list[Row]:

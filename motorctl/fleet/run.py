@@ -130,7 +130,8 @@ def diagnose_fleet(
                 f"{scheduler or 'the local cluster'}: the scheduler is gone ({error}); what was "
                 f"done is kept in {store}, and the same command does the rest"
             ) from error
-    run.refused.sort(key=lambda refusal: refusal.source)
+        run.refused.sort(key=lambda refusal: refusal.source)
+        kept.keep_passing(run.refused)
     run.seconds = time.monotonic() - began
     return run
 

@@ -6,9 +6,9 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pyarrow as pa
@@ -16,13 +16,16 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from motorctl.errors import DataError, RunError, UsageError
-from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION, whole_text
+from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION, Refusal, whole_text
 from motorctl.fleet.paths import FINDINGS, MARK
 from motorctl.log.synced import sync
 from motorctl.version import VERSION
 
 _DRAFT = ".draft-"
 _UNDATED = "undated"
+LAST_RUN = "last_run.json"
+"""The file of a store that tells which logs could not be used the last time, though that does not
+lie in them alone."""
 
 
 def key_of(log_id: str, model_id: str, diagnoses: int) -> str:
@@ -82,6 +85,45 @@ class Store:
         table = self.read(["key", "kind", "text"], ds.field("kind") == "refused")
         told = zip(table.column("key").to_pylist(), table.column("text").to_pylist(), strict=True)
         return {str(key): str(text) for key, text in told if key in keys}
+
+    def keep_passing(self, refused: Sequence[Refusal]) -> None:
+        """Keep why logs could not be used this time, instead of what was kept of the last one.
+
+        Raises RunError where that cannot be written.
+        """
+        told = [
+            {"source": each.source, "reason": each.reason, "machine": each.machine}
+            for each in refused
+            if not each.lasting
+        ]
+        target = self.folder / LAST_RUN
+        draft = self.folder / f"{LAST_RUN}{_DRAFT}{os.getpid()}"
+        try:
+            draft.write_text(json.dumps({"at": datetime.now(UTC).isoformat(), "refused": told}))
+            draft.replace(target)
+        except OSError as error:
+            raise RunError(f"{target}: cannot be written: {error}") from error
+
+    def passing(self) -> list[Refusal]:
+        """Return why logs could not be used the last time. Raises DataError where it is damaged."""
+        file = self.folder / LAST_RUN
+        try:
+            return [
+                Refusal(
+                    whole_text(each["source"]),
+                    whole_text(each["reason"]),
+                    lasting=False,
+                    machine=each["machine"] and whole_text(each["machine"]),
+                )
+                for each in json.loads(file.read_text())["refused"]
+            ]
+        except FileNotFoundError:
+            return []
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DataError(
+                f"{file}: damaged: {error}; remove it, and the next `motorctl fleet diagnose` "
+                "writes it anew"
+            ) from error
 
     def read(
         self, columns: list[str] | None = None, where: ds.Expression | None = None

@@ -168,8 +168,11 @@ def test_a_log_that_was_moved_is_known_and_the_store_tells_where_it_is(
     (tmp_path / "archive").mkdir()
     moved = log.rename(tmp_path / "archive" / "log.parquet")
 
+    told_anew(good_log, tmp_path / "archive" / "old.parquet", started="1970-01-01T00:00:09+00:00")
     run = look(tmp_path / "archive", store.folder, scheduler)
 
+    (refused,) = store.passing()
+    assert (Path(refused.source).name, refused.machine) == ("old.parquet", "stage-1")
     assert (run.known, run.looked_at) == (1, 0)
     assert store.sources() == {key: str(moved)}
     assert LogIndex(store.folder).find(head.log_id) == moved

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import parse_qs, urlparse
@@ -17,8 +17,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
-from motorctl.errors import UsageError
+from motorctl.errors import DataError, UsageError
+from motorctl.fleet.conflicts import conflicts_of
 from motorctl.fleet.findings import Refusal, table_of_log, table_of_refusal
+from motorctl.fleet.report import write_fleet_page
 from motorctl.fleet.siblings import latest_level
 from motorctl.fleet.store import open_store
 
@@ -182,6 +184,33 @@ def test_a_copy_that_was_torn_is_told_until_it_is_whole(tmp_path: Path) -> None:
     words = report(store.folder, tmp_path / "whole.html").words
     assert "its end is missing" not in words
     assert "cannot be used" not in words
+
+
+def test_bad_logs_that_depend_on_others_are_on_the_page_until_a_run_finds_them_good(
+    tmp_path: Path,
+) -> None:
+    store = fleet_store(tmp_path / "store", machines=["m1"], days=3)
+    told = head("m1", "a" * 64, datetime(1970, 1, 1, tzinfo=UTC))
+    failed = Refusal("s3://b/\udc80.parquet", "s3://b/\udc80.parquet: a worker failed", False)
+    store.keep_passing([*conflicts_of([told]), failed, Refusal("torn", "torn: no rows")])
+    words = report(store.folder, tmp_path / "bad.html").words
+    assert "1 unusable" in words
+    assert "its clock was never set" in words
+    assert "a worker failed" in words
+    assert "torn: no rows" not in words  # that lies in the log, and stands among the findings
+    store.keep_passing([])
+    assert "unusable" not in report(store.folder, tmp_path / "good.html").words
+    (store.folder / "last_run.json").write_text("[1")
+    with pytest.raises(DataError, match=r"last_run\.json: damaged"):
+        store.passing()
+
+
+def test_a_fleet_that_is_silent_altogether_is_told_so(tmp_path: Path) -> None:
+    store = fleet_store(tmp_path / "store", machines=["m1", "m2"], days=3)
+    for days, silent in ((3, 0), (5, 2)):
+        now = BEGAN + timedelta(days=days)
+        write_fleet_page(store, tmp_path / "page.html", now=now)
+        assert Balanced((tmp_path / "page.html").read_text()).words.count(" silent") == silent
 
 
 def test_a_page_that_cannot_be_written_is_told(store: Path, tmp_path: Path) -> None:
