@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
@@ -37,6 +37,12 @@ without change: of those whose neighbours are correlated by 0.6, none of 500 is 
 SURE = 3.0
 """Standard errors by which what is left of a change must differ from it for covariates to explain
 it. Larger doubts them more often, smaller believes them sooner. Chosen by hand."""
+
+
+HARDLY = 0.2
+"""Part of a change that covariates must take away for it to be said to go with them, or not to be
+told apart. Larger tells more alarms that covariates explain in part, smaller says so of changes
+that have nothing to do with them. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +146,16 @@ class Explained:
     def certain(self) -> bool:
         """Whether they explain it; else the two cannot be told apart."""
         return abs(self.moved - self.remainder.value) > SURE * self.remainder.std_error
+
+    @property
+    def none_of_it(self) -> bool:
+        """Whether nearly all of it is left beside them, for sure: then it is a change of its own.
+
+        Only the further doubt that comes with covariates kept it from being told.
+        """
+        left = self.remainder
+        taken = abs(self.moved - left.value)
+        return taken <= HARDLY * abs(self.moved) and abs(left.value) > SURE * left.std_error
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in ``fleet changes --json``."""
@@ -285,8 +301,20 @@ def judged(
     compared = [each.standing.p_value for each in found if each.standing is not None]
     families = 2 if compared else 1
     adjusted = _adjusted([_telling(each.change) for each in found], families)
-    told = dict(zip(map(id, found), adjusted, strict=True))
-    alarms = [Alarm(each, q) for each in found if (q := told[id(each)]) <= level]
+    would = _adjusted([_telling(each.plain) for each in found], families)
+    explained: list[Explained] = []
+    alarms: list[Alarm] = []
+    for k, (each, q, q_plain) in enumerate(zip(found, adjusted, would, strict=True)):
+        if q <= level:
+            alarms.append(Alarm(each, q))
+        elif each.influence is not None and q_plain <= level:
+            one = Explained(each, remainder_of(each.plain, each.series.value, each.influence))
+            if one.none_of_it:
+                found[k] = replace(each, change=each.plain, influence=None)
+                alarms.append(Alarm(found[k], q_plain))
+            else:
+                explained.append(one)
+    explained.sort(key=lambda one: -one.judged.plain.size)
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
     apart = iter(_adjusted(compared, families))
     unlike = [
@@ -298,7 +326,7 @@ def judged(
     return FleetChanges(
         tuple(alarms),
         tuple(unlike),
-        _explained(found, told, level, families),
+        tuple(explained),
         tuple(found),
         _without(series, found),
         len(found),
@@ -359,19 +387,6 @@ def _beside(
     used = tuple(name for name, kept in zip(names, use, strict=True) if kept)
     influence = influence_on(part.value, values[known][:, use], used)
     return (series, None) if influence is None else (part, influence)
-
-
-def _explained(
-    found: Sequence[Judged], told: dict[int, float], level: float, families: int
-) -> tuple[Explained, ...]:
-    """Return what would be alarms were it not for the covariates."""
-    would = _adjusted([_telling(each.plain) for each in found], families)
-    explained = [
-        Explained(each, remainder_of(each.plain, each.series.value, each.influence))
-        for each, q in zip(found, would, strict=True)
-        if each.influence is not None and q <= level < told[id(each)]
-    ]
-    return tuple(sorted(explained, key=lambda each: -each.judged.plain.size))
 
 
 def _without(series: Sequence[Series], found: Sequence[Judged]) -> tuple[Series, ...]:

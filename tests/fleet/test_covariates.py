@@ -177,6 +177,26 @@ def test_a_thermometer_that_was_out_for_days_does_not_make_the_weather_an_alarm(
     assert use.points_left_out <= missing
 
 
+def test_a_change_that_has_nothing_to_do_with_a_covariate_is_not_said_to_go_with_it() -> None:
+    days, told, explained = np.arange(60) / 3.0, 0, 0
+    for seed in range(8):
+        rng = np.random.default_rng(500 + seed)
+        readings = {("", "t"): Readings(days * 86400.0, np.cumsum(rng.standard_normal(60)))}
+        fleet = []
+        for k in range(12):
+            value = rng.standard_normal(60)
+            value[54:] += 3.4 * (k < 6)
+            seen = (Seen("a", "b"),) * 60
+            fleet.append(Series(f"m{k}", f"x{k}", "p", FRICTION, "V", days * 86400.0, value, seen))
+        found = judged(fleet, 1.0 / 365.0, 1.0, Covariates(("t",), readings))
+        told += len(found.alarms)
+        explained += len(found.explained)
+        judged_ones = {id(one) for one in found.judged}
+        assert all(id(alarm.judged) in judged_ones for alarm in found.alarms)
+    assert told > 20
+    assert explained <= 0.05 * told
+
+
 def test_points_of_another_time_are_left_out_and_counted_and_a_dead_thermometer_is_not_used() -> (
     None
 ):
