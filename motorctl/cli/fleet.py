@@ -126,7 +126,7 @@ def _diagnose(
             say(f"motorctl: not looked at: {refusal.reason}", err=True)
         say(_summary(run))
     if run.refused:
-        raise typer.Exit(2 if len(run.refused) == run.logs else SOME_REFUSED)
+        raise typer.Exit(2 if run.none_usable else SOME_REFUSED)
 
 
 def _changes(

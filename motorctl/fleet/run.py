@@ -57,7 +57,13 @@ class FleetRun:
     findings: int = 0
     """Rows that were kept."""
     refused: list[Refusal] = field(default_factory=list)
+    """Logs that cannot be used, and folders that cannot be read."""
     seconds: float = 0.0
+
+    @property
+    def none_usable(self) -> bool:
+        """Whether no log could be used."""
+        return not self.looked_at + self.known + self.twins + self.copies
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of ``fleet diagnose --json``."""
@@ -117,9 +123,11 @@ def diagnose_fleet(
     began = time.monotonic()
     resolved = load(model).resolved if is_file(model) else None
     declared = Declared(model, resolved, tuple(allow_code))
-    sources = logs_of(patterns)
+    not_read: dict[str, str] = {}
+    sources = logs_of(patterns, not_read)
     kept = open_store(store, create=True)
     run = FleetRun(store, logs=len(sources))
+    run.refused += [Refusal(folder, why, lasting=False) for folder, why in not_read.items()]
     tell = _forward_only(progress)
     with kept.locked(), engine(scheduler, workers) as client:
         fleet = _Fleet(client, kept, declared, diagnoses, run, tell)
