@@ -170,6 +170,7 @@ class _Fleet:
             self.tell("reading footers", HEADS * done / len(sources))
         for refusal, identity in damaged:
             self._refuse(refusal, identity, None)
+        self.store.forget_refusals({whole_text(head.source): head.log_id for head in heads})
         heads.sort(key=lambda head: (head.begin_utc, head.source))
         logs: dict[str, LogHead] = {}
         places: dict[str, set[str]] = defaultdict(set)

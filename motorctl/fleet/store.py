@@ -6,7 +6,7 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -85,6 +85,30 @@ class Store:
         table = self.read(["key", "kind", "text"], ds.field("kind") == "refused")
         told = zip(table.column("key").to_pylist(), table.column("text").to_pylist(), strict=True)
         return {str(key): str(text) for key, text in told if key in keys}
+
+    def forget_refusals(self, now: Mapping[str, str]) -> None:
+        """Forget why files could not be used that are other ones by now, as copies that were torn.
+
+        Parameters
+        ----------
+        now
+            The identity of each file that is a log, by where it is.
+
+        Raises
+        ------
+        RunError
+            Where that cannot be written.
+        """
+        table = self.read(["key", "source", "log_id"], ds.field("kind") == "refused")
+        for row in table.to_pylist():
+            if now.get(row["source"], row["log_id"]) == row["log_id"]:
+                continue
+            for file in (self.folder / FINDINGS).glob(f"*/{row['key']}.parquet"):
+                try:
+                    file.unlink()
+                except OSError as error:
+                    raise RunError(f"{file}: cannot be removed: {error}") from error
+            self._known.discard(row["key"])
 
     def keep_passing(self, refused: Sequence[Refusal]) -> None:
         """Keep why logs could not be used this time, instead of what was kept of the last one.

@@ -166,7 +166,11 @@ def test_a_log_that_was_moved_is_known_and_the_store_tells_where_it_is(
     row = {"axis": "x", "kind": "nothing", "text": "at rest"}
     store.write(key, BEGAN, table_of_log(head, key, [row]))
     (tmp_path / "archive").mkdir()
-    moved = log.rename(tmp_path / "archive" / "log.parquet")
+    moved = tmp_path / "archive" / "log.parquet"
+    moved.write_bytes(log.read_bytes()[:-100])  # the copy is not whole in the first night
+    assert len(look(tmp_path / "archive", store.folder, scheduler).refused) == 1
+    assert "refused" in open_store(store.folder).read(["kind"]).column("kind").to_pylist()
+    log.rename(moved)
 
     told_anew(good_log, tmp_path / "archive" / "old.parquet", started="1970-01-01T00:00:09+00:00")
     run = look(tmp_path / "archive", store.folder, scheduler)
@@ -174,7 +178,7 @@ def test_a_log_that_was_moved_is_known_and_the_store_tells_where_it_is(
     (refused,) = store.passing()
     assert (Path(refused.source).name, refused.machine) == ("old.parquet", "stage-1")
     assert (run.known, run.looked_at) == (1, 0)
-    assert store.sources() == {key: str(moved)}
+    assert store.sources() == {key: str(moved)}  # and nothing is left of the copy
     assert LogIndex(store.folder).find(head.log_id) == moved
     before = files(store.folder)
     shutil.copy(moved, tmp_path / "archive" / "again.parquet")
