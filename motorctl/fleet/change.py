@@ -243,22 +243,26 @@ def _step_of_counts(value: Array) -> Change:
 
     Beyond the middle between both levels lie so many points before, and so many after: how probable
     that is among all orders of the same points is counted (Fisher), times the places of the step
-    and of the middle. Points that follow each other count for less here, too.
+    and of the middle, and twice, as a step is held against its neighbours and all there is. Points
+    that lie beyond it one after the other count for less.
     """
     n = len(value)
     noise = max(float(np.std(np.diff(value))) / math.sqrt(2.0), SAME * float(np.ptp(value)))
     steps = steps_in(value, noise)
     scatter, together = scatter_of(value, steps, noise)
-    beyond_any = max(len(np.unique(value)) - 1, 1)
-    places = max(n - 2 * SHORTEST_PART + 1, 1) * beyond_any
+    places = max(n - 2 * SHORTEST_PART + 1, 1) * max(len(np.unique(value)) - 1, 1)
     found: list[Change] = []
     ends = [0, *steps, n]
-    for a, b, c in zip(ends, ends[1:], ends[2:], strict=False):
+    near = zip(ends, ends[1:], ends[2:], strict=False)
+    for a, b, c in (*near, *((0, step, n) for step in steps)):  # its neighbours, and all there is
         before, after = (_level(part, scatter, together) for part in (value[a:b], value[b:c]))
         above = value[a:c] > 0.5 * (before.value + after.value)
-        counts = [[np.sum(part), np.sum(~part)] for part in (above[: b - a], above[b - a :])]
-        told = stats.fisher_exact(np.floor(np.array(counts) / together).astype(int))
-        p = min(1.0, places * float(told.pvalue))
+        parts = above[: b - a], above[b - a :]
+        left = np.concatenate([part - np.mean(part) for part in parts])
+        like = rest_scatter(left, 1, 0.0)[1]
+        counts = np.array([[np.sum(part), np.sum(~part)] for part in parts])
+        told = stats.fisher_exact(np.floor(counts / like).astype(int))
+        p = min(1.0, 2.0 * places * float(told.pvalue))
         found.append(Change("step", b, before, after, scatter, p))
     level = _level(value, scatter, together)
     none = Change("step", n - SHORTEST_PART, level, level, scatter, 1.0)

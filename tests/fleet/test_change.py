@@ -178,6 +178,17 @@ def test_what_leaves_its_bound_for_good_is_told_with_its_place() -> None:
     assert told_in_a_fleet(found)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_leaves_its_bound_slowly_is_told_too(seed: int) -> None:
+    value = np.maximum(0.0, 0.3 * noise(180, seed) - 0.5)
+    value[90:] += np.linspace(0.0, 6.0, 90)
+    found = change_in(value)
+    assert found is not None
+    assert found.form == "step"
+    assert 90 <= found.first < 150
+    assert told_in_a_fleet(found)
+
+
 @given(st.integers(0, 10**6), st.integers(FEWEST_POINTS, 200), st.floats(0.4, 1.0), st.booleans())
 def test_whatever_stands_at_one_value_for_a_large_part_is_judged_without_a_fuss(
     seed: int, points: int, share: float, rising: bool
