@@ -88,12 +88,14 @@ def test_a_click_on_the_fleet_page_shows_the_window_in_the_browser(
         tab = chromium.new_page()
         tab.goto(report.as_uri())
         tab.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
-        with tab.expect_popup() as led:
+        with tab.expect_popup() as opened:
             tab.click("a[href*='/log/']")
-        scope = led.value
+        scope = opened.value
         scope.wait_for_selector(SETTLED)
-        assert scope.title().startswith("a.parquet")
-        layout = parse_qs(urlparse(scope.url).fragment)
+        led = urlparse(scope.url)
+        (name,) = (each for each in "ab" if id_of(store, each) in led.path)
+        assert scope.title().startswith(f"{name}.parquet")
+        layout = parse_qs(led.fragment)
         assert (layout["from"], layout["to"], layout["axes"]) == (["0.1"], ["0.25"], ["x"])
 
 
