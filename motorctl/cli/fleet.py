@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from motorctl.fleet.run import FleetRun
 
 NEEDED = ("distributed", "fsspec", "ruptures")
+SOME_REFUSED = 3
+"""Exit status where some logs cannot be used: none that a failure has, so that timers can tell."""
 FalseAlarms = Annotated[
     float,
     typer.Option(
@@ -97,7 +99,7 @@ def _diagnose(
     allow_code: AllowCode = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit and diagnose every log that was not looked at before; exit with 1 where some cannot be.
+    """Fit and diagnose every log that was not looked at before; exit with 3 where some cannot be.
 
     A bad log is told with its file and the reason, and the others go on. What is done stays,
     whatever ends the run: the same command again does the rest.
@@ -124,7 +126,7 @@ def _diagnose(
             say(f"motorctl: not looked at: {refusal.reason}", err=True)
         say(_summary(run))
     if run.refused:
-        raise typer.Exit(2 if len(run.refused) == run.logs else 1)
+        raise typer.Exit(2 if run.none_usable else SOME_REFUSED)
 
 
 def _changes(
@@ -249,11 +251,13 @@ def _judged(found: FleetChanges) -> str:
         if found.of_other_models
         else ""
     )
-    if found.without_covariates:
-        others += (
-            f" For {found.without_covariates} series no covariate is known at every point: they "
-            "were judged as they are."
-        )
+    for use in found.covariates:
+        if use.not_used or use.points_left_out:
+            others += (
+                f" {use.name}: {use.series} series were judged with it, {use.not_used} without, as "
+                f"too few points have a reading or it tells nothing there; {use.points_left_out} "
+                "points without a reading were left out."
+            )
     return (
         f"{len(found.alarms)} of {found.series} series changed, {len(found.unlike)} of "
         f"{found.compared} are unlike their siblings; {found.too_short} have too few "

@@ -42,6 +42,10 @@ Chosen of 1 and 1.5 on simulated series with a step and without, correlated by 0
 SAME = 1e-9
 """Part of values, or of their range, within which they do not differ. Larger hides changes of what
 hardly scatters, smaller takes rounding for one. Chosen by hand."""
+MOST_EQUAL = 1.0 / 3.0
+"""Part of the points that may have one value, as a bound, for a series to be judged by its scatter.
+Larger takes what leaves a bound now and then for changes, smaller judges rounded values less
+sharply. Chosen by hand: beyond half the median difference says nothing of the scatter."""
 MAD = 1.4826
 """Standard deviation over the median absolute deviation. Arithmetic, of a normal distribution."""
 
@@ -89,6 +93,9 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
     much as they tell that their neighbours do not. Of the three forms the one that leaves least
     for its parameters counts, and its probability three times.
 
+    A series that stands at one value for a large part, as at a bound, has no such scatter: there
+    only steps are sought, and counted is how many points lie beyond them (see `_step_of_counts`).
+
     Parameters
     ----------
     value
@@ -99,10 +106,10 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
     """
     n = len(value)
     beside = np.empty((n, 0)) if beside is None else beside
-    if n < FEWEST_POINTS:
+    if n < FEWEST_POINTS or never_differs(value):
         return None
-    if float(np.ptp(value)) <= SAME * float(np.max(np.abs(value), initial=0.0)):
-        return None
+    if stands(value):
+        return _step_of_counts(value)
     value, noise = drawn_in(value)
     steps = steps_in(value, noise)
     scatter, together = scatter_of(value, steps, noise)
@@ -120,6 +127,22 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
         forms.append((criterion(left_by_steps, n, 2 * len(steps) + 1), best))
     _, best = min(forms, key=lambda form: form[0])
     return replace(best, p_value=min(1.0, 3.0 * best.p_value))
+
+
+def never_differs(value: Array) -> bool:
+    """Return whether a series is the same all the time, but for rounding."""
+    size = float(np.max(np.abs(value), initial=0.0))
+    return not len(value) or float(np.ptp(value)) <= SAME * size
+
+
+def stands(value: Array) -> bool:
+    """Return whether so many points have one value that the others are no scatter about it."""
+    if not len(value):
+        return False
+    ordered = np.sort(value)
+    near = SAME * max(float(np.max(np.abs(value))), float(np.ptp(value)))
+    most = np.searchsorted(ordered, ordered + near, side="right") - np.arange(len(value))
+    return int(np.max(most)) > MOST_EQUAL * len(value)
 
 
 def told_alone(column: Array, beside: Array) -> float:
@@ -163,7 +186,8 @@ def rest_scatter(left: Array, further: int, noise: float) -> tuple[float, float]
     squares = max(float(left @ left), n * noise**2 * SAME)
     # each mean or slope that was taken away hides about one neighbour's likeness
     doubt = DOUBT / math.sqrt(n) + 2.0 * further / n
-    correlated = float(left[1:] @ left[:-1]) / squares + doubt
+    alike = float(left[1:] @ left[:-1]) / squares if squares > 0.0 else 0.0
+    correlated = alike + doubt
     correlated = float(np.clip(correlated, 0.0, MOST_CORRELATED))
     freedom = max(n - 1 - further, 1)
     return max(noise, math.sqrt(squares / freedom)), (1.0 + correlated) / (1.0 - correlated)
@@ -183,6 +207,8 @@ def drawn_in(value: Array) -> tuple[Array, float]:
 
 def steps_in(value: Array, noise: float) -> list[int]:
     """Return the first points after each step."""
+    if not noise > 0.0 or len(value) < 2 * SHORTEST_PART:
+        return []
     search = ruptures.KernelCPD(kernel="linear", min_size=SHORTEST_PART)
     scaled = (value - np.median(value)) / noise
     ends = search.fit(scaled[:, None]).predict(pen=PENALTY * math.log(len(value)))
@@ -210,6 +236,37 @@ def _step(
     places = max(all_points - 2 * SHORTEST_PART + 1, 1)
     p = min(1.0, places * 2.0 * float(stats.t.sf(t, freedom)))
     return Change("step", begin + split, before, after, scatter, p)
+
+
+def _step_of_counts(value: Array) -> Change:
+    """Return the clearest step of a series that stands at one value for a large part.
+
+    Beyond the middle between both levels lie so many points before, and so many after: how probable
+    that is among all orders of the same points is counted (Fisher), times the places of the step
+    and of the middle, and twice, as a step is held against its neighbours and all there is. Points
+    that lie beyond it one after the other count for less.
+    """
+    n = len(value)
+    noise = max(float(np.std(np.diff(value))) / math.sqrt(2.0), SAME * float(np.ptp(value)))
+    steps = steps_in(value, noise)
+    scatter, together = scatter_of(value, steps, noise)
+    places = max(n - 2 * SHORTEST_PART + 1, 1) * max(len(np.unique(value)) - 1, 1)
+    found: list[Change] = []
+    ends = [0, *steps, n]
+    near = zip(ends, ends[1:], ends[2:], strict=False)
+    for a, b, c in (*near, *((0, step, n) for step in steps)):  # its neighbours, and all there is
+        before, after = (_level(part, scatter, together) for part in (value[a:b], value[b:c]))
+        above = value[a:c] > 0.5 * (before.value + after.value)
+        parts = above[: b - a], above[b - a :]
+        left = np.concatenate([part - np.mean(part) for part in parts])
+        like = rest_scatter(left, 1, 0.0)[1]
+        counts = np.array([[np.sum(part), np.sum(~part)] for part in parts])
+        told = stats.fisher_exact(np.floor(counts / like).astype(int))
+        p = min(1.0, 2.0 * places * float(told.pvalue))
+        found.append(Change("step", b, before, after, scatter, p))
+    level = _level(value, scatter, together)
+    none = Change("step", n - SHORTEST_PART, level, level, scatter, 1.0)
+    return min(found, key=lambda change: change.p_value, default=none)
 
 
 def beginning_of(value: Array) -> tuple[int, int]:

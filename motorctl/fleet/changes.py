@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from motorctl.errors import UsageError
-from motorctl.fleet.change import Change, change_in
-from motorctl.fleet.covariates import Covariates
+from motorctl.fleet.change import Change, change_in, stands
+from motorctl.fleet.covariates import MOST_MISSING, Covariates, usable
 from motorctl.fleet.influence import (
     Influence,
     Remainder,
@@ -25,6 +27,8 @@ from motorctl.fleet.siblings import Standing, latest_level, standings
 from motorctl.fleet.store import Store
 from motorctl.json_values import plain
 
+Array = NDArray[np.float64]
+
 DAYS = 365.0
 LEAST_SIZE = 2.5
 """Standard deviations of a point by which a series must have changed to be told. Larger misses
@@ -33,6 +37,12 @@ without change: of those whose neighbours are correlated by 0.6, none of 500 is 
 SURE = 3.0
 """Standard errors by which what is left of a change must differ from it for covariates to explain
 it. Larger doubts them more often, smaller believes them sooner. Chosen by hand."""
+
+
+HARDLY = 0.2
+"""Part of a change that covariates must take away for it to be said to go with them, or not to be
+told apart. Larger tells more alarms that covariates explain in part, smaller says so of changes
+that have nothing to do with them. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +83,8 @@ class Alarm:
 
     judged: Judged
     adjusted: float
-    """The level at which alarms would just include it (Benjamini-Hochberg over the fleet)."""
+    """The level at which alarms would just include it (Benjamini-Hochberg over all changes of the
+    fleet; doubled where distances from siblings take the other half of the level)."""
 
     @property
     def series(self) -> Series:
@@ -136,6 +147,16 @@ class Explained:
         """Whether they explain it; else the two cannot be told apart."""
         return abs(self.moved - self.remainder.value) > SURE * self.remainder.std_error
 
+    @property
+    def none_of_it(self) -> bool:
+        """Whether nearly all of it is left beside them, for sure: then it is a change of its own.
+
+        Only the further doubt that comes with covariates kept it from being told.
+        """
+        left = self.remainder
+        taken = abs(self.moved - left.value)
+        return taken <= HARDLY * abs(self.moved) and abs(left.value) > SURE * left.std_error
+
     def to_dict(self) -> dict[str, Any]:
         """Return it as it stands in ``fleet changes --json``."""
         change = self.judged.plain
@@ -166,6 +187,19 @@ class Unlike:
         return {key: plain(value) for key, value in document.items()}
 
 
+@dataclass
+class CovariateUse:
+    """For how many of the series that were judged a covariate was used."""
+
+    name: str
+    series: int = 0
+    not_used: int = 0
+    """Series that were judged without it: too few of their points have a reading, or it never
+    varied there, or they are too short or stand at one value."""
+    points_left_out: int = 0
+    """Points without a reading, of series that were judged with it."""
+
+
 @dataclass(frozen=True)
 class FleetChanges:
     """What changed: alarms, first those to look at first."""
@@ -185,7 +219,8 @@ class FleetChanges:
     compared: int
     """Of those judged, that have siblings enough."""
     without_covariates: int
-    """Of those judged, for which no covariate is known at every point."""
+    """Of those judged, for which no covariate could be used."""
+    covariates: tuple[CovariateUse, ...]
     of_other_models: int
     """Values of these series that were left out because another model than the last gave them."""
     level: float
@@ -199,6 +234,7 @@ class FleetChanges:
         del document["judged"], document["unjudged"]
         for key in ("alarms", "unlike", "explained"):
             document[key] = [each.to_dict() for each in document[key]]
+        document["covariates"] = [vars(each) for each in self.covariates]
         return document
 
 
@@ -258,16 +294,29 @@ def judged(
 ) -> FleetChanges:
     """Return the alarms of some series at a level; first the largest beside its usual scatter.
 
-    Changes and distances from siblings are held against one level, together.
+    Changes and distances from siblings are two families, each held against its share of the level:
+    machines that always were unlike the others make no change more probable.
     """
-    found = _judged(series, covariates or Covariates())
-    changed = [_telling(each.change) for each in found]
+    found, uses = _judged(series, covariates or Covariates())
     compared = [each.standing.p_value for each in found if each.standing is not None]
-    adjusted = _adjusted([*changed, *compared])
-    told = dict(zip(map(id, found), adjusted, strict=False))
-    alarms = [Alarm(each, q) for each in found if (q := told[id(each)]) <= level]
+    families = 2 if compared else 1
+    adjusted = _adjusted([_telling(each.change) for each in found], families)
+    would = _adjusted([_telling(each.plain) for each in found], families)
+    explained: list[Explained] = []
+    alarms: list[Alarm] = []
+    for k, (each, q, q_plain) in enumerate(zip(found, adjusted, would, strict=True)):
+        if q <= level:
+            alarms.append(Alarm(each, q))
+        elif each.influence is not None and q_plain <= level:
+            one = Explained(each, remainder_of(each.plain, each.series.value, each.influence))
+            if one.none_of_it:
+                found[k] = replace(each, change=each.plain, influence=None)
+                alarms.append(Alarm(found[k], q_plain))
+            else:
+                explained.append(one)
+    explained.sort(key=lambda one: -one.judged.plain.size)
     alarms.sort(key=lambda alarm: (-alarm.change.size, alarm.series.machine, alarm.series.name))
-    apart = iter(adjusted[len(found) :])
+    apart = iter(_adjusted(compared, families))
     unlike = [
         Unlike(each, each.standing, q)
         for each in found
@@ -277,61 +326,80 @@ def judged(
     return FleetChanges(
         tuple(alarms),
         tuple(unlike),
-        _explained(found, told, level),
+        tuple(explained),
         tuple(found),
         _without(series, found),
         len(found),
         len(series) - len(found),
         len(compared),
         sum(each.influence is None for each in found) if covariates else 0,
+        uses,
         sum(each.of_other_models for each in series),
         level,
         false_alarms_a_year,
     )
 
 
-def _judged(series: Sequence[Series], covariates: Covariates) -> list[Judged]:
+def _judged(
+    series: Sequence[Series], covariates: Covariates
+) -> tuple[list[Judged], tuple[CovariateUse, ...]]:
     """Judge each series that is long enough and differs at all."""
     usual = covariates.usual()
+    uses = [CovariateUse(name) for name in covariates.names]
     found: list[tuple[Series, Change, Change, Influence | None]] = []
-    for each in series:
-        names, values = covariates.beside(each.machine, each.time_s)
-        at = [covariates.names.index(name) for name in names]
-        influence = influence_on(each.value, values - usual[at], names) if names else None
+    for whole in series:
+        values = covariates.beside(whole.machine, whole.time_s)
+        each, influence = _beside(whole, values - usual, covariates.names)
         plain_change = change_in(each.value)
         change = plain_change if influence is None else change_beside(influence)
-        if plain_change is not None and change is not None:
-            found.append((each, change, plain_change, influence))
+        if plain_change is None or change is None:
+            continue
+        found.append((each, change, plain_change, influence))
+        for use, known in zip(uses, np.isfinite(values).T, strict=True):
+            used = influence is not None and use.name in influence.names
+            use.series += used
+            use.not_used += not used
+            use.points_left_out += int(np.sum(~known)) if used else 0
     levels = [
         latest_level(each.value if influence is None else influence.adjusted)
         for each, _, _, influence in found
     ]
     stand = standings([each for each, _, _, _ in found], levels)
-    return [Judged(*each, standing) for each, standing in zip(found, stand, strict=True)]
+    judged = [Judged(*each, standing) for each, standing in zip(found, stand, strict=True)]
+    return judged, tuple(uses)
 
 
-def _explained(
-    found: Sequence[Judged], told: dict[int, float], level: float
-) -> tuple[Explained, ...]:
-    """Return what would be alarms were it not for the covariates."""
-    would = _adjusted([_telling(each.plain) for each in found])
-    explained = [
-        Explained(each, remainder_of(each.plain, each.series.value, each.influence))
-        for each, q in zip(found, would, strict=True)
-        if each.influence is not None and q <= level < told[id(each)]
-    ]
-    return tuple(sorted(explained, key=lambda each: -each.judged.plain.size))
+def _beside(
+    series: Series, values: Array, names: tuple[str, ...]
+) -> tuple[Series, Influence | None]:
+    """Return a series' points that have readings, and how it goes with them.
+
+    Where too few points have readings, all of them are returned, and no influence.
+    """
+    # what stands at a bound follows nothing: a slope would move it away from there
+    if not names or not len(series.value) or stands(series.value):
+        return series, None
+    use = usable(values)
+    known = np.asarray(np.isfinite(values[:, use]).all(axis=1), np.bool_)
+    if not use.any() or np.mean(known) < 1.0 - MOST_MISSING:
+        return series, None
+    part = series.only(known)
+    used = tuple(name for name, kept in zip(names, use, strict=True) if kept)
+    influence = influence_on(part.value, values[known][:, use], used)
+    return (series, None) if influence is None else (part, influence)
 
 
 def _without(series: Sequence[Series], found: Sequence[Judged]) -> tuple[Series, ...]:
-    known = {id(each.series) for each in found}
-    return tuple(each for each in series if id(each) not in known)
+    known = {each.series.key for each in found}
+    return tuple(each for each in series if each.key not in known)
 
 
 def _telling(change: Change) -> float:
     return change.p_value if change.size >= LEAST_SIZE else 1.0
 
 
-def _adjusted(p_values: Sequence[float]) -> list[float]:
-    """Return each probability after Benjamini and Hochberg."""
-    return list(map(float, stats.false_discovery_control(p_values))) if len(p_values) else []
+def _adjusted(p_values: Sequence[float], families: int) -> list[float]:
+    """Return each probability of a family after Benjamini and Hochberg, and times the families."""
+    if not p_values:
+        return []
+    return [min(1.0, families * float(q)) for q in stats.false_discovery_control(p_values)]

@@ -17,6 +17,8 @@ TURNS_WITHIN = timedelta(days=7)
 """Within so long computers that record one name must change three times to be told for two
 machines. Longer takes repairs for them, shorter misses machines that record seldom. Chosen by
 hand: a computer that is lent and given back changes twice."""
+EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
+"""No log is older: a clock that was never set begins at 1970. By definition."""
 _SHOWN = "%Y-%m-%d %H:%M:%S"
 
 
@@ -33,6 +35,7 @@ def conflicts_of(heads: Sequence[LogHead], now: datetime | None = None) -> list[
         real = sorted((h for h in logs if not h.virtual), key=lambda h: (h.begin_utc, h.source))
         for refusal in (
             *_ahead(real, now or datetime.now(UTC)),
+            *_never_set(real),
             *_set_back(real),
             *_two_machines(machine, real),
         ):
@@ -46,6 +49,12 @@ def _ahead(logs: Iterable[LogHead], now: datetime) -> Iterator[Refusal]:
             yield _refusal(
                 log, f"says that it began at {_at(log)}, which is still to come: its clock is wrong"
             )
+
+
+def _never_set(logs: Iterable[LogHead]) -> Iterator[Refusal]:
+    for log in logs:
+        if log.begin_utc < EARLIEST:
+            yield _refusal(log, f"says that it began at {_at(log)}: its clock was never set")
 
 
 def _set_back(logs: Iterable[LogHead]) -> Iterator[Refusal]:
@@ -102,7 +111,7 @@ def _both_at_once(first: LogHead, then: LogHead) -> bool:
 
 
 def _refusal(log: LogHead, reason: str) -> Refusal:
-    return Refusal(log.source, f"{log.source}: {reason}", lasting=False)
+    return Refusal(log.source, f"{log.source}: {reason}", lasting=False, machine=log.machine)
 
 
 def _at(log: LogHead) -> str:

@@ -20,6 +20,12 @@ Array = NDArray[np.float64]
 MOST_GAP_S = 24 * 3600.0
 """How far a reading may be from a point that it is taken for [s]. Longer takes yesterday's weather
 for today's, shorter leaves series without their covariates. Chosen by hand: a day."""
+MOST_MISSING = 0.25
+"""Part of a series' points that may have no reading of a covariate for it to be used; they are left
+out. Larger blinds a series for longer, smaller judges more of them as they are. Chosen by hand."""
+NEWEST = 3
+"""Of so many newest points one must have a reading: what changed since then is not left out. As
+many as a change must last."""
 MACHINE, TIME = "machine", "time"
 EVERY = ""
 """Stands where a reading is of every machine."""
@@ -49,8 +55,8 @@ class Covariates:
             told.append(float(np.median(np.concatenate(own))))
         return np.array(told)
 
-    def beside(self, machine: str, time_s: Array) -> tuple[tuple[str, ...], Array]:
-        """Return the covariates that are known at every point of a series, and their values there.
+    def beside(self, machine: str, time_s: Array) -> Array:
+        """Return the values of all covariates at the points of a series.
 
         Parameters
         ----------
@@ -61,19 +67,31 @@ class Covariates:
 
         Returns
         -------
-        tuple
-            Names, and a column of each, (N, m): between the readings around each point, neither of
-            them further than a day.
+        ndarray
+            A column of each of `names`, (N, m): between the readings around each point; NaN where
+            one of them is further than a day.
         """
-        names, columns = [], []
-        for name in self.names:
+        columns = [np.full(len(time_s), np.nan) for _ in self.names]
+        for column, name in zip(columns, self.names, strict=True):
             found = self.readings.get((machine, name)) or self.readings.get((EVERY, name))
-            column = None if found is None else _at(found, time_s)
-            if column is not None:
-                names.append(name)
-                columns.append(column)
-        n = len(time_s)
-        return tuple(names), np.column_stack(columns) if columns else np.empty((n, 0))
+            if found is not None:
+                column[:] = _at(found, time_s)
+        return np.column_stack(columns) if columns else np.empty((len(time_s), 0))
+
+
+def usable(values: Array) -> NDArray[np.bool_]:
+    """Return which covariates are known at enough points of a series to be used, (m,).
+
+    Parameters
+    ----------
+    values
+        Of each covariate, NaN where it is not known, (N, m).
+    """
+    known = np.isfinite(values)
+    if not len(values):
+        return np.zeros(values.shape[1], bool)
+    enough = np.asarray(np.mean(known, axis=0) >= 1.0 - MOST_MISSING, np.bool_)
+    return enough & np.asarray(known[-NEWEST:].any(axis=0), np.bool_)
 
 
 def read_covariates(file: Path) -> Covariates:
@@ -127,15 +145,13 @@ def _sorted(pairs: list[tuple[float, float]]) -> Readings:
     return Readings(time_s, value)
 
 
-def _at(readings: Readings, time_s: Array) -> Array | None:
-    """Return readings at the points of a series; None where one of them has none near."""
+def _at(readings: Readings, time_s: Array) -> Array:
+    """Return readings at the points of a series; NaN where one has none near."""
     times, values = readings.time_s, readings.value
     after = np.clip(np.searchsorted(times, time_s), 0, len(times) - 1)
     before = np.where((times[after] > time_s) & (after > 0), after - 1, after)
     far = np.maximum(np.abs(times[after] - time_s), np.abs(time_s - times[before]))
-    if (far > MOST_GAP_S).any():
-        return None
-    return np.interp(time_s, times, values)
+    return np.where(far > MOST_GAP_S, np.nan, np.interp(time_s, times, values))
 
 
 def _moment(where: str, told: str) -> float:

@@ -74,6 +74,8 @@ class Refusal:
     reason: str
     lasting: bool = True
     """Whether that lies in the log itself, and will be so tomorrow."""
+    machine: str | None = None
+    """As the log says, where that is known."""
 
 
 def fit_rows(head: LogHead, window: Window, span_s: tuple[float, float], fit: AxisFit) -> list[Row]:
@@ -146,7 +148,7 @@ def table_of_log(head: LogHead, key: str, rows: Iterable[Row]) -> pa.Table:
         "written_utc": datetime.now(UTC),
     }
     ordered = sorted(rows, key=_order)
-    return pa.Table.from_pylist([whole | row for row in ordered], schema=SCHEMA)
+    return _table([whole | row for row in ordered])
 
 
 def table_of_refusal(refusal: Refusal, key: str, log_id: str, head: LogHead | None) -> pa.Table:
@@ -155,7 +157,21 @@ def table_of_refusal(refusal: Refusal, key: str, log_id: str, head: LogHead | No
     if head is not None:
         return table_of_log(head, key, [row])
     row |= {"key": key, "log_id": log_id, "version": VERSION, "source": refusal.source}
-    return pa.Table.from_pylist([row | {"written_utc": datetime.now(UTC)}], schema=SCHEMA)
+    return _table([row | {"written_utc": datetime.now(UTC)}])
+
+
+def _table(rows: Iterable[Row]) -> pa.Table:
+    """Return rows whose text can be written: half a character of a name is written out."""
+    kept = [
+        {key: whole_text(each) if isinstance(each, str) else each for key, each in row.items()}
+        for row in rows
+    ]
+    return pa.Table.from_pylist(kept, schema=SCHEMA)
+
+
+def whole_text(text: str) -> str:
+    """Return a text that can be written, as a file's name with bytes of no character cannot be."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _of(head: LogHead, window: Window, span_s: tuple[float, float]) -> Row:

@@ -138,7 +138,7 @@ def read_head(source: str, declared: Declared) -> LogHead:
     virtual = "virtual_time" in told
     return LogHead(
         source=source,
-        log_id=_identity(source),
+        log_id=identity_of(source),
         model_id=_model_id(meant, declared),
         limits_id=_limits_id(meant),
         machine=machine + SIMULATED if virtual else machine,
@@ -164,12 +164,15 @@ def damaged_id(source: str) -> str:
     """
     size, begin, end = ends_of(source, _END_BYTES)
     if end.endswith(_FOOTER_END) and int.from_bytes(end[-8:-4], "little") + 8 <= size:
-        return _identity(source)
+        return identity_of(source)
     return hashlib.sha256(b"damaged %d " % size + begin + end).hexdigest()
 
 
-def _identity(source: str) -> str:
-    """Hash size and footer: it has the sizes and extremes of every column of every row group."""
+def identity_of(source: str) -> str:
+    """Hash size and footer: it has the sizes and extremes of every column of every row group.
+
+    Raises DataError where the file is not there, or is not to be read.
+    """
     size, _, end = ends_of(source, _END_BYTES)
     length = int.from_bytes(end[-8:-4], "little") + 8
     if length > len(end):

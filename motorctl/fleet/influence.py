@@ -89,6 +89,8 @@ def influence_on(value: Array, beside: Array, names: tuple[str, ...]) -> Influen
         Of the covariates.
     """
     n = len(value)
+    if n < FEWEST_POINTS + POINTS_EACH:
+        return None
     varies = np.ptp(beside, axis=0) > 1e-9 * np.max(np.abs(beside), axis=0, initial=0.0)
     beside = beside[:, varies]
     count = beside.shape[1]

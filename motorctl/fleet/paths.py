@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import fsspec
 import pyarrow as pa
@@ -27,7 +28,28 @@ _QUERY = "?"
 _WITH_QUERIES = {"http", "https"}
 
 
-def logs_of(patterns: Sequence[str]) -> list[str]:
+class _Listed(LocalFileSystem):  # type: ignore[misc]  # fsspec has no types
+    """Files on a disk here; keeps which folders could not be read, as patterns pass over them."""
+
+    cachable = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.not_read: dict[str, str] = {}
+
+    def ls(self, path: str, detail: bool = False, **kwargs: Any) -> list[Any]:
+        """Return what is in a folder."""
+        try:
+            return list(super().ls(path, detail, **kwargs))
+        except (FileNotFoundError, NotADirectoryError):
+            raise  # gone by now, or a file
+        except OSError as error:
+            folder = str(path).rstrip("/") or "/"
+            self.not_read[folder] = f"{folder}: this folder cannot be read: {error.strerror}"
+            raise
+
+
+def logs_of(patterns: Sequence[str], not_read: dict[str, str] | None = None) -> list[str]:
     """Return the files that paths and patterns mean, each once, in order.
 
     Patterns leave out what `log export` wrote, as its log is there, and files of stores.
@@ -36,6 +58,8 @@ def logs_of(patterns: Sequence[str]) -> list[str]:
     ----------
     patterns
         As ``logs/**/*.parquet``, ``s3://bucket/*.parquet`` or one file.
+    not_read
+        Is given the folders on a disk here that patterns reach and that cannot be read, with why.
 
     Raises
     ------
@@ -48,13 +72,19 @@ def logs_of(patterns: Sequence[str]) -> list[str]:
         if not _is_pattern(files, address):
             found[_name(files, address)] = None  # whether it is there is told when it is looked at
             continue
+        if isinstance(files, LocalFileSystem):
+            files = _Listed()
         met = [
             _name(files, path)
             for path in sorted(files.glob(address))
             if not path.endswith(EXPORT_SUFFIX) and not files.isdir(path) and not _in_store(path)
         ]
+        unread = files.not_read if isinstance(files, _Listed) else {}
+        if not_read is not None:
+            not_read |= unread
         if not met:
-            raise UsageError(f"{pattern}: no file is meant by it; in a shell, quote it")
+            why = "; ".join(unread.values()) or "in a shell, quote it"
+            raise UsageError(f"{pattern}: no file is meant by it; {why}")
         found |= dict.fromkeys(met)
     return list(found)
 

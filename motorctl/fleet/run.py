@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from asyncio import CancelledError
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from motorctl.config import load
 from motorctl.errors import RunError, UsageError
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.conflicts import conflicts_of
-from motorctl.fleet.findings import Refusal, Row, table_of_log, table_of_refusal
+from motorctl.fleet.findings import Refusal, Row, table_of_log, table_of_refusal, whole_text
 from motorctl.fleet.head import Declared, LogHead
 from motorctl.fleet.job import Steps, steps_of
 from motorctl.fleet.look import look_at_head
@@ -56,7 +57,13 @@ class FleetRun:
     findings: int = 0
     """Rows that were kept."""
     refused: list[Refusal] = field(default_factory=list)
+    """Logs that cannot be used, and folders that cannot be read."""
     seconds: float = 0.0
+
+    @property
+    def none_usable(self) -> bool:
+        """Whether no log could be used."""
+        return not self.looked_at + self.known + self.twins + self.copies
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of ``fleet diagnose --json``."""
@@ -116,9 +123,11 @@ def diagnose_fleet(
     began = time.monotonic()
     resolved = load(model).resolved if is_file(model) else None
     declared = Declared(model, resolved, tuple(allow_code))
-    sources = logs_of(patterns)
+    not_read: dict[str, str] = {}
+    sources = logs_of(patterns, not_read)
     kept = open_store(store, create=True)
     run = FleetRun(store, logs=len(sources))
+    run.refused += [Refusal(folder, why, lasting=False) for folder, why in not_read.items()]
     tell = _forward_only(progress)
     with kept.locked(), engine(scheduler, workers) as client:
         fleet = _Fleet(client, kept, declared, diagnoses, run, tell)
@@ -129,7 +138,8 @@ def diagnose_fleet(
                 f"{scheduler or 'the local cluster'}: the scheduler is gone ({error}); what was "
                 f"done is kept in {store}, and the same command does the rest"
             ) from error
-    run.refused.sort(key=lambda refusal: refusal.source)
+        run.refused.sort(key=lambda refusal: refusal.source)
+        kept.keep_passing(run.refused)
     run.seconds = time.monotonic() - began
     return run
 
@@ -160,15 +170,20 @@ class _Fleet:
             self.tell("reading footers", HEADS * done / len(sources))
         for refusal, identity in damaged:
             self._refuse(refusal, identity, None)
+        self.store.forget_refusals({whole_text(head.source): head.log_id for head in heads})
         heads.sort(key=lambda head: (head.begin_utc, head.source))
         logs: dict[str, LogHead] = {}
+        places: dict[str, set[str]] = defaultdict(set)
         for head in heads:
             if head.copied:
                 self.run.copies += 1
-            elif logs.setdefault(self._key(head), head) is not head:
+                continue
+            places[self._key(head)].add(whole_text(head.source))
+            if logs.setdefault(self._key(head), head) is not head:
                 self.run.twins += 1
         conflicts = {each.source: each for each in conflicts_of(list(logs.values()))}
         told = self.store.refusals({self._refused_key(head) for head in logs.values()})
+        kept_at = self.store.sources()
         wanted: list[LogHead] = []
         for key, head in logs.items():
             refused_key = self._refused_key(head)
@@ -178,6 +193,8 @@ class _Fleet:
                 self.run.refused.append(Refusal(head.source, told[refused_key]))
             elif key in self.store:
                 self.run.known += 1
+                if kept_at.get(key) not in places[key]:
+                    self.store.moved(key, head.source)
             else:
                 wanted.append(head)
         return wanted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -63,6 +63,24 @@ class Series:
         """Return when a point was."""
         return datetime.fromtimestamp(float(self.time_s[point]), UTC)
 
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Return what no other series has."""
+        return (self.machine, self.axis, self.program, self.name, self.unit)
+
+    def only(self, wanted: NDArray[np.bool_]) -> Series:
+        """Return some points of it.
+
+        Parameters
+        ----------
+        wanted
+            Which, (N,).
+        """
+        if wanted.all():
+            return self
+        seen = tuple(each for each, kept in zip(self.seen, wanted, strict=True) if kept)
+        return replace(self, time_s=self.time_s[wanted], value=self.value[wanted], seen=seen)
+
 
 def seen_in(row: Mapping[str, Any]) -> Seen:
     """Return the window that a row of the store is of."""
@@ -82,15 +100,14 @@ def newest_rows(
 ) -> list[dict[str, Any]]:
     """Return findings, of a log that was looked at more than once the newest, in order of time.
 
+    The newest of all: of a log that was refused later none is left, whatever `where` asks for.
     Raises DataError where the store is damaged.
     """
+    looked = store.read(["log_id", "written_utc"]).group_by("log_id")
+    last = looked.aggregate([("written_utc", "max")])
+    names = (last.column(name).to_pylist() for name in ("log_id", "written_utc_max"))
+    newest: dict[str, datetime] = dict(zip(*names, strict=True))
     rows: list[dict[str, Any]] = store.read(columns, where).to_pylist()
-    newest: dict[str, datetime] = {}
-    for row in rows:
-        kept = newest.get(row["log_id"])
-        newest[row["log_id"]] = (
-            row["written_utc"] if kept is None else max(kept, row["written_utc"])
-        )
     rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
     rows.sort(key=lambda row: (row["begin_utc"] or _UNDATED, row["log_id"]))
     return rows

@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from motorctl.fleet.change import MAD, SAME, Level, drawn_in, scatter_of, steps_in
+from motorctl.fleet.change import (
+    FEWEST_POINTS,
+    MAD,
+    SAME,
+    Level,
+    drawn_in,
+    never_differs,
+    scatter_of,
+    stands,
+    steps_in,
+)
 from motorctl.fleet.head import SIMULATED
 from motorctl.fleet.series import Series
 
@@ -63,6 +73,9 @@ class Standing:
 def latest_level(value: Array) -> Level:
     """Return what a series is by its latest points, whatever it was before.
 
+    Of one that is too short to be judged, never differs, or stands at one value for a large part,
+    its plain standard deviation counts.
+
     Parameters
     ----------
     value
@@ -70,9 +83,12 @@ def latest_level(value: Array) -> Level:
     """
     if len(value) < 3:
         return Level(float(np.median(value)), math.inf, len(value))
-    clean, noise = drawn_in(value)
-    scatter, together = scatter_of(clean, steps_in(clean, noise), noise)
     last = value[-LATEST:]
+    if len(value) < FEWEST_POINTS or never_differs(value) or stands(value):
+        scatter, together = float(np.std(value, ddof=1)), 1.0
+    else:
+        clean, noise = drawn_in(value)
+        scatter, together = scatter_of(clean, steps_in(clean, noise), noise)
     error = scatter * math.sqrt(OF_MEDIAN * together / len(last))
     return Level(float(np.median(last)), error, len(last))
 

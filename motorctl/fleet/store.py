@@ -6,9 +6,9 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pyarrow as pa
@@ -16,13 +16,16 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from motorctl.errors import DataError, RunError, UsageError
-from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION
+from motorctl.fleet.findings import SCHEMA, SCHEMA_VERSION, Refusal, whole_text
 from motorctl.fleet.paths import FINDINGS, MARK
 from motorctl.log.synced import sync
 from motorctl.version import VERSION
 
 _DRAFT = ".draft-"
 _UNDATED = "undated"
+LAST_RUN = "last_run.json"
+"""The file of a store that tells which logs could not be used the last time, though that does not
+lie in them alone."""
 
 
 def key_of(log_id: str, model_id: str, diagnoses: int) -> str:
@@ -48,7 +51,12 @@ class Store:
     def write(self, key: str, began: datetime | None, table: pa.Table) -> None:
         """Keep the findings of a log. Raises RunError where they cannot be written."""
         month = self.folder / FINDINGS / (f"{began:%Y-%m}" if began else _UNDATED)
-        draft, target = month / f"{_DRAFT}{key}", month / f"{key}.parquet"
+        self._write(month / f"{key}.parquet", table)
+        self._known.add(key)
+
+    def _write(self, target: Path, table: pa.Table) -> None:
+        month = target.parent
+        draft = month / f"{_DRAFT}{target.stem}"
         try:
             month.mkdir(parents=True, exist_ok=True)
             pq.write_table(table, draft, compression="zstd")
@@ -57,13 +65,89 @@ class Store:
             sync(month)
         except OSError as error:
             raise RunError(f"{target}: cannot be written: {error}") from error
-        self._known.add(key)
+
+    def sources(self) -> dict[str, str]:
+        """Return where the logs were, by the keys of their findings."""
+        rows = self.read(["key", "source"]).group_by(["key", "source"]).aggregate([])
+        told = zip(rows.column("key").to_pylist(), rows.column("source").to_pylist(), strict=True)
+        return {str(key): str(source) for key, source in told}
+
+    def moved(self, key: str, source: str) -> None:
+        """Keep where a log is now. Raises RunError where that cannot be written."""
+        for file in (self.folder / FINDINGS).glob(f"*/{key}.parquet"):
+            table = pq.read_table(file, schema=SCHEMA)
+            place = SCHEMA.get_field_index("source")
+            column = pa.array([whole_text(source)] * table.num_rows, pa.string())
+            self._write(file, table.set_column(place, SCHEMA.field(place), column))
 
     def refusals(self, keys: set[str]) -> dict[str, str]:
         """Return why logs cannot be used, by the keys of their findings, as was kept before."""
         table = self.read(["key", "kind", "text"], ds.field("kind") == "refused")
         told = zip(table.column("key").to_pylist(), table.column("text").to_pylist(), strict=True)
         return {str(key): str(text) for key, text in told if key in keys}
+
+    def forget_refusals(self, now: Mapping[str, str]) -> None:
+        """Forget why files could not be used that are other ones by now, as copies that were torn.
+
+        Parameters
+        ----------
+        now
+            The identity of each file that is a log, by where it is.
+
+        Raises
+        ------
+        RunError
+            Where that cannot be written.
+        """
+        table = self.read(["key", "source", "log_id"], ds.field("kind") == "refused")
+        for row in table.to_pylist():
+            if now.get(row["source"], row["log_id"]) == row["log_id"]:
+                continue
+            for file in (self.folder / FINDINGS).glob(f"*/{row['key']}.parquet"):
+                try:
+                    file.unlink()
+                except OSError as error:
+                    raise RunError(f"{file}: cannot be removed: {error}") from error
+            self._known.discard(row["key"])
+
+    def keep_passing(self, refused: Sequence[Refusal]) -> None:
+        """Keep why logs could not be used this time, instead of what was kept of the last one.
+
+        Raises RunError where that cannot be written.
+        """
+        told = [
+            {"source": each.source, "reason": each.reason, "machine": each.machine}
+            for each in refused
+            if not each.lasting
+        ]
+        target = self.folder / LAST_RUN
+        draft = self.folder / f"{LAST_RUN}{_DRAFT}{os.getpid()}"
+        try:
+            draft.write_text(json.dumps({"at": datetime.now(UTC).isoformat(), "refused": told}))
+            draft.replace(target)
+        except OSError as error:
+            raise RunError(f"{target}: cannot be written: {error}") from error
+
+    def passing(self) -> list[Refusal]:
+        """Return why logs could not be used the last time. Raises DataError where it is damaged."""
+        file = self.folder / LAST_RUN
+        try:
+            return [
+                Refusal(
+                    whole_text(each["source"]),
+                    whole_text(each["reason"]),
+                    lasting=False,
+                    machine=each["machine"] and whole_text(each["machine"]),
+                )
+                for each in json.loads(file.read_text())["refused"]
+            ]
+        except FileNotFoundError:
+            return []
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise DataError(
+                f"{file}: damaged: {error}; remove it, and the next `motorctl fleet diagnose` "
+                "writes it anew"
+            ) from error
 
     def read(
         self, columns: list[str] | None = None, where: ds.Expression | None = None

@@ -122,6 +122,18 @@ def test_what_is_told_before_anything_changed_is_a_false_alarm_and_no_discovery(
     assert found.in_time is None
 
 
+def test_a_sound_machine_that_is_called_unlike_its_siblings_is_a_false_alarm() -> None:
+    machine = machine_of("payload changed")
+    onset = int(machine.onset_day)
+    nights = nights_of(machine, {}, [1.0] * DAYS)
+    nights.unlike = [{machine.name: ["inertia"]} if night >= 2 else {} for night in range(DAYS)]
+    found = outcome_of(machine, Fleet((machine,), DAYS, 3, 1), nights)
+    assert onset > 3
+    assert found.false_alarms == ("inertia unlike its siblings on day 3",)
+    nights.unlike = [{machine.name: ["inertia"]} if night >= onset else {} for night in range(DAYS)]
+    assert not outcome_of(machine, Fleet((machine,), DAYS, 3, 1), nights).false_alarms
+
+
 def test_a_drift_has_to_be_told_before_it_costs_a_fifth_of_the_tracking_error() -> None:
     machine = machine_of("friction rises")
     fleet, first = Fleet((machine,), DAYS, 3, 1), int(machine.onset_day)

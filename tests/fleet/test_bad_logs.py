@@ -140,6 +140,12 @@ def test_a_log_from_the_future_is_told(head: LogHead) -> None:
     assert "still to come" in told.reason
 
 
+def test_a_log_of_a_clock_that_was_never_set_is_told(head: LogHead) -> None:
+    (told,) = conflicts_of([replace(head, begin_utc=datetime(1970, 1, 1, 0, 5, tzinfo=UTC))])
+    assert "its clock was never set" in told.reason
+    assert not told.lasting
+
+
 def test_two_machines_with_one_name_are_told_by_logs_of_the_same_time(head: LogHead) -> None:
     logs = heads_like(
         head,

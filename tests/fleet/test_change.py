@@ -160,6 +160,46 @@ def test_rounded_values_in_which_nothing_changes_are_told_as_none() -> None:
     assert not any(told_in_a_fleet(change_in(np.round(0.2 * noise(180, k)))) for k in range(40))
 
 
+@pytest.mark.parametrize("bound", [-1.5, -1.0, -0.5, 0.0])
+def test_what_leaves_its_bound_now_and_then_is_told_as_no_change(bound: float) -> None:
+    told = sum(
+        told_in_a_fleet(change_in(np.maximum(0.0, bound + noise(180, 7000 + k))))
+        for k in range(300)
+    )
+    assert told <= 1
+
+
+def test_what_leaves_its_bound_for_good_is_told_with_its_place() -> None:
+    value = np.maximum(0.0, noise(180, 8) - 1.5)
+    value[120:] += 6.0
+    found = change_in(value)
+    assert found is not None
+    assert (found.form, found.first) == ("step", 120)
+    assert told_in_a_fleet(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_leaves_its_bound_slowly_is_told_too(seed: int) -> None:
+    value = np.maximum(0.0, 0.3 * noise(180, seed) - 0.5)
+    value[90:] += np.linspace(0.0, 6.0, 90)
+    found = change_in(value)
+    assert found is not None
+    assert found.form == "step"
+    assert 90 <= found.first < 150
+    assert told_in_a_fleet(found)
+
+
+@given(st.integers(0, 10**6), st.integers(FEWEST_POINTS, 200), st.floats(0.4, 1.0), st.booleans())
+def test_whatever_stands_at_one_value_for_a_large_part_is_judged_without_a_fuss(
+    seed: int, points: int, share: float, rising: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    value = np.where(rng.random(points) < share, 0.0, rng.exponential(1.0, points))
+    value += np.where(np.arange(points) >= points // 2, float(rising), 0.0)
+    found = change_in(value)
+    assert found is None or (0.0 <= found.p_value <= 1.0 and found.scatter > 0.0)
+
+
 def test_a_series_as_short_as_is_judged_has_no_room_for_a_drift_that_begins_inside() -> None:
     for points in range(FEWEST_POINTS, FEWEST_POINTS + 4):
         assert change_in(noise(points, points)) is not None

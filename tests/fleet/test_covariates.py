@@ -16,8 +16,10 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.errors import DataError
 from motorctl.fleet.change import change_in
-from motorctl.fleet.covariates import read_covariates
+from motorctl.fleet.changes import judged
+from motorctl.fleet.covariates import Covariates, Readings, read_covariates
 from motorctl.fleet.influence import change_beside, influence_on
+from motorctl.fleet.series import Seen, Series
 
 POINTS = 180
 SENSITIVE, BOTH = "warm", "warm and worn"
@@ -147,10 +149,77 @@ def test_readings_of_a_machine_go_before_those_of_all_and_gaps_leave_it_out(
     found = read_covariates(readings(tmp_path / "t.csv", [*lines, f"own,{at[1]},"]))
     start = BEGAN.timestamp()
     days = np.array([0.0, 0.5, 1.0]) * 86400.0 + start
-    assert found.beside("another", days)[1][:, 0] == pytest.approx([10.0, 15.0, 20.0])
-    assert found.beside("own", days)[1].shape == (3, 0)  # two days apart
-    assert found.beside("own", np.array([start + 2.0 * 86400.0]))[1][0, 0] == 3.0
-    assert found.beside("another", days + 3 * 86400.0)[0] == ()
+    assert found.beside("another", days)[:, 0] == pytest.approx([10.0, 15.0, 20.0])
+    own = found.beside("own", days)[:, 0]
+    assert list(np.isnan(own)) == [
+        False,
+        True,
+        False,
+    ]  # half a day from one, more than one from the next
+    assert found.beside("own", np.array([start + 2.0 * 86400.0]))[0, 0] == 3.0
+    assert np.isnan(found.beside("another", days + 3 * 86400.0)).all()
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 158), st.integers(1, 40), st.integers(0, 100))
+def test_a_thermometer_that_was_out_for_days_does_not_make_the_weather_an_alarm(
+    first: int, missing: int, seed: int
+) -> None:
+    days = np.arange(POINTS) / 3.0
+    value = 0.7 * hall(days) + noise(seed, 0.3)
+    out = slice(first, min(first + missing, POINTS - 1))
+    readings = {("", "t"): Readings(*np.delete(np.array([days * 86400.0, hall(days)]), out, 1))}
+    one = Series("m", "x", "p", FRICTION, "V", days * 86400.0, value, (Seen("a", "b"),) * POINTS)
+    found = judged([one], 1e-4, 1.0, Covariates(("t",), readings))
+    assert not found.alarms
+    (use,) = found.covariates
+    assert (use.series, use.not_used, found.without_covariates) == (1, 0, 0)
+    assert use.points_left_out <= missing
+
+
+def test_a_change_that_has_nothing_to_do_with_a_covariate_is_not_said_to_go_with_it() -> None:
+    days, told, explained = np.arange(60) / 3.0, 0, 0
+    for seed in range(8):
+        rng = np.random.default_rng(500 + seed)
+        readings = {("", "t"): Readings(days * 86400.0, np.cumsum(rng.standard_normal(60)))}
+        fleet = []
+        for k in range(12):
+            value = rng.standard_normal(60)
+            value[54:] += 3.4 * (k < 6)
+            seen = (Seen("a", "b"),) * 60
+            fleet.append(Series(f"m{k}", f"x{k}", "p", FRICTION, "V", days * 86400.0, value, seen))
+        found = judged(fleet, 1.0 / 365.0, 1.0, Covariates(("t",), readings))
+        told += len(found.alarms)
+        explained += len(found.explained)
+        judged_ones = {id(one) for one in found.judged}
+        assert all(id(alarm.judged) in judged_ones for alarm in found.alarms)
+    assert told > 20
+    assert explained <= 0.05 * told
+
+
+def test_points_of_another_time_are_left_out_and_counted_and_a_dead_thermometer_is_not_used() -> (
+    None
+):
+    days = np.arange(POINTS) / 3.0
+    times = 9e8 + days * 86400.0
+    early, value = np.append(100.0, times), np.append(0.0, 0.7 * hall(days) + noise(3))
+    seen = (Seen("a", "b"),) * len(value)
+    one = Series("m", "x", "p", FRICTION, "V", early, value, seen)
+    for until, used in ((POINTS, True), (POINTS - 15, False)):
+        readings = {("", "t"): Readings(times[:until], hall(days)[:until])}
+        found = judged([one], 1e-4, 1.0, Covariates(("t",), readings))
+        (use,) = found.covariates
+        assert (use.name, use.series, use.points_left_out) == ("t", int(used), int(used))
+        assert use.not_used == found.without_covariates == int(not used)
+        assert bool(found.alarms) is not used
+
+
+def test_a_series_without_any_value_is_none_whatever_is_beside() -> None:
+    empty = Series("m", "x", "p", FRICTION, "V", np.empty(0), np.empty(0), ())
+    readings = {("", "t"): Readings(np.array([0.0]), np.array([20.0]))}
+    found = judged([empty], 1e-4, 1.0, Covariates(("t",), readings))
+    assert (found.series, found.too_short) == (0, 1)
+    assert influence_on(np.empty(0), np.empty((0, 1)), ("t",)) is None
 
 
 @pytest.mark.parametrize(

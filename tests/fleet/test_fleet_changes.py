@@ -16,8 +16,10 @@ from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
-from motorctl.fleet.changes import changes_in
-from motorctl.fleet.series import series_of
+from motorctl.fleet.changes import changes_in, judged
+from motorctl.fleet.findings import Refusal, table_of_refusal
+from motorctl.fleet.report import write_fleet_page
+from motorctl.fleet.series import Seen, Series, series_of
 from motorctl.fleet.store import Store, open_store
 
 
@@ -80,6 +82,24 @@ def test_the_model_that_was_fitted_last_counts_though_it_did_not_fit_the_last_lo
     assert "1 values of other models than the last were left out" in shown.stdout
 
 
+def test_a_log_that_was_refused_later_counts_no_more(store: Store, tmp_path: Path) -> None:
+    logs = [head("m2", f"m2-{k}", BEGAN + k * timedelta(hours=8)) for k in range(42, 60)]
+    refused = [Refusal(log.source, f"{log.source}: is of another machine") for log in logs]
+    keep(
+        store,
+        "refused",
+        [
+            table_of_refusal(why, f"{log.log_id}-r", log.log_id, log)
+            for why, log in zip(refused, logs, strict=True)
+        ],
+    )
+    (m2,) = (series for series in series_of(store) if series.machine == "m2")
+    assert len(m2.value) == 42
+    changes, page = changes_in(store), write_fleet_page(store, tmp_path / "page.html")
+    assert not changes.alarms
+    assert [page.series, page.alarms] == [changes.series, changes.alarms]
+
+
 def test_a_point_names_a_log_that_has_its_value(store: Store) -> None:
     values = [0.1, 0.5, 0.51]  # it changed after the first log of the shift
     shift = [
@@ -113,6 +133,29 @@ def test_windows_of_one_shift_are_one_point_and_vague_ones_none(store: Store) ->
     keep(store, "m4", [*shift, kept(vague, 1e9, std_error=5.0)])
     (m4,) = (series for series in series_of(store) if series.machine == "m4")
     assert list(m4.value) == [2.5]
+
+
+def test_machines_that_always_were_unlike_make_no_change_more_probable() -> None:
+    rng, machines, points = np.random.default_rng(11), 40, 60
+    times = np.arange(points) * 8.0 * 3600.0
+
+    def told(odd: int) -> list[float]:
+        series = []
+        for k in range(machines):
+            value = rng.standard_normal(points) + (1000.0 if k < odd else 0.0)
+            if k == machines - 1:
+                value[40:] += 2.7  # a change that its own family leaves in doubt
+            seen = (Seen("log", "id"),) * points
+            series.append(Series(f"m{k}", "x", "p", FRICTION, "V", times, value, seen))
+        found = judged(series, 0.999, 1.0)
+        assert sum(one.adjusted < 1e-3 for one in found.unlike) == odd
+        return [alarm.adjusted for alarm in found.alarms if alarm.series.machine == "m39"]
+
+    state = rng.bit_generator.state
+    alone = told(0)
+    assert alone[0] < 0.5
+    rng.bit_generator.state = state
+    assert told(15) == pytest.approx(alone, rel=1e-6)
 
 
 @pytest.mark.parametrize(("alarms", "looks"), [(0.0, 1.0), (400.0, 1.0), (1.0, 0.0)])

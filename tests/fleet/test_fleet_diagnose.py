@@ -28,6 +28,7 @@ from motorctl.cli import make_app
 from motorctl.errors import RunError, UsageError
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.findings import table_of_log
+from motorctl.fleet.log_index import LogIndex
 from motorctl.fleet.run import FleetRun, diagnose_fleet
 from motorctl.fleet.store import key_of, open_store
 from motorctl.version import VERSION
@@ -114,7 +115,7 @@ def test_the_command_tells_what_it_did_and_exits_by_it(
     assert sound.exit_code == 0, sound.output
     assert json.loads(sound.stdout)["looked_at"] == 2
     some = run(f"{logs}/**/*.parquet")
-    assert some.exit_code == 1
+    assert some.exit_code == 3
     document = json.loads(some.stdout)
     assert {Path(each["source"]).name for each in document["refused"]} == {
         "cut.parquet",
@@ -152,6 +153,37 @@ def test_a_log_that_is_there_twice_is_one_and_its_flight_records_are_no_other_ma
 
     assert not run.refused
     assert (run.logs, run.known, run.twins, run.copies) == (3, 1, 1, 1)
+
+
+@pytest.mark.slow
+def test_a_log_that_was_moved_is_known_and_the_store_tells_where_it_is(
+    good_log: Path, tmp_path: Path, scheduler: str
+) -> None:
+    log = told_anew(good_log, tmp_path / "log.parquet", started=BEGAN)
+    head = head_of(log)
+    key = key_of(head.log_id, head.model_id, 0)
+    store = open_store(tmp_path / "store", create=True)
+    row = {"axis": "x", "kind": "nothing", "text": "at rest"}
+    store.write(key, BEGAN, table_of_log(head, key, [row]))
+    (tmp_path / "archive").mkdir()
+    moved = tmp_path / "archive" / "log.parquet"
+    moved.write_bytes(log.read_bytes()[:-100])  # the copy is not whole in the first night
+    assert len(look(tmp_path / "archive", store.folder, scheduler).refused) == 1
+    assert "refused" in open_store(store.folder).read(["kind"]).column("kind").to_pylist()
+    log.rename(moved)
+
+    told_anew(good_log, tmp_path / "archive" / "old.parquet", started="1970-01-01T00:00:09+00:00")
+    run = look(tmp_path / "archive", store.folder, scheduler)
+
+    (refused,) = store.passing()
+    assert (Path(refused.source).name, refused.machine) == ("old.parquet", "stage-1")
+    assert (run.known, run.looked_at) == (1, 0)
+    assert store.sources() == {key: str(moved)}  # and nothing is left of the copy
+    assert LogIndex(store.folder).find(head.log_id) == moved
+    before = files(store.folder)
+    shutil.copy(moved, tmp_path / "archive" / "again.parquet")
+    look(tmp_path / "archive", store.folder, scheduler)
+    assert files(store.folder) == before  # where the store says that it is, it is
 
 
 @pytest.mark.slow

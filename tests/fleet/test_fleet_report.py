@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime, timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import parse_qs, urlparse
 
+import numpy as np
 import pyarrow as pa
 import pytest
-from fleet_findings import BEGAN, FRICTION, fleet_store, head, keep, parameter
+from fleet_findings import BEGAN, FRICTION, fleet_store, head, keep, kept, parameter
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
-from motorctl.errors import UsageError
+from motorctl.errors import DataError, UsageError
+from motorctl.fleet.conflicts import conflicts_of
 from motorctl.fleet.findings import Refusal, table_of_log, table_of_refusal
+from motorctl.fleet.report import write_fleet_page
+from motorctl.fleet.siblings import latest_level
 from motorctl.fleet.store import open_store
 
 EVIL = "<script>alert(1)</script>"
@@ -57,7 +64,7 @@ def report(folder: Path, page: Path, *options: str) -> Balanced:
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     machines = [*(f"m{k}" for k in range(10)), EVIL]
-    kept = fleet_store(
+    fleet = fleet_store(
         tmp_path / "fleet findings",
         machines=machines,
         days=20,
@@ -71,14 +78,14 @@ def store(tmp_path: Path) -> Path:
     verdict = {"axis": "x", "program": EVIL, "window": 0, "kind": "verdict", "name": "effect"}
     refused = Refusal(EVIL, f"{EVIL}: no rows")
     keep(
-        kept,
+        fleet,
         "strange",
         [
             table_of_log(strange, "f" * 32, [effect, verdict]),
             table_of_refusal(refused, "e" * 32, "e" * 64, None),
         ],
     )
-    return kept.folder
+    return fleet.folder
 
 
 def test_the_page_shows_changes_with_pictures_and_every_machine(
@@ -133,6 +140,77 @@ def test_a_store_without_findings_and_findings_of_older_files_make_a_page(tmp_pa
     page = report(tmp_path / "older", tmp_path / "older.html")
     (link,) = (a["href"] for tag, a in page.seen if tag == "a" and "log/" in str(a["href"]))
     assert str(link).endswith(f"/log/{'a' * 64}/#axes=x&align=time")
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 12), st.sampled_from([0.0, 1.0, 0.3]), st.sampled_from([0.0, 1e-13, 1.0]))
+def test_a_series_has_a_level_however_short_and_however_constant(
+    points: int, value: float, scatter: float
+) -> None:
+    noise = np.random.default_rng(points).standard_normal(points)
+    level = latest_level(value + scatter * noise)
+    assert level.points == min(points, 9)
+    assert level.value == pytest.approx(value, abs=4.0 * scatter)
+    assert level.std_error <= 3.0 * scatter + 1e-12 or points < 3
+
+
+def test_machines_that_are_young_and_values_that_never_differ_are_on_the_page(
+    tmp_path: Path,
+) -> None:
+    store = open_store(tmp_path / "young", create=True)
+    logs = [
+        kept(head(f"m{points}", f"{points}-{k}", BEGAN + k * timedelta(hours=8)), value(k))
+        for points, value in (
+            *((n, lambda k: 0.1 + 0.01 * (-1) ** k) for n in (3, 4, 5)),
+            (30, lambda _: 0.0),
+        )
+        for k in range(points)
+    ]
+    keep(store, "all", logs)
+    words = report(store.folder, tmp_path / "young.html").words
+    for machine in ("m3", "m4", "m5", "m30"):
+        assert machine in words
+
+
+def test_a_copy_that_was_torn_is_told_until_it_is_whole(tmp_path: Path) -> None:
+    store, whole = open_store(tmp_path / "torn", create=True), head("m1", "a" * 64, BEGAN)
+    for k, size in enumerate("bc"):  # two nights, as the copy grew
+        why = Refusal(whole.source, f"{whole.source}: its end is missing ({size})")
+        store.write(size * 32, None, table_of_refusal(why, size * 32, size * 64, None))
+        words = report(store.folder, tmp_path / f"{k}.html").words
+        assert words.count("its end is missing") == 1
+        assert f"its end is missing ({size})" in words
+    store.write("a" * 32, BEGAN, table_of_log(whole, "a" * 32, [parameter(0.14)]))
+    words = report(store.folder, tmp_path / "whole.html").words
+    assert "its end is missing" not in words
+    assert "cannot be used" not in words
+
+
+def test_bad_logs_that_depend_on_others_are_on_the_page_until_a_run_finds_them_good(
+    tmp_path: Path,
+) -> None:
+    store = fleet_store(tmp_path / "store", machines=["m1"], days=3)
+    told = head("m1", "a" * 64, datetime(1970, 1, 1, tzinfo=UTC))
+    failed = Refusal("s3://b/\udc80.parquet", "s3://b/\udc80.parquet: a worker failed", False)
+    store.keep_passing([*conflicts_of([told]), failed, Refusal("torn", "torn: no rows")])
+    words = report(store.folder, tmp_path / "bad.html").words
+    assert "1 unusable" in words
+    assert "its clock was never set" in words
+    assert "a worker failed" in words
+    assert "torn: no rows" not in words  # that lies in the log, and stands among the findings
+    store.keep_passing([])
+    assert "unusable" not in report(store.folder, tmp_path / "good.html").words
+    (store.folder / "last_run.json").write_text("[1")
+    with pytest.raises(DataError, match=r"last_run\.json: damaged"):
+        store.passing()
+
+
+def test_a_fleet_that_is_silent_altogether_is_told_so(tmp_path: Path) -> None:
+    store = fleet_store(tmp_path / "store", machines=["m1", "m2"], days=3)
+    for days, silent in ((3, 0), (5, 2)):
+        now = BEGAN + timedelta(days=days)
+        write_fleet_page(store, tmp_path / "page.html", now=now)
+        assert Balanced((tmp_path / "page.html").read_text()).words.count(" silent") == silent
 
 
 def test_a_page_that_cannot_be_written_is_told(store: Path, tmp_path: Path) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fleet_bench import store_of
+from fleet_findings import BEGAN, head, parameter
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from motorctl.errors import DataError, UsageError
-from motorctl.fleet.findings import FIELDS
+from motorctl.fleet.findings import FIELDS, Refusal, table_of_log, table_of_refusal
 from motorctl.fleet.series import series_of
 from motorctl.fleet.store import Store, open_store
 
@@ -27,6 +31,21 @@ def test_a_store_that_is_opened_again_has_what_was_kept(store: Store) -> None:
     kept = again.read()
     assert tuple(kept.column_names) == tuple(FIELDS)
     assert set(kept.column("machine").to_pylist()) == {"stage-1"}
+
+
+@given(st.text(st.characters(codec=None), max_size=8))
+@example("\udc80 \xa0 ü")
+def test_whatever_machines_and_files_are_called_is_kept(name: str) -> None:
+    told = replace(head(name, "a" * 64, BEGAN), host=name, programs={"x": name})
+    why = Refusal(told.source, f"{told.source}: no rows")
+    tables = [
+        table_of_log(told, "a" * 32, [parameter(0.1, program=name, text=name)]),
+        table_of_refusal(why, "b" * 32, "b" * 64, None),
+        table_of_refusal(why, "c" * 32, "c" * 64, told),
+    ]
+    for table in tables:
+        (kept,) = table.column("source").to_pylist()
+        assert kept.encode("utf-8") == told.source.encode("utf-8", "backslashreplace")
 
 
 def test_an_empty_store_has_no_series(tmp_path: Path) -> None:

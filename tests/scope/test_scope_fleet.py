@@ -21,7 +21,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from motorctl.cli import make_app
 from motorctl.errors import UsageError
 from motorctl.fleet.findings import table_of_log
-from motorctl.fleet.head import LogHead
+from motorctl.fleet.head import LogHead, identity_of
 from motorctl.fleet.log_index import LogIndex
 from motorctl.fleet.report import write_fleet_page
 from motorctl.fleet.store import Store, open_store
@@ -42,8 +42,12 @@ def store(tmp_path: Path) -> Store:
     for k, name in enumerate("ab"):
         described = {"rate_hz": 1000.0, "machine": f"bench {name}"}
         log = write_log(tmp_path / f"{name}.parquet", make_rows(400 + k), described)
-        kept(store, name * 64, log)
+        kept(store, identity_of(str(log)), log)
     return store
+
+
+def id_of(store: Store, name: str) -> str:
+    return identity_of(str(store.folder.parent / f"{name}.parquet"))
 
 
 def asked(
@@ -62,12 +66,13 @@ def asked(
 
 
 def test_each_link_opens_its_own_log(store: Store) -> None:
-    pages = [f"/log/{name * 64}/api/logs" for name in "abab"]
+    pages = [f"/log/{id_of(store, name)}/api/logs" for name in "abab"]
     answers = [json.loads(body)["logs"] for status, body in asked(store, *pages) if status == 200]
     assert [[log["machine"] for log in logs] for logs in answers] == [
         ["bench a"], ["bench b"], ["bench a"], ["bench b"]
     ]  # fmt: skip
-    (page, script, first) = asked(store, f"/log/{'a' * 64}/", f"/log/{'a' * 64}/main.js", "/")
+    log = f"/log/{id_of(store, 'a')}/"
+    (page, script, first) = asked(store, log, log + "main.js", "/")
     assert b"<html" in page[1]
     assert b"layoutOf" in script[1]
     assert b"fleet report" in first[1]
@@ -83,12 +88,14 @@ def test_a_click_on_the_fleet_page_shows_the_window_in_the_browser(
         tab = chromium.new_page()
         tab.goto(report.as_uri())
         tab.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
-        with tab.expect_popup() as led:
+        with tab.expect_popup() as opened:
             tab.click("a[href*='/log/']")
-        scope = led.value
+        scope = opened.value
         scope.wait_for_selector(SETTLED)
-        assert scope.title().startswith("a.parquet")
-        layout = parse_qs(urlparse(scope.url).fragment)
+        led = urlparse(scope.url)
+        (name,) = (each for each in "ab" if id_of(store, each) in led.path)
+        assert scope.title().startswith(f"{name}.parquet")
+        layout = parse_qs(led.fragment)
         assert (layout["from"], layout["to"], layout["axes"]) == (["0.1"], ["0.25"], ["x"])
 
 
@@ -100,7 +107,7 @@ def test_what_the_store_does_not_know_is_not_opened(store: Store, tmp_path: Path
         f"/log/{'e' * 64}/api/logs",
         f"/log/{'c' * 64}/api/logs",
         f"/log/{'d' * 64}/api/logs",
-        f"/log/{'a' * 64}/..%2f..%2fstore.json",
+        f"/log/{id_of(store, 'a')}/..%2f..%2fstore.json",
         "/api/live",
     )
     assert (unknown[0], remote[0], gone[0]) == (400, 400, 400)
@@ -111,7 +118,7 @@ def test_what_the_store_does_not_know_is_not_opened(store: Store, tmp_path: Path
 
 
 def test_other_pages_may_link_to_a_log_and_ask_for_nothing_of_it(store: Store) -> None:
-    page, other = f"/log/{'a' * 64}/", {"Sec-Fetch-Site": "cross-site"}
+    page, other = f"/log/{id_of(store, 'a')}/", {"Sec-Fetch-Site": "cross-site"}
     followed = {**other, "Sec-Fetch-Mode": "navigate"}
     assert asked(store, page, headers=followed)[0][0] == 200
     refused = [(page, other), (page + "api/logs", other), (page + "api/logs", followed)]
@@ -121,10 +128,27 @@ def test_other_pages_may_link_to_a_log_and_ask_for_nothing_of_it(store: Store) -
 
 def test_findings_that_came_later_are_known(store: Store, tmp_path: Path) -> None:
     index = LogIndex(store.folder)
+    later = write_log(tmp_path / "c.parquet", make_rows(410), {"rate_hz": 1000.0})
     with pytest.raises(UsageError, match="knows no such log"):
-        index.find("c" * 64)
-    kept(store, "c" * 64, tmp_path / "a.parquet")
-    assert index.find("c" * 64) == tmp_path / "a.parquet"
+        index.find(id_of(store, "c"))
+    kept(store, id_of(store, "c"), later)
+    assert index.find(id_of(store, "c")) == later
+
+
+def test_a_link_opens_no_other_log_that_took_the_name_of_its_own(
+    store: Store, tmp_path: Path
+) -> None:
+    index, first = LogIndex(store.folder), id_of(store, "a")
+    (tmp_path / "moved").mkdir()
+    moved = (tmp_path / "a.parquet").rename(tmp_path / "moved" / "a.parquet")
+    with pytest.raises(UsageError, match=r"a\.parquet: no such file"):
+        index.find(first)
+    (tmp_path / "b.parquet").rename(tmp_path / "a.parquet")
+    with pytest.raises(UsageError, match=r"a\.parquet: another file is there now"):
+        index.find(first)
+    store.moved(first[:32], str(moved))  # as the next look at the fleet does
+    assert index.find(first) == moved
+    assert store.sources()[first[:32]] == str(moved)
 
 
 @pytest.mark.parametrize("words", [["a.parquet"], ["--socket", "m.sock"]])

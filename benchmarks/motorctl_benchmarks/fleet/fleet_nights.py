@@ -98,6 +98,8 @@ class Nights:
 
     told: list[dict[str, list[Told]]] = field(default_factory=list)
     """Of each night, by machine, first what is to be looked at first."""
+    unlike: list[dict[str, list[str]]] = field(default_factory=list)
+    """Of each night, by machine, the parameters that it calls unlike its siblings'."""
     tracking_m: dict[str, list[float]] = field(default_factory=dict)
     """Of each machine the mean over each day's logs."""
     named: dict[str, str] = field(default_factory=dict)
@@ -212,6 +214,10 @@ def ask_every_night(fleet: Fleet, store: Path, nights: Nights, beside: Covariate
             for alarm in found.alarms:
                 by_machine.setdefault(alarm.series.machine, []).append(_told(alarm))
             nights.told.append(by_machine)
+            apart: dict[str, list[str]] = {}
+            for one in found.unlike:
+                apart.setdefault(one.judged.series.machine, []).append(one.judged.series.name)
+            nights.unlike.append(apart)
 
 
 class _StoreThen(Store):

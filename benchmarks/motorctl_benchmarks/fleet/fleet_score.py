@@ -36,7 +36,8 @@ class Outcome:
     in_time: bool | None
     """Of a step within two days, of a drift before it was costly; None where nothing changes."""
     false_alarms: tuple[str, ...]
-    """What was told of a machine in which nothing had changed, and from which day on."""
+    """What was told of a machine in which nothing had changed, also that it is unlike its siblings,
+    and from which day on."""
     sound_days: int
     """Nights in which nothing had changed."""
 
@@ -99,10 +100,14 @@ def _in_time(machine: Machine, told_day: float | None, costly_day: float | None)
 
 
 def _false_alarms(machine: Machine, nights: Nights, sound: int) -> tuple[str, ...]:
+    """Return what was told of a sound machine: changes, and that it is unlike its siblings."""
     found: list[str] = []
     known: set[str] = set()
-    for night, told in enumerate(nights.told[:sound]):
-        names = {each.parameter for each in told.get(machine.name, ())}
+    for night in range(sound):
+        names = {each.parameter for each in nights.told[night].get(machine.name, ())}
+        if nights.unlike:
+            apart = nights.unlike[night].get(machine.name, ())
+            names |= {f"{name} unlike its siblings" for name in apart}
         found += [f"{name} on day {night + 1}" for name in sorted(names - known)]
         known = names
     return tuple(found)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from motorctl.fleet.findings import Refusal
 from motorctl.fleet.series import Seen, seen_in
 
 UNNAMED = "(no machine)"
@@ -55,16 +56,35 @@ class MachineSeen:
     """By axis and program."""
 
 
-def machines_in(rows: Sequence[Mapping[str, Any]]) -> dict[str, MachineSeen]:
+def _last_written(rows: Sequence[Mapping[str, Any]]) -> dict[str, datetime]:
+    """Return when what was last found of each file was written."""
+    last: dict[str, datetime] = {}
+    for row in rows:
+        kept = last.get(row["source"], row["written_utc"])
+        last[row["source"]] = max(kept, row["written_utc"])
+    return last
+
+
+def machines_in(
+    rows: Sequence[Mapping[str, Any]], passing: Sequence[Refusal] = ()
+) -> dict[str, MachineSeen]:
     """Return what findings tell of each machine, by name.
+
+    A refusal counts until something newer is known of the same file.
 
     Parameters
     ----------
     rows
         Of the store, in order of time.
+    passing
+        Logs that could not be used the last time, though that does not lie in them alone.
     """
     found: dict[str, MachineSeen] = {}
+    written = _last_written(rows)
     for row in rows:
+        # a copy that was torn, and is whole by now, or was torn again
+        if row["kind"] == "refused" and row["written_utc"] < written[row["source"]]:
+            continue
         name = UNNAMED if row["machine"] is None else str(row["machine"])
         machine = found.setdefault(name, MachineSeen(name))
         if row["kind"] == "refused":
@@ -89,4 +109,7 @@ def machines_in(rows: Sequence[Mapping[str, Any]]) -> dict[str, MachineSeen]:
             effect.confidence = row["confidence"] or 0.0
             effect.explained = row["value"] or 0.0
             effect.text = str(row["text"] or "")
+    for each in passing:
+        machine = found.setdefault(each.machine or UNNAMED, MachineSeen(each.machine or UNNAMED))
+        machine.refused.append((each.source, each.reason))
     return dict(sorted(found.items()))

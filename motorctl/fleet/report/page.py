@@ -6,7 +6,7 @@ import shlex
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -35,8 +35,8 @@ MOST_REFUSED = 10
 CLEAR = 3.0
 """Standard errors from which on what a covariate moves is told beside an alarm."""
 SILENT = timedelta(days=2)
-"""How much older than the fleet's a machine's last log is where that is pointed out; how young a
-step is that is called new."""
+"""How old a machine's last log is where that is pointed out; how young a step is that is called
+new."""
 PORT = 8765
 """Where the page's links expect the scope, unless another one is asked for."""
 
@@ -67,6 +67,7 @@ def write_fleet_page(
     looks_a_day: float = 1.0,
     covariates: Covariates | None = None,
     scope_port: int = PORT,
+    now: datetime | None = None,
 ) -> FleetChanges:
     """Write a fleet as one self-contained page.
 
@@ -80,6 +81,8 @@ def write_fleet_page(
         As `motorctl.fleet.changes.changes_in` takes them.
     scope_port
         Of the scope that links lead to.
+    now
+        Against which machines are silent; None: the time of this computer.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def write_fleet_page(
     rows = newest_rows(store)
     parameters = [row for row in rows if row["kind"] == "parameter"]
     found = judged(series_from(parameters), level, false_alarms_a_year, covariates)
-    machines = machines_in(rows)
+    machines = machines_in(rows, store.passing())
     links = _Links(scope_port)
     numbers = {name: k for k, name in enumerate(machines)}
     ends = [machine.last for machine in machines.values() if machine.last is not None]
@@ -123,7 +126,7 @@ def write_fleet_page(
         more=[_alarm_row(alarm, links, numbers) for alarm in found.alarms[MOST_PICTURES:]],
         unlike=[_unlike(one, links, numbers) for one in found.unlike],
         explained=[_explained(one, found, links, numbers) for one in found.explained],
-        overview=_overview(machines, found, max(ends, default=None)),
+        overview=_overview(machines, found, now or datetime.now(UTC)),
         machines=_machines(machines, found, links),
     )
     return found
@@ -208,7 +211,7 @@ def _explained(
 
 
 def _overview(
-    machines: dict[str, MachineSeen], found: FleetChanges, newest: datetime | None
+    machines: dict[str, MachineSeen], found: FleetChanges, now: datetime
 ) -> list[dict[str, Any]]:
     """Return a row for each machine, those in which something changed first."""
     changed: dict[str, list[str]] = defaultdict(list)
@@ -227,7 +230,7 @@ def _overview(
             "refused": len(machine.refused),
             "first": machine.first,
             "last": machine.last,
-            "silent": bool(newest and machine.last and newest - machine.last > SILENT),
+            "silent": machine.last is not None and now - machine.last > SILENT,
             "changed": changed.get(machine.name, []),
             "unlike": unlike[machine.name],
             "effects": sorted({name for axis in machine.axes.values() for name in axis.effects}),
