@@ -79,7 +79,7 @@ def _of_filters(tuning: Tuning) -> Iterator[str]:
         yield (
             f"{tried}; without one at the same margins: k1 {without.gains.k1_1_s:.4g}, ks "
             f"{without.gains.ks_v_s_m:.4g}, gamma_d {without.gains.gamma_d:.4g}, eF predicted "
-            f"{without.prediction.eF_m * 1e6:.3g} µm"
+            + tuning.loop.units.words(f"{without.prediction.eF_m * 1e6:.3g} µm")
         )
 
 

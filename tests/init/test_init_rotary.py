@@ -98,6 +98,8 @@ def test_json_tells_kind_and_unit_of_an_axis_once(joint):
         ("start_m: -0.9425", "start_m: -0.9", r"moves end at -0\.9425 rad but start"),
         ("minimum_m: ", "minimum_m: 9", r"travel of 3\.14159 rad it cannot trip .* rad away"),
         ("counter_bits: 32", "counter_bits: 8", r"at 4\.18879 rad/s and 5000 Hz"),
+        ("{initial: 0.025, bounds: [", "{initial: 0.9, bounds: [", r"0\.05 V\*s\^2/rad"),
+        ("{initial: 0.025, bounds: [0", "{initial: 0.025, bounds: [-0", r"1000 V\*s\^2/rad"),
     ],
 )  # fmt: skip
 def test_problems_of_a_joint_are_told_in_radians(joint, tmp_path, old, new, message):
