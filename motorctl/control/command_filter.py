@@ -59,6 +59,11 @@ def command_filter(
     period_s
         Of the axis [s].
 
+    Returns
+    -------
+    CommandFilter
+        1 at frequency 0.
+
     Raises
     ------
     UsageError
