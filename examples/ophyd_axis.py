@@ -28,6 +28,7 @@ from ophyd_async.core import StandardReadableFormat as Format
 
 import motorctl
 from motorctl.api.status import AxisStatus
+from motorctl.axis_units import PositionUnit
 
 WATCH_S = 0.05
 """Between two looks at an axis that moves [s]."""
@@ -38,8 +39,9 @@ MEASURED_S = 0.2
 class OfMachine(StandardReadable):
     """What shares a connection to a running daemon."""
 
-    def __init__(self, socket: str, axis: str, name: str = "") -> None:
+    def __init__(self, socket: str, axis: str, unit: PositionUnit, name: str = "") -> None:
         self._axis = axis
+        self._unit: PositionUnit = unit
         self._machine = motorctl.connect_async(socket)
         super().__init__(name)
 
@@ -49,26 +51,35 @@ class OfMachine(StandardReadable):
         timeout: float = DEFAULT_TIMEOUT,
         force_reconnect: bool = False,
     ) -> None:
-        """Connect to the daemon, and to nothing where `mock` is."""
+        """Connect to the daemon, and to nothing where `mock` is.
+
+        An axis whose positions are in another unit is refused.
+        """
         if not mock:
             await self._machine
+            told = (await self._machine.axis_status(self._axis)).position_unit
+            if told != self._unit:
+                raise ValueError(f"axis {self._axis} is in {told}: give unit={told!r}")
         await super().connect(mock, timeout, force_reconnect)
 
 
 class Axis(OfMachine, AsyncLocatable[float], Stoppable):
-    """An axis; its positions are in metres. Staging enables it, and it holds from then on."""
+    """An axis; its positions are in `unit`, rad of a rotary one.
 
-    def __init__(self, socket: str, axis: str, name: str = "") -> None:
+    Staging enables it, and it holds from then on.
+    """
+
+    def __init__(self, socket: str, axis: str, name: str = "", unit: PositionUnit = "m") -> None:
         # Uncached: they are asked for when they are read, and nobody pushes them.
         with self.add_children_as_readables(Format.HINTED_UNCACHED_SIGNAL):
             self.position, _ = soft_signal_r_and_setter(
-                float, units="m", precision=6, getter=self._position_m
+                float, units=unit, precision=6, getter=self._position_m
             )
         with self.add_children_as_readables(Format.UNCACHED_SIGNAL):
             self.reference, _ = soft_signal_r_and_setter(
-                float, units="m", precision=6, getter=self._reference_m
+                float, units=unit, precision=6, getter=self._reference_m
             )
-        super().__init__(socket, axis, name)
+        super().__init__(socket, axis, unit, name)
 
     @AsyncStatus.wrap
     async def stage(self) -> None:
@@ -78,7 +89,7 @@ class Axis(OfMachine, AsyncLocatable[float], Stoppable):
 
     @WatchableAsyncStatus.wrap
     async def set(self, value: float) -> AsyncIterator[WatcherUpdate[float]]:
-        """Move to a position [m]; done when the axis holds there.
+        """Move to a position [m or rad]; done when the axis holds there.
 
         A move beyond a limit is refused before anything moves, and an axis that trips on the way
         fails the status, each with its reason.
@@ -91,12 +102,14 @@ class Axis(OfMachine, AsyncLocatable[float], Stoppable):
                 initial=_known(began.position_m),
                 target=value,
                 name=self.name,
-                unit="m",
+                unit=self._unit,
             )
             await asyncio.sleep(WATCH_S)
         ended = await self._machine.wait(self._axis)
         if ended.state != "idle":
-            raise RuntimeError(f"axis {self._axis} was stopped on its way to {value:g} m")
+            raise RuntimeError(
+                f"axis {self._axis} was stopped on its way to {value:g} {self._unit}"
+            )
 
     async def stop(self, success: bool = True) -> None:
         """Ramp an axis that moves down and disable it; one that holds goes on holding.
@@ -107,7 +120,7 @@ class Axis(OfMachine, AsyncLocatable[float], Stoppable):
             await self._machine.stop(self._axis)
 
     async def locate(self) -> Location[float]:
-        """Return where the axis is sent to and where it is [m]."""
+        """Return where the axis is sent to and where it is [m or rad]."""
         now = await self._status()
         return Location(setpoint=_known(now.reference_m), readback=_known(now.position_m))
 
@@ -124,10 +137,10 @@ class Axis(OfMachine, AsyncLocatable[float], Stoppable):
 class StandstillNoise(OfMachine, Triggerable):
     """Root mean square of an axis' following error while it holds, over every row of the loop."""
 
-    def __init__(self, socket: str, axis: str, name: str = "") -> None:
+    def __init__(self, socket: str, axis: str, name: str = "", unit: PositionUnit = "m") -> None:
         with self.add_children_as_readables(Format.HINTED_SIGNAL):
-            self.rms, self._tell = soft_signal_r_and_setter(float, units="m", precision=9)
-        super().__init__(socket, axis, name)
+            self.rms, self._tell = soft_signal_r_and_setter(float, units=unit, precision=9)
+        super().__init__(socket, axis, unit, name)
 
     @AsyncStatus.wrap
     async def trigger(self) -> None:

@@ -43,6 +43,7 @@ class AxisUnits:
     velocity: Shown
     place_digits: int
     """Behind the point, of a position that is shown."""
+    velocity_digits: int
     inertia: str
     """Of what moves."""
     force: str
@@ -64,10 +65,26 @@ class AxisUnits:
 
 
 LINEAR = AxisUnits(
-    "linear", "m", Shown(1e3, "mm"), Shown(1e6, "µm"), Shown(1e3, "mm/s"), 4, "kg", "N"
+    kind="linear",
+    position="m",
+    place=Shown(1e3, "mm"),
+    error=Shown(1e6, "µm"),
+    velocity=Shown(1e3, "mm/s"),
+    place_digits=4,
+    velocity_digits=2,
+    inertia="kg",
+    force="N",
 )
 ROTARY = AxisUnits(
-    "rotary", "rad", Shown(1.0, "rad"), Shown(1e6, "µrad"), Shown(1.0, "rad/s"), 6, "kg*m^2", "N*m"
+    kind="rotary",
+    position="rad",
+    place=Shown(1.0, "rad"),
+    error=Shown(1e6, "µrad"),
+    velocity=Shown(1.0, "rad/s"),
+    place_digits=6,
+    velocity_digits=4,
+    inertia="kg*m^2",
+    force="N*m",
 )
 
 

@@ -52,7 +52,11 @@ def switches(layout: Layout, channels: Sequence[Channel]) -> list[Status]:
 
 
 def sampled_apart_s(options: CanOptions, channels: Sequence[Channel], period_s: float) -> float:
-    """Return how far apart two axes' samples may lie [s]: frames come as their senders like."""
+    """Return how far apart two axes' samples may lie [s]: frames come as their senders like.
+
+    Two frames of one device and one moment, too: a read that falls between them brings the new
+    sample of one axis, and the next one the old sample of the other beside a newer one.
+    """
     layout = options.layout
     counts = [layout.find(Means.COUNTS, channel.axis) for channel in channels]
     frames = {layout.frame_of(signal).key for signal in counts if signal is not None}

@@ -60,7 +60,7 @@ class AxisStatus:
         place, speed, error = units.place, units.velocity, units.error
         return (
             (self.position_m, place.factor, f".{units.place_digits}f", place.unit),
-            (self.velocity_m_s, speed.factor, ".2f", speed.unit),
+            (self.velocity_m_s, speed.factor, f".{units.velocity_digits}f", speed.unit),
             (self.following_error_m, error.factor, ".2f", error.unit),
         )
 

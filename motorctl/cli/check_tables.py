@@ -26,6 +26,7 @@ from motorctl.cli.check_words import (
 )
 from motorctl.cli.terminal import open_table
 from motorctl.config.analysis import LoopMargins
+from motorctl.config.filter_words import filter_words
 from motorctl.config.loop_cases import MarginsAt
 from motorctl.printable import one_line
 
@@ -140,7 +141,7 @@ def _wiring(name: str, axis: Part) -> Table:
             "gains",
             f"k1 {number(gains['k1_1_s'])} 1/s, ks {number(gains['ks_v_s_m'])} V*s/m, "
             f"gamma_d {number(gains['gamma_d'])} V/m, |d0| <= {number(gains['d_hat_max_v'])} V, "
-            f"velocity {gains['velocity']}",
+            f"velocity {gains['velocity']}{_behind(gains['command_filter'])}",
         ),
         *((("dual drive", dual_drive_words(dual)),) if dual else ()),
         ("effects", effect_words(axis["effect_options"])),
@@ -150,6 +151,10 @@ def _wiring(name: str, axis: Part) -> Table:
     ):
         table.add_row(label, units.words(text) if label != "effects" else text)
     return table
+
+
+def _behind(own: Part | None) -> str:
+    return "" if own is None else f", behind a {filter_words(**own)}"
 
 
 def _parameters(name: str, axis: Part) -> Table:
@@ -208,6 +213,8 @@ def _conditions(name: str, axis: Part) -> Table:
         verdict = "fails; sufficient, not necessary"
         if condition["satisfied"]:
             verdict = f"[green]holds[/green], lambda {number(decay)} 1/s"
+        if not robust["applies"]:
+            verdict = "does not apply behind a filter"
         table.add_row(
             "gain ks1",
             where,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -144,7 +144,9 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
     def part(key: str, model: type[K]) -> K | None:
         return read_keys(model, keys.get(key))
 
+    units = units_of(keys.get("kind"))
     declared, problems = build_model(document, ("axes", name, "model"))
+    problems = [replace(problem, message=units.words(problem.message)) for problem in problems]
     runs = None
     if declared and isinstance(axis, dict):
         controller = axis.get("controller", "C2")
@@ -162,7 +164,7 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
         part("dual_drive", DualDrive),
         declared,
         runs,
-        units_of(keys.get("kind")),
+        units,
     )
     return parts, problems
 

@@ -9,7 +9,10 @@ import numpy as np
 
 from motorctl.config.axis_keys import Encoder, Gains
 from motorctl.config.guard_keys import Thermal
+from motorctl.config.loop_rules import filter_of
 from motorctl.config.motor_heat import hottest_v
+from motorctl.config.rules import HIGHEST_FILTER
+from motorctl.control import CommandFilter
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document
 from motorctl.motion import AxisLimits, Program, RequiredVoltage
@@ -81,9 +84,30 @@ def count_noise_v(gains: Gains, encoder: Encoder, rate_hz: float, ends: int) -> 
     """Return what the steps of the count add to the command of an axis that moves, as rms [V].
 
     A count is off by up to half of one, evenly, so that the difference of two has an rms of a count
-    by sqrt(6); ks makes a command of its rate. The mean of two encoders has sqrt(2) less.
+    by sqrt(6); ks makes a command of its rate. The mean of two encoders has sqrt(2) less. A filter
+    of the command takes or adds its part; one that the rate is too low for is refused elsewhere.
     """
-    return gains.ks_v_s_m * encoder.resolution_m * rate_hz / math.sqrt(6.0 * ends)
+    noise_v = gains.ks_v_s_m * encoder.resolution_m * rate_hz / math.sqrt(6.0 * ends)
+    keys = gains.command_filter
+    if keys is None or keys.frequency_hz > HIGHEST_FILTER * rate_hz:
+        return noise_v
+    own = filter_of(gains, 1.0 / rate_hz)
+    return noise_v if own is None else noise_v * _share_of_steps(own)
+
+
+def _share_of_steps(own: CommandFilter) -> float:
+    """Return the rms of differences of white noise behind a filter, over that before it.
+
+    The variance of the states of (1 - 1/z) H, driven by white noise, is P = A P A' + B B'.
+    """
+    tail = np.array([own.a1, own.a2, 0.0])
+    c = np.convolve([1.0, -1.0], [own.b0, own.b1, own.b2])
+    A = np.array([-tail, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    driven = np.zeros(9)
+    driven[0] = 1.0
+    P = np.linalg.solve(np.eye(9) - np.kron(A, A), driven).reshape(3, 3)
+    out = c[1:] - c[0] * tail
+    return math.sqrt((c[0] ** 2 + out @ P @ out) / 2.0)
 
 
 def program_heat_v(

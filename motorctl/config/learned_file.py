@@ -119,9 +119,14 @@ def loop_digest(machine: Machine, axis: str) -> str:
     What was learned with one is what that one does not explain.
     """
     own = machine.axes[axis]
+    model = model_of(machine, axis)
+    # A key of gains that is null is as if it were not there: what was learned before there was such
+    # a key is learned still.
+    gains = {key: value for key, value in model["gains"].items() if value is not None}
     loop = {
         "axis": axis,  # alike in everything, two axes still have errors of their own
-        **model_of(machine, axis),
+        **model,
+        "gains": gains,
         "period_s": machine.period_of(axis),
         "encoder": own.encoder.model_dump(),
         "max_voltage_v": own.limits.max_voltage_v,

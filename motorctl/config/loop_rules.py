@@ -14,6 +14,7 @@ from motorctl.config.analysis import (
     smallest_slope,
 )
 from motorctl.config.axis_keys import Gains
+from motorctl.config.filter_words import filter_words
 from motorctl.config.machine import Estimate
 from motorctl.config.validation import Finding
 from motorctl.control import CommandFilter, command_filter, monotonicity_half_planes
@@ -83,7 +84,7 @@ def _filter_words(gains: Gains) -> str:
     own = gains.command_filter
     if own is None:
         return ""
-    return f" and a {own.kind.replace('_', '-')} at {own.frequency_hz:g} Hz"
+    return f" and a {filter_words(**own.model_dump())}"
 
 
 def check_monotonicity(

@@ -103,9 +103,7 @@ def check_programs(
         if not all(axis in limits for axis in program.axes):
             continue
         path = ("programs", name)
-        kinds = {units_in(document.data, axis).kind for axis in program.axes}
-        if isinstance(program, Circle) and len(kinds) > 1:
-            message = f"axes {' and '.join(program.axes)}: a circle needs two axes of one kind"
+        if message := mixed_kinds(program, {a: units_in(document.data, a) for a in program.axes}):
             problems.append(document.problem((*path, "axes"), message))
         try:
             violations = check_program(program, limits, required_voltage)
@@ -117,6 +115,13 @@ def check_programs(
             for v in violations
         ]
     return problems
+
+
+def mixed_kinds(program: Program, units: Mapping[str, AxisUnits]) -> str | None:
+    """Return why a program cannot be of its axes' kinds, None where it can; units are by axis."""
+    if not isinstance(program, Circle) or len({units[axis].kind for axis in program.axes}) == 1:
+        return None
+    return f"axes {' and '.join(program.axes)}: a circle needs two axes of one kind"
 
 
 def check_followed(document: Document, axis: str, programs: Mapping[str, Program]) -> list[Problem]:

@@ -20,6 +20,7 @@ from motorctl.config.analysis import (
 from motorctl.config.axis_keys import Limits
 from motorctl.config.dual_drive_rules import skew_margins
 from motorctl.config.exchange import ask_exchange, is_one_exchange
+from motorctl.config.filter_words import filter_words
 from motorctl.config.groups import notes_on_groups
 from motorctl.config.guard_notes import notes_on_guards
 from motorctl.config.hardware import channels_of, wirings_of
@@ -223,7 +224,10 @@ def _parameters(axis: Axis) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _robust_gain(axis: Axis) -> dict[str, Any]:
-    """The sufficient condition on ks1 at theta_hat(0), and over the box of the bounds."""
+    """The sufficient condition on ks1 at theta_hat(0), and over the box of the bounds.
+
+    Its proof knows of no filter of the command: behind one it does not apply.
+    """
     slope_s_m = _coulomb_slope(axis.model.effects)
     ranges = [_range(axis, signal) for signal in LAW_SIGNALS]
     told = {}
@@ -236,7 +240,8 @@ def _robust_gain(axis: Axis) -> dict[str, Any]:
             theta1, theta2, theta3, slope_s_m, axis.gains.k1_1_s, axis.gains.ks_v_s_m
         )
         told[key] = {**asdict(condition), "satisfied": condition.satisfied}
-    return {"ks_v_s_m": axis.gains.ks_v_s_m, **told}
+    applies = axis.gains.command_filter is None
+    return {"ks_v_s_m": axis.gains.ks_v_s_m, "applies": applies, **told}
 
 
 def _assumption_2(axis: Axis) -> dict[str, Any]:
@@ -276,7 +281,13 @@ def _program(machine: Machine, program: Program) -> dict[str, Any]:
 def _notes(name: str, axis: Mapping[str, Any], model: EffectList) -> Iterator[str]:
     condition = axis["robust_gain"]["at_initial"]
     ks = axis["robust_gain"]["ks_v_s_m"]
-    if not condition["satisfied"]:
+    if not axis["robust_gain"]["applies"]:
+        own = axis["gains"]["command_filter"]
+        yield (
+            f"axis {name}: the sufficient condition on ks1 does not apply behind the filter of the "
+            f"command, {filter_words(**own)}; the margins are those with it"
+        )
+    elif not condition["satisfied"]:
         yield (
             f"axis {name}: ks {ks:g} is below the sufficient condition, ks1 > "
             f"{condition['required_ks1_v_s_m']:.4g} V*s/m at theta(0): the loop is stable, but the "

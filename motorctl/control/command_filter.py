@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.errors import UsageError
 from motorctl.kernels import inner_kernel
 
 ComplexArray = NDArray[np.complex128]
@@ -61,8 +62,18 @@ def command_filter(
     Returns
     -------
     CommandFilter
-        Its coefficients at that period.
+        1 at frequency 0.
+
+    Raises
+    ------
+    UsageError
+        Where half of the rate is no higher than the frequency: no sampled filter is such a one.
     """
+    if not 0.0 < frequency_hz * period_s < 0.5:
+        raise UsageError(
+            f"a filter of the command at {frequency_hz:g} Hz: must be above 0 and below half of "
+            f"the rate, {0.5 / period_s:g} Hz"
+        )
     t = math.tan(math.pi * frequency_hz * period_s)  # s = w/t (z - 1)/(z + 1)
     scale = 1.0 + 2.0 * damping * t + t * t
     a1, a2 = 2.0 * (t * t - 1.0) / scale, (1.0 - 2.0 * damping * t + t * t) / scale

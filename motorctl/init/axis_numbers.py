@@ -44,6 +44,10 @@ FILTER_S, FILTER_PERIODS = 0.002, 5
 ROTARY_FRICTION = 0.01
 """Friction of what turns, as a part of the full command: nobody knows the load of its bearing.
 Larger and smaller ones are learned. By hand."""
+SHORTEST_FRICTION_S = 1e-4
+"""In which friction near standstill may brake what turns to a part of e. Shorter than a sample
+nothing tells of it, and simulation needs finer steps. Longer rounds the friction of small motors
+off. By hand."""
 PUBLISHED_ACCELERATION_M_S2, PUBLISHED_VELOCITY_M_S = 38.0, 1.5
 """Of the published gantry, whose covariances the effects have as defaults: an estimator's speed is
 covariance times signal squared."""
@@ -165,12 +169,16 @@ def friction_slope_s_m(known: AxisKnown) -> float | None:
     """Return how steeply friction turns over, s/rad; None: as it does by itself.
 
     The usual slope is that of a carriage. What turns crosses zero within a sample at it, and a
-    model that is steeper than the samples are close tells nothing of friction there.
+    model that is steeper than the samples are close tells nothing of friction there. Nor does one
+    in which friction stops a small inertia sooner than within SHORTEST_FRICTION_S.
     """
     if known.units.kind == "linear":
         return None
     usual: float = basic_effects()["direction"]().options.slope_s_m  # type: ignore[attr-defined]
-    return _rounded(usual * PUBLISHED_VELOCITY_M_S / known.max_velocity_m_s)
+    inertia, friction, _ = mechanics(known)
+    slope_s_m = usual * PUBLISHED_VELOCITY_M_S / known.max_velocity_m_s
+    steepest_s_m = inertia / (friction * SHORTEST_FRICTION_S) if friction else math.inf
+    return _rounded(min(slope_s_m, steepest_s_m))
 
 
 def _inertia(known: AxisKnown) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 from motorctl.config.analysis import required_command
 from motorctl.config.learned_file import look_up
 from motorctl.config.machine import Axis, Machine
+from motorctl.config.programs import mixed_kinds
 from motorctl.errors import UsageError
 from motorctl.loop.layout import PROGRAM_SEGMENTS
 from motorctl.loop.learned_feedforward import LearnedFeedforward
@@ -243,6 +244,8 @@ def _approach_jerk(axis: Axis) -> float:
 
 
 def _check(machine: Machine, program: Program, from_m: float | None = None) -> None:
+    if why_not := mixed_kinds(program, {name: a.units for name, a in machine.axes.items()}):
+        raise UsageError(f"program '{program.name}': {why_not}")
     limits, voltages = {}, {}
     for name, axis in machine.axes.items():
         low, high = axis.limits.travel_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,9 @@ class Shown:
                 for name, axis in _mapping(config.get("axes")).items()
                 if isinstance(axis, dict)
             },
-            "paths": _paths(config, log.axes),
+            "paths": paths(
+                config, {name: log.units.get(f"{name}.position_m", "") for name in log.axes}
+            ),
             "axes": list(log.axes),
             "units": {name: log.units.get(name, "") for name in log.columns},
             "bounds": {
@@ -158,14 +161,24 @@ class Shown:
         }
 
 
-def _paths(config: Mapping[str, Any], axes: tuple[str, ...]) -> list[list[str]]:
-    """Return the pairs of axes that a program of the configuration leads together."""
+def paths(config: Mapping[str, Any], units: Mapping[str, str]) -> list[list[str]]:
+    """Return the pairs of axes that can be drawn one over the other, as their positions go.
+
+    Parameters
+    ----------
+    config
+        The log's; pairs that a program of it leads together come first.
+    units
+        Of the positions, by axis: a path has one.
+    """
     pairs = []
     for program in _mapping(config.get("programs")).values():
         led = program.get("axes") if isinstance(program, dict) else None
-        if isinstance(led, list) and len(led) > 1 and all(name in axes for name in led[:2]):
+        if isinstance(led, list) and len(led) > 1 and all(name in units for name in led[:2]):
             pairs.append(led[:2])
-    return [pair for k, pair in enumerate(pairs) if pair not in pairs[:k]]
+    pairs += [list(pair) for pair in combinations(units, 2)]
+    alike = [[x, y] for x, y in pairs if units[x] == units[y]]
+    return [pair for k, pair in enumerate(alike) if pair not in alike[:k]]
 
 
 def _mapping(value: object) -> Mapping[str, Any]:

@@ -354,9 +354,10 @@ class _Search:
         )
         if not found:
             low, high = loop.plant.theta1_bounds
+            unit = loop.units.words("V*s^2/m")
             return (
                 f"{begin}: none are stable at every corner of the bounds, inertia {low:g} to "
-                f"{high:g} V*s^2/m; narrower bounds allow more: `motorctl refine` writes what a "
+                f"{high:g} {unit}; narrower bounds allow more: `motorctl refine` writes what a "
                 "recording tells"
             )
         widest = max(candidate.phase_deg for candidate in found)
@@ -416,7 +417,7 @@ class _Search:
         if not unstable:
             return "stability"
         theta1, theta2 = unstable[0]
-        return (
+        return self._loop.units.words(
             f"stability with parameters at their bounds, inertia {theta1:g} V*s^2/m and viscous "
             f"friction {theta2:g} V*s/m"
         )

@@ -78,7 +78,7 @@ def _draw_error(panel: Axes, tuning: Tuning) -> None:
     label = words(f"predicted with the tuned gains, eF {told.eF_m * 1e6:.3g} µm")
     draw_curve(panel, time_s, told.error * 1e6, AFTER, label)
     if (plain := tuning.without_filter) is not None:
-        label = f"predicted without the filter, eF {plain.prediction.eF_m * 1e6:.3g} µm"
+        label = words(f"predicted without the filter, eF {plain.prediction.eF_m * 1e6:.3g} µm")
         draw_curve(panel, time_s, plain.prediction.error * 1e6, PLAIN, label)
     if (tried := tuning.tried_out) is not None:
         label = words(f"tried out with them, eF {tried.eF_m * 1e6:.3g} µm")

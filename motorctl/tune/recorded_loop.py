@@ -212,7 +212,7 @@ def recorded_loop(
         counted=max(counted // before.divisor, 1),
         plant=plant,
         noise_rms_m=_noise(used, axis),
-        notes=(*recording.notes, *notes),
+        notes=(*recording.notes, *map(axis.units.words, notes)),
         measured=measured,
     )
 
@@ -290,7 +290,8 @@ def _plant(
     theta1, error = float(fit.theta[place]), float(fit.std_error[place])
     if not error <= VAGUE_INERTIA * theta1:
         raise DataError(
-            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} V*s^2/m: margins need it "
+            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} "
+            f"{axis.units.words('V*s^2/m')}: margins need it "
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
         )
     # The fitted delay is all by which the command is late, a declared lag and delay included.

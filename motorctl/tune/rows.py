@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from motorctl.config.analysis import LoopGains, LoopMargins
+from motorctl.config.filter_words import filter_words as words_of
 from motorctl.tune.tuning import Tuning
 
 NONE = "–"
@@ -61,9 +62,7 @@ def filter_words(gains: LoopGains) -> str:
     own = gains.command_filter
     if own is None:
         return "none"
-    kind = own.kind.replace("_", "-")
-    depth = f" to {own.depth:g}" if own.kind == "notch" else ""
-    return f"{kind}{depth} at {own.frequency_hz:.4g} Hz, damping {own.damping:g}"
+    return words_of(own.kind, own.frequency_hz, own.damping, own.depth)
 
 
 def _of_filters(tuning: Tuning) -> Iterator[str]:
@@ -80,7 +79,7 @@ def _of_filters(tuning: Tuning) -> Iterator[str]:
         yield (
             f"{tried}; without one at the same margins: k1 {without.gains.k1_1_s:.4g}, ks "
             f"{without.gains.ks_v_s_m:.4g}, gamma_d {without.gains.gamma_d:.4g}, eF predicted "
-            f"{without.prediction.eF_m * 1e6:.3g} µm"
+            + tuning.loop.units.words(f"{without.prediction.eF_m * 1e6:.3g} µm")
         )
 
 

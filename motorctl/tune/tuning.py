@@ -9,6 +9,7 @@ from pathlib import Path
 from motorctl.config import Machine, load
 from motorctl.config.analysis import LoopGains, LoopMargins
 from motorctl.config.axis_keys import CommandFilterKeys
+from motorctl.config.loop_rules import filter_of
 from motorctl.errors import RunError, UsageError
 from motorctl.identify.refine.model_text import text_of
 from motorctl.identify.refine.refinement import meaning_of, moved_text
@@ -84,7 +85,7 @@ def require_tunable(machine: Machine, axis: str, out: Path, *, hardware: bool = 
     gains = machine.axes[axis].gains
     # As they would be written: digits that the text has no room for would be another value.
     k1, ks, gamma_d = (float(text_of(SLIGHTLY * getattr(gains, key))) for key in GAIN_KEYS)
-    other = LoopGains(k1, ks, gamma_d)
+    other = LoopGains(k1, ks, gamma_d, filter_of(gains, machine.period_of(axis)))
     write_beside(machine, axis, other, out, hardware=hardware).unlink()
 
 
@@ -220,10 +221,22 @@ def _text(machine: Machine, axis: str, gains: LoopGains, out: Path) -> str:
 
 
 def _write_filter(text: YamlText, place: tuple[str, ...], gains: LoopGains) -> None:
-    """Write the filter behind its key, or a new key; raises KeyError where that is not possible."""
+    """Write the filter behind its key, or a new key; raises KeyError where that is not possible.
+
+    In a block of keys each that stays is changed where it stands, beside its comment.
+    """
     keys, key = filter_keys(gains) or {}, (*place, "command_filter")
-    words = flow([Item(name, value) for name, value in keys.items()]) if keys else "null"
-    if text.has(key):
+    items = [Item(name, value) for name, value in keys.items()]
+    words = flow(items) if items else "null"
+    written = text.keys_of_block(key)
+    if written and written <= keys.keys():
+        for name in written:
+            text.replace((*key, name), keys[name])
+        if new := [item for item in items if item.key not in written]:
+            text.append(key, new)
+    elif written:
+        text.replace_mapping(key, words)
+    elif text.has(key):
         text.replace(key, words)
     elif keys:
         text.append(place, [Item("command_filter", words)])

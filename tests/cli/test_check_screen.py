@@ -86,3 +86,18 @@ def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(UsageError, match="taken: cannot be written"):
         run("small_stage", "--out", tmp_path / "taken")
+
+
+def test_a_filter_of_the_command_is_told_and_the_condition_on_ks1_does_not_apply_behind_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    path = tmp_path / "filtered.yaml"
+    text = shipped_configs()["published_gantry"].read_text(encoding="utf-8")
+    own = "command_filter: {kind: low_pass, frequency_hz: 500}"
+    path.write_text(text.replace("gains: {k1_1_s: 250,", f"gains: {{{own}, k1_1_s: 250,", 1))
+    short, whole = run(path), run(path, "--all")
+    assert "axis x: the sufficient condition on ks1 does not apply behind the filter" in short
+    assert "low-pass at 500 Hz, damping 0.7" in short
+    assert "behind a low-pass at 500 Hz, damping 0.7" in whole
+    assert whole.count("does not apply behind a filter") == 2  # at theta(0), over the bounds

@@ -50,7 +50,7 @@ MISTAKES = [
     ("axes.x.homing.timeout_s", 2.0, None, ["found 2", "above 8 s", "0.05 m/s"]),
     ("axes.x.homing.timeout_s", 1e9, None, ["found 1e+09", "given up", "at most 400 s"]),
     ("axes.x.model.inertia.bounds", [0.4, 0.1], None, ["[0.4, 0.1]", "lower"]),
-    ("axes.x.model.inertia.bounds", [-1.0, 1.0], None, ["[-1.0, 1.0]", "0.001 to 1000 V*s^2/m"]),
+    ("axes.x.model.inertia.bounds", [-1.0, 1.0], None, ["[-1.0, 1.0]", "1e-07 to 1000 V*s^2/m"]),
     ("axes.x.model.inertia.initial", 0.5, None, ["0.5", "0.1 to 0.4 V*s^2/m"]),
     ("axes.x.model.inertia.covariance", 0, None, ["greater than 0"]),
     ("axes.x.model.cogging_", {}, None, ["unknown effect", "type: package.module:Class"]),

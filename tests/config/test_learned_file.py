@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import re
 from pathlib import Path
@@ -104,6 +105,18 @@ def test_with_another_model_motion_or_limit_it_is_dropped_and_told(
     assert told is not None
     assert told.startswith("axis x: what was learned for program 'published_x' is not used")
     assert re.search(why, told), told
+
+
+def test_a_key_of_gains_that_did_not_exist_then_and_is_null_makes_no_other_loop(
+    machine: Machine, text: str
+) -> None:
+    older = copy.deepcopy(machine.resolved)
+    assert older["axes"]["x"]["gains"].pop("command_filter") is None  # type: ignore[index]
+    before = dataclasses.replace(machine, resolved=older)
+    entry = learn(before)
+    assert found(machine) == (entry, None)
+    own = "gains: {command_filter: {kind: low_pass, frequency_hz: 500}, k1"
+    assert found(changed(machine, text, "gains: {k1", own))[0] is None
 
 
 def test_entries_of_other_programs_stay_and_one_can_be_taken_out(machine: Machine) -> None:

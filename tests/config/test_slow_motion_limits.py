@@ -2,7 +2,7 @@
 
 import pytest
 import yaml
-from config_bench import machine, problems, write
+from config_bench import drop, machine, problems, write
 
 from motorctl.config import load, shipped_config, summarise
 
@@ -112,6 +112,21 @@ def test_a_limit_of_heat_that_a_warm_motor_passes_in_its_program_is_refused(tmp_
     assert told.key == "axes.x.guards.thermal.continuous_voltage_v"
     for part in ("found 0.867", "always trip", "0.862 V rms", "0.907 V with 5% more", "0.065 V"):
         assert part in told.message
+
+
+def test_a_filter_of_the_command_keeps_the_noise_of_the_count_from_the_motor(tmp_path):
+    data = machine(
+        axes__x__encoder__resolution_m=5e-6,
+        axes__x__guards={"thermal": {"continuous_voltage_v": 0.18, "time_constant_s": 10.0}},
+    )
+    drop(data, "axes.x.program")
+    (told,) = problems(tmp_path, data)
+    assert "0.16 V rms that the steps of the count add" in told.message
+    low_pass = {"kind": "low_pass", "frequency_hz": 200.0, "damping": 0.7}
+    data["axes"]["x"]["gains"]["command_filter"] = low_pass
+    assert problems(tmp_path, data) == ()
+    low_pass["frequency_hz"] = 1100.0  # half of the rate is 1000 Hz
+    assert "axes.x.gains.command_filter.frequency_hz" in {p.key for p in problems(tmp_path, data)}
 
 
 def test_a_limit_of_heat_that_more_friction_would_trip_is_noted(tmp_path):

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from motorctl.config.analysis import DelayedPlant, LoopGains, is_stable, loop_margins
 from motorctl.control import command_filter
+from motorctl.errors import UsageError
 from motorctl.model import EffectList
 
 TS = 0.2e-3
@@ -105,3 +106,12 @@ def test_an_axis_at_rest_is_moved_to_new_coordinates_without_a_bump_behind_a_fil
         u = law.step(k * TS, 0.1 + 2e-6, (0.1, 0.0, 0.0))
     law.shift(2000 * TS, 0.1, 0.05)
     assert law.step(2000 * TS, 0.15 + 2e-6, (0.15, 0.0, 0.0)) == pytest.approx(u, abs=1e-3)
+
+
+@pytest.mark.parametrize("damping", [0.5, 1.0])
+@pytest.mark.parametrize("frequency_hz", [2500.0, 3750.0, 7000.0, 0.0, float("nan")])
+def test_a_frequency_that_no_sampled_filter_has_is_refused_with_the_highest(
+    frequency_hz: float, damping: float
+) -> None:
+    with pytest.raises(UsageError, match=r"below half of the rate, 2500 Hz"):
+        command_filter("low_pass", frequency_hz, damping, 1.0, TS)

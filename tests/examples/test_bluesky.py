@@ -45,6 +45,28 @@ def test_a_plan_scans_an_axis_and_measures_at_every_place(daemon: Daemon) -> Non
     assert daemon.state("x") == "idle"
 
 
+ROTARY = """
+import asyncio, sys
+from ophyd_axis import Axis, StandstillNoise
+socket = sys.argv[1]
+async def main():
+    joint = Axis(socket, "x", "joint", unit="rad")
+    noise = StandstillNoise(socket, "x", "noise", unit="rad")
+    await joint.connect(mock=True)
+    await noise.connect(mock=True)
+    print((await joint.position.describe())["joint-position"]["units"])
+    print((await noise.rms.describe())["noise-rms"]["units"])
+    await Axis(socket, "x", "joint", unit="rad").connect()
+asyncio.run(main())
+"""
+
+
+def test_a_joint_is_described_in_radians_and_a_wrong_unit_is_refused(daemon: Daemon) -> None:
+    done = example(ROTARY, daemon.socket)
+    assert done.stdout.split() == ["rad", "rad"]
+    assert "axis x is in m: give unit='m'" in done.stderr
+
+
 BEYOND = """
 import sys
 import bluesky.plan_stubs as bps

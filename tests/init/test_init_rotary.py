@@ -45,6 +45,28 @@ def test_a_joint_is_told_by_inertia_torque_constant_and_counts_a_turn(joint):
     assert axis.estimates[0].initial == pytest.approx(0.025)
 
 
+@pytest.mark.parametrize(
+    ("inertia", "torque", "expected"),
+    [
+        ("3e-5kg*m^2", "0.2N*m/V", 1.5e-4),
+        ("0.3kg*cm^2", "3N*m/V", 1e-5),
+        ("5e-7kg*m^2", "0.02N*m/V", 2.5e-5),
+    ],
+    ids=["bare servo", "strong amplifier", "micro motor"],
+)  # fmt: skip
+@pytest.mark.parametrize("speed", ["40rpm", "3000rpm"])
+def test_the_inertia_of_any_usual_motor_can_be_told(tmp_path, inertia, torque, expected, speed):
+    out = tmp_path / "motor.yaml"
+    others = [word for word in JOINT if not word.startswith(("--inertia", "--torque", "--max-v"))]
+    run(
+        "init", out, *others, f"--inertia={inertia}", f"--torque-constant={torque}",
+        f"--max-velocity={speed}",
+    )  # fmt: skip
+    estimate = load(out).axes["c"].estimates[0]
+    assert estimate.initial == pytest.approx(expected)
+    assert estimate.lower < expected < estimate.upper
+
+
 def test_the_file_tells_a_joint_in_radians(joint):
     text = joint.read_text()
     assert "V*s^2/rad: 0.02 kg*m^2 / 0.8 N*m/V" in text
@@ -76,6 +98,8 @@ def test_json_tells_kind_and_unit_of_an_axis_once(joint):
         ("start_m: -0.9425", "start_m: -0.9", r"moves end at -0\.9425 rad but start"),
         ("minimum_m: ", "minimum_m: 9", r"travel of 3\.14159 rad it cannot trip .* rad away"),
         ("counter_bits: 32", "counter_bits: 8", r"at 4\.18879 rad/s and 5000 Hz"),
+        ("{initial: 0.025, bounds: [", "{initial: 0.9, bounds: [", r"0\.05 V\*s\^2/rad"),
+        ("{initial: 0.025, bounds: [0", "{initial: 0.025, bounds: [-0", r"1000 V\*s\^2/rad"),
     ],
 )  # fmt: skip
 def test_problems_of_a_joint_are_told_in_radians(joint, tmp_path, old, new, message):

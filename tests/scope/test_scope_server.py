@@ -250,6 +250,26 @@ def test_the_error_over_position_lights_every_pixel_that_a_row_falls_onto(tmp_pa
     assert found["x"][lone] == pytest.approx(rows[1]["position_m"][777, 0], abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("kinds", "drawn"),
+    [
+        ({"x": LINEAR, "y": LINEAR}, [["x", "y"]]),
+        ({"x": LINEAR, "y": ROTARY}, []),
+        ({"x": LINEAR, "c": ROTARY, "y": LINEAR}, [["x", "y"]]),
+    ],
+    ids=["plane", "carriage and joint", "joint between"],
+)
+def test_a_path_is_drawn_of_axes_of_one_unit_only(
+    tmp_path: Path, kinds: dict[str, AxisUnits], drawn: list[list[str]]
+) -> None:
+    path = tmp_path / "run.parquet"
+    axes = tuple(LogAxis(name, ("inertia", "offset"), units=kinds[name]) for name in kinds)
+    led = {"programs": {"ring": {"axes": list(kinds)[:2]}}}
+    write_log(path, make_rows(100, len(axes)), {"rate_hz": 1000.0, "config": led}, axes)
+    _, _, body = asked([path], ("/api/logs", {}))
+    assert json.loads(body)["logs"][0]["paths"] == drawn
+
+
 def test_the_error_of_a_circle_is_drawn_across_its_path(tmp_path: Path) -> None:
     ticks, samples = make_rows(2000)
     angle = 2 * np.pi * ticks["time_s"]

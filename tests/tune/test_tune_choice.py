@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,10 +10,15 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from linear_loop import GENTLE, MASS, TS, disturbance, followed, loop_of
 
+from motorctl.axis_units import LINEAR, ROTARY
 from motorctl.config.analysis import DelayedPlant, LoopGains, is_stable, loop_margins
+from motorctl.control import command_filter
 from motorctl.errors import RunError
 from motorctl.tune.candidates import LoopShapes, MarginsWanted
 from motorctl.tune.choice import choose_gains
+from motorctl.tune.rows import footnotes
+from motorctl.tune.trade_off import trade_off
+from motorctl.tune.tuning import Tuning
 
 pytestmark = pytest.mark.slow
 
@@ -130,6 +136,27 @@ def test_less_noise_for_the_amplifier_means_lower_gains(chosen, shaken):
 def test_the_fast_adaptation_is_never_asked_for_more_than_its_bound(shaken):
     loop = loop_of(GENTLE, shaken, limit_v=0.1)
     assert choose_gains(loop, WANTED, quiet).chosen.prediction.d0_hat_v <= 0.1
+
+
+@pytest.mark.parametrize(("units", "unit"), [(LINEAR, "V*s^2/m"), (ROTARY, "V*s^2/rad")])
+def test_bounds_that_no_gains_bear_are_told_in_the_axis_own_units(shaken, units, unit):
+    loop = loop_of(GENTLE, shaken, bounds=(1e-4, 1e4), delay_ticks=20)
+    with pytest.raises(RunError, match=f"inertia 0.0001 to 10000 {re.escape(unit)};"):
+        choose_gains(dataclasses.replace(loop, units=units), WANTED, quiet)
+
+
+def test_what_a_filter_is_worth_is_told_in_the_axis_own_units(chosen, shaken):
+    loop = dataclasses.replace(loop_of(GENTLE, shaken), units=ROTARY)
+    plain = chosen.chosen
+    notch = command_filter("notch", 300.0, 0.5, 0.1, TS)
+    gains = dataclasses.replace(plain.gains, command_filter=notch)
+    tuning = Tuning(
+        loop, WANTED, chosen.margins, plain.prediction, dataclasses.replace(plain, gains=gains),
+        chosen.margins, chosen.bound_by, trade_off(chosen.tried, WANTED, 1.0),
+        without_filter=plain, filters_tried=3,
+    )  # fmt: skip
+    (told,) = [words for words in footnotes(tuning) if "without one" in words]
+    assert told.endswith(" µrad")
 
 
 def test_margins_that_no_gains_keep_are_refused_with_what_is_possible(shaken):

@@ -13,6 +13,7 @@ from motorctl.identify.compare.measures import measure_axis
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
 from motorctl.tune.candidates import MarginsWanted
+from motorctl.tune.tuning import GAIN_KEYS
 from motorctl_benchmarks.tuning.machines import TunedMachine
 
 K1_1_S = (60.0, 100.0, 160.0, 250.0, 400.0)
@@ -46,10 +47,13 @@ def allowed_gains(machine: TunedMachine, wanted: MarginsWanted) -> Iterator[Loop
 
 
 def run_with(machine: TunedMachine, gains: LoopGains, folder: Path) -> float:
-    """Return the eF of a run with these gains [m]; inf where it trips."""
+    """Return the eF of a run with these gains [m]; inf where it trips.
+
+    A filter of the command stays as the machine has it.
+    """
     ready = machine.machine
     axis = ready.axes[machine.axis]
-    changed = axis.gains.model_copy(update=dataclasses.asdict(gains))
+    changed = axis.gains.model_copy(update={key: getattr(gains, key) for key in GAIN_KEYS})
     axes = {**ready.axes, machine.axis: axis.model_copy(update={"gains": changed})}
     log = folder / "grid.parquet"
     try:

@@ -80,10 +80,14 @@ def contour_of(run: ComparedRun, pair: tuple[str, str]) -> Contour:
 
 
 def pairs_of(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return the pairs of axes that follow one program of two axes in every run."""
+    """Return the pairs of axes of one unit that follow one program of two axes in every run."""
     pairs = [set(_pairs(run)) for run in comparison.runs]
     both = set.intersection(*pairs) if pairs else set()
-    return sorted(pair for pair in both if set(pair) <= set(comparison.axes))
+    return sorted((x, y) for x, y in both if _alike(comparison, x, y))
+
+
+def _alike(comparison: Comparison, x: str, y: str) -> bool:
+    return {x, y} <= set(comparison.axes) and comparison.units(x)[0] == comparison.units(y)[0]
 
 
 def plot_contour(comparison: Comparison, pair: tuple[str, str], path: Path) -> Path:

@@ -76,6 +76,13 @@ class YamlText:
         """Return whether the key itself stands in the text, whatever its value."""
         return self._entry(path) is not None
 
+    def keys_of_block(self, path: KeyPath) -> frozenset[str]:
+        """Return the keys of the mapping in block style at `path`; none where there is none."""
+        node = self._mapping(path)
+        if node is None or not _is_block(node):
+            return frozenset()
+        return frozenset(str(key.value) for key, _ in node.value)
+
     def replace(self, path: KeyPath, value: str) -> None:
         """Write another value behind the key at `path`, which stands in the text; keep an anchor.
 
@@ -103,6 +110,24 @@ class YamlText:
                 begin = token.start_mark.index
                 break
         self._change(begin, end, value)
+
+    def replace_mapping(self, path: KeyPath, value: str) -> None:
+        """Write a value in place of the mapping in block style behind the key at `path`.
+
+        What is said beside its keys goes with them. Raises KeyError where none is written there, or
+        an anchor would go with it.
+        """
+        entry = self._entry(path)
+        if entry is None or not _is_block(entry[1]) or id(entry[0]) in self._aliases:
+            raise KeyError(path)
+        begin, end = self._after_colon(entry[0]), self._content_end(entry[1])
+        if any(
+            isinstance(token, yaml.AnchorToken) and begin <= token.start_mark.index < end
+            for token in self._tokens
+        ):
+            raise KeyError(path)
+        self._change(begin, begin, f" {value}")
+        self._change(self._line_end(begin), self._line_end(end), "")
 
     def replace_with_block(self, path: KeyPath, item: Item) -> None:
         """Write keys in place of an alias, or of nothing, behind the key at `path`.

@@ -22,7 +22,7 @@ class Inertia(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """theta1 = M / A1."""
-        return (Parameter("", "theta1", "V*s^2/m", 1e-3, 1e3, 0.2, 2.0),)
+        return (Parameter("", "theta1", "V*s^2/m", 1e-7, 1e3, 0.2, 2.0),)
 
 
 @njit(inline="always")

@@ -77,7 +77,7 @@ export class PlanePanel {
   }
 
   async askPath(stretch, magnified, signal) {
-    const [x, y] = this.log.paths[0] ?? this.log.axes;
+    const [x, y] = this.log.paths[0];
     const told = await askArrays("path", { ...stretch, x, y, magnified }, signal);
     const [factor, unit] = scaled("position", this.log.units[`${x}.position_m`]);
     const [errorFactor, errorUnit] = scaled("error", this.log.units[`${x}.position_m`]);

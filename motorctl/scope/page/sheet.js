@@ -40,7 +40,7 @@ export class Sheet {
       const planes = element("div", { class: "planes" });
       for (const name of layout.panels.filter((each) => each in PLANE_PANELS)) {
         const kind = PLANE_PANELS[name];
-        if (kind.path && column.log.axes.length < 2) continue;
+        if (kind.path && !column.log.paths.length) continue;
         const axes = layout.axes.filter((axis) => column.log.axes.includes(axis));
         const panel = new PlanePanel(kind, column.log, column.index, axes);
         panel.root.dataset.panel = name;

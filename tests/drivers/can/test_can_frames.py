@@ -6,6 +6,7 @@ import can
 import pytest
 from can_bench import (
     COMMAND,
+    PERIOD_S,
     STATE,
     STATE_Y,
     Bench,
@@ -132,6 +133,18 @@ def test_each_axis_is_stale_by_itself():
         bench.send(lone_bytes(7, 2), STATE_Y)
         bench.send(lone_bytes(9, 0), STATE)
         assert bench.read() == ([5, 7], [STALE | CORRUPT, 0])
+
+
+def test_two_frames_of_one_moment_are_read_a_period_apart_where_a_read_falls_between_them():
+    """So `sampled_apart_s` is a period without SYNC, whoever sends the frames."""
+    with opened_apart() as bench:
+        assert bench.driver.sampled_apart_s == PERIOD_S
+        bench.send(lone_bytes(10, 1), STATE)
+        assert bench.read() == ([10, 0], [0, STALE])
+        for moment in range(2, 5):
+            bench.send(lone_bytes(10 * (moment - 1), moment - 1), STATE_Y)
+            bench.send(lone_bytes(10 * moment, moment), STATE)
+            assert bench.read() == ([10 * moment, 10 * (moment - 1)], [0, 0])
 
 
 def test_a_babbling_bus_is_read_in_bounded_pieces():

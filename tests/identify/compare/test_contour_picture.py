@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,15 @@ def test_no_path_is_drawn_where_no_program_of_two_axes_was_followed(
     metadata: dict[str, Any],
 ) -> None:
     assert pairs_of(circled(1e-5, 0.0, metadata)) == []
+
+
+def test_a_joint_and_a_carriage_of_one_program_are_no_path() -> None:
+    compared = circled(1e-5, 0.0)
+    assert pairs_of(compared) == [("x", "y")]
+    recording = compared.runs[0].recording
+    turning = dataclasses.replace(recording.axes["y"], position_unit="rad")
+    axes = {"x": recording.axes["x"], "y": turning}
+    assert pairs_of(compare([dataclasses.replace(recording, axes=axes)])) == []
 
 
 def test_axes_at_rest_draw_an_empty_path(tmp_path: Path) -> None:
