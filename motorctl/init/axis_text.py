@@ -182,7 +182,8 @@ def home_position_m(known: AxisKnown) -> float:
     if known.home_position_m is not None:
         return known.home_position_m
     low, high = known.travel_m
-    return float(f"{low + HOME_SHARE * (high - low):.4g}")
+    digits = 3 - math.floor(math.log10(high - low))  # a short travel may lie far from zero
+    return round(low + HOME_SHARE * (high - low), digits)
 
 
 def homing(known: AxisKnown) -> tuple[dict[str, Any], str]:

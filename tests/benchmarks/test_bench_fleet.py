@@ -195,6 +195,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_killed_workers_change_no_finding(whole: tuple[Path, Path], tmp_path: Path) -> None:
     found = with_killed_workers(*whole, tmp_path, kills=3, workers=2, seed=1)
     assert (found.how_often, found.other) == (3, 0)

@@ -28,7 +28,7 @@ def oracle() -> Tracking:
 @pytest.mark.parametrize(
     ("timing", "worse"),
     [
-        (LAG, 12.0),
+        pytest.param(LAG, 12.0, marks=pytest.mark.long),
         ({"input_delay": {"time_s": 0.5e-3}}, 7.0),
         ({"input_lag": {"time_s": 0.4e-3}, "input_delay": {"time_s": 0.37e-3}}, 12.0),
     ],

@@ -41,6 +41,7 @@ TELL = "print(json.dumps(analysed))\n"
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_laws_and_drivers_that_were_compiled_beside_are_not_compiled_again(tmp_path):
     def analysed(part):
         done = subprocess.run(
