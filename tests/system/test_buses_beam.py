@@ -17,6 +17,9 @@ from motorctl.log.sample import AxisState
 
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
 
+FEW = ("serial poll", "can udp_multicast")
+"""Buses of which a beam is tried each time, the others before a release: of each kind one, a bus
+that is asked and one that tells by itself."""
 FAULT_S = 12.0
 """After the search began: the beam is homed and on its way."""
 SQUARE_COUNTS = 200
@@ -25,7 +28,13 @@ ASKEW_COUNTS = 600
 """By so much the first end is ahead where the device is switched on."""
 
 
-@pytest.mark.parametrize("bus", BEAM_BUSES.values(), ids=BEAM_BUSES.keys())
+@pytest.mark.parametrize(
+    "bus",
+    [
+        pytest.param(bus, id=name, marks=() if name in FEW else pytest.mark.long)
+        for name, bus in BEAM_BUSES.items()
+    ],
+)
 def test_a_beam_behind_a_bus_homes_both_ends_and_stops_for_either(tmp_path, bus):
     port = free_port()
     broken = {"kind": "amplifier_fault", "channel": 1, "at_s": FAULT_S}
