@@ -17,7 +17,7 @@ from motorctl.log.sample import AxisState
 
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
 
-FEW = ("serial poll", "can udp_multicast")
+FEW = ("serial poll", "can")
 """Buses of which a beam is tried each time, the others before a release: of each kind one, a bus
 that is asked and one that tells by itself."""
 FAULT_S = 12.0
