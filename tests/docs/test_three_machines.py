@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typed_page import DOCS, blocks_of, typed
 
-ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "three_machines.md").read_text()
+TEXT = (DOCS / "three_machines.md").read_text()
 CHAPTERS = {
-    title: re.findall(r"^```(\w*)\n(.*?)^```$", words, re.M | re.S)
+    title: blocks_of(words)
     for title, words in re.findall(r"^## (.+?)\n(.*?)(?=^## |\Z)", TEXT, re.M | re.S)
 }
 MACHINES = [title for title, blocks in CHAPTERS.items() if blocks]
-ENVIRONMENT = {
-    **os.environ,
-    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-    "COLUMNS": "80",
-}
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
-
-
-def typed(block: str, folder: Path) -> str:
-    """Return what a shell prints for the lines of a block, which all succeed."""
-    done = subprocess.run(
-        ["bash", "-e", "-c", block],
-        cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, f"{block}{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 @pytest.mark.timeout(1500)

@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from typed_page import DOCS, blocks_of, typed
 
-ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "tutorial.md").read_text()
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.M | re.S)
+TEXT = (DOCS / "tutorial.md").read_text()
+BLOCKS = blocks_of(TEXT)
 COMMANDS = [block for language, block in BLOCKS if language == "sh"]
 SHOWN = "\n".join(block for language, block in BLOCKS if not language)
 ERRORS = re.compile(r"([xy]): eM µm ([\d.]+), eF µm ([\d.]+), L2\[e\] µm ([\d.]+), uM V ([\d.]+)")
 CLOSE = 0.05
 """Of a figure: processors round differently, and the adaptation goes on from there."""
-ENVIRONMENT = {
-    **os.environ,
-    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-    "COLUMNS": "80",
-}
-
 pytestmark = [pytest.mark.slow, pytest.mark.long]
-
-
-def typed(block: str, folder: Path) -> str:
-    """Return what a shell prints for the lines of a block, which all succeed."""
-    done = subprocess.run(
-        ["bash", "-e", "-c", block],
-        cwd=folder,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, f"{block}{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 def errors(text: str) -> list[tuple[str, list[float]]]:
