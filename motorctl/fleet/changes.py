@@ -37,8 +37,6 @@ without change: of those whose neighbours are correlated by 0.6, none of 500 is 
 SURE = 3.0
 """Standard errors by which what is left of a change must differ from it for covariates to explain
 it. Larger doubts them more often, smaller believes them sooner. Chosen by hand."""
-
-
 HARDLY = 0.2
 """Part of a change that covariates must take away for it to be said to go with them, or not to be
 told apart. Larger tells more alarms that covariates explain in part, smaller says so of changes

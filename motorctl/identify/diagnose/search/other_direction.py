@@ -17,6 +17,7 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 BELOW = 0.3
 """Part of a resonance's frequency from which on it is asked: below, both models are the same.
@@ -48,10 +49,13 @@ def worse_in_other_direction(final: Hypothesis) -> tuple[Effect, str] | None:
             continue
         rest = final.without(effect.name).refreshed()
         above_hz = BELOW * min(effect.lines)
-        hz, inertia = _inertia(final, effect)
+        signals = final.regressors.signals
+        hz = np.fft.rfftfreq(signals.rows, signals.row_period_s).astype(np.float64)
+        inertia = _inertia(final, effect, hz)
         stiff = np.abs(inertia) >= SOFT * abs(float(final.solution.b[0]))
-        asked = stiff & (hz > above_hz) & (hz < final.regressors.signals.band_hz)
-        rigid, with_it = (_missed(model, effect, asked) for model in (rest, final))
+        asked = stiff & (hz > above_hz) & (hz < signals.band_hz)
+        with_it = _missed(final, effect, inertia, asked)
+        rigid = _missed(rest, effect, _inertia(rest, effect, hz), asked)
         if with_it > WORSE * rigid > 0.0:
             return effect, (
                 f"{effect.name} is refuted: above {above_hz:.3g} Hz it meets the command better, "
@@ -63,25 +67,25 @@ def worse_in_other_direction(final: Hypothesis) -> tuple[Effect, str] | None:
     return None
 
 
-def _inertia(model: Hypothesis, effect: Effect) -> tuple[Array, NDArray[np.complex128]]:
-    """Return frequencies [Hz] and what the command has to move at each, with an effect or not."""
-    signals, b = model.regressors.signals, model.solution.b
+def _inertia(model: Hypothesis, effect: Effect, hz: Array) -> ComplexArray:
+    """Return what the command has to move at frequencies [Hz], with an effect or without."""
+    b = model.solution.b
     own = [i for i, name in enumerate(model.names) if name == effect.name]
-    hz = np.fft.rfftfreq(signals.rows, signals.row_period_s).astype(np.float64)
     inertia = np.full(len(hz), b[0], dtype=np.complex128)
     response = effect.over_acceleration(2.0 * math.pi * hz)
     if own and response is not None:
         inertia += float(b[own[0]]) * response
-    return hz, inertia
+    return inertia
 
 
-def _missed(model: Hypothesis, effect: Effect, asked: NDArray[np.bool_]) -> float:
+def _missed(
+    model: Hypothesis, effect: Effect, inertia: ComplexArray, asked: NDArray[np.bool_]
+) -> float:
     """Return the part of the squared acceleration that the command misses at some frequencies."""
     rows, b = model.problem.joined(model.regressors.signals.rows), model.solution.b
     own = [i for i, name in enumerate(model.names) if name == effect.name]
     forces = [i for i in range(1, len(b)) if i not in own]
     left = rows[-1] - b[forces] @ rows[forces]  # what is there to accelerate the machine
-    _, inertia = _inertia(model, effect)
     acceleration = np.fft.rfft(rows[0])[asked]
     told = np.fft.rfft(left)[asked] / inertia[asked]
     power = float(np.vdot(told, told).real)

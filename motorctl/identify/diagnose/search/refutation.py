@@ -20,7 +20,7 @@ from motorctl.identify.diagnose.search.motions_own_waves import motions_own_wave
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.other_direction import worse_in_other_direction
 from motorctl.identify.diagnose.search.physics import beyond_physics, physical
-from motorctl.identify.diagnose.search.search import Found, with_final
+from motorctl.identify.diagnose.search.search import Found, declared_alone, with_final
 from motorctl.identify.diagnose.search.simulated_position import (
     Missed,
     Rows,
@@ -180,7 +180,7 @@ def beside_driving_friction(found: Found) -> tuple[Found, tuple[str, ...]]:
     if not final.added or power.given <= GIVES:
         return found, ()
     names = " and ".join(effect.name for effect in final.added)
-    return with_final(found, Hypothesis(final.regressors).refreshed()), (
+    return declared_alone(found), (
         f"{names}: not named, for with it and without it {_drives(final, power)} (limit "
         f"{100.0 * GIVES:g} %): something else is missing, or a column is not what it is said to "
         "be",
