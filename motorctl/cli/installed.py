@@ -61,7 +61,8 @@ def installed_commands(points: Iterable[EntryPoint]) -> list[InstalledCommand]:
     Parameters
     ----------
     points
-        Entry points of the group ``motorctl.commands``. Each names a function as typer takes it.
+        Entry points of the group ``motorctl.commands``. Each names a function as typer takes it,
+        or an application of typer's that has commands of its own.
     """
     return [InstalledCommand(point) for point in sorted(points, key=lambda p: p.name)]
 
@@ -74,11 +75,13 @@ def _loaded(point: EntryPoint) -> Any:
         hint = f": pip install {folders}, in a checkout of motorctl" if folders else ""
         raise UsageError(f"{point.name} is a command of {package}, which is not installed{hint}")
     try:
-        function = point.load()
+        given = point.load()
+        if isinstance(given, typer.Typer):
+            return typer.main.get_command(given)
         app = typer.Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
-        app.command(point.name)(function)
+        app.command(point.name)(given)
         return typer.main.get_command(app)
     except Exception as error:  # a third party's module may fail in any way
         cause = f"{type(error).__name__}: {error}"

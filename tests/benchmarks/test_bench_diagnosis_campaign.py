@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -24,6 +24,7 @@ from motorctl_benchmarks.diagnosis.campaign import CampaignOptions, run_campaign
 from motorctl_benchmarks.diagnosis.cases import draw_case
 from motorctl_benchmarks.diagnosis.closed_loop import ClosedLoop
 from motorctl_benchmarks.diagnosis.figures import campaign_figures
+from motorctl_benchmarks.diagnosis.findings import diagnosis_findings
 from motorctl_benchmarks.diagnosis.groups import GROUPS, CaseKey, draw, keys, parse_key
 from motorctl_benchmarks.diagnosis.known_effects import KNOWN
 from motorctl_benchmarks.diagnosis.outcome_report import calibration_lines, mistakes
@@ -390,18 +391,13 @@ def test_memory_is_the_most_that_was_resident(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["speed", "--cases", "2"], "takes no cases"),
-        (["speed", "--out", "x.jsonl"], "takes no cases"),
         (["diagnosis", "--cases", "2", "--size", "full"], "only one of the two"),
         (["diagnosis", "--only", "one:1", "--seed", "2"], "--only names the cases"),
         (["diagnosis", "--only", "ones:1"], "GROUP:SEED"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(arguments, words):
-    app = typer.Typer()
-    app.command()(bench)
-    app.callback()(lambda: None)
-    result = CliRunner().invoke(app, ["bench", *arguments])
+    result = CliRunner().invoke(bench, arguments)
     assert isinstance(result.exception, UsageError)
     assert words in str(result.exception)
 
@@ -419,9 +415,8 @@ def test_a_tiny_campaign_answers_its_cases(tmp_path):
     chosen = (CaseKey("one", 50_014), CaseKey("clean", 70_000), CaseKey("unknown", 80_002))
     out, logs = tmp_path / "cases.jsonl", tmp_path / "logs"
     shares = []
-    result = measure(
-        "diagnosis", shares.append, CampaignOptions(only=chosen, workers=2, out=out, logs=logs)
-    )
+    options = CampaignOptions(only=chosen, workers=2, out=out, logs=logs)
+    result = measure("diagnosis", partial(diagnosis_findings, options=options), shares.append)
     assert shares[-1] == 1.0
     rows = [json.loads(line) for line in out.read_text().splitlines()]
     assert {(row["group"], row["case"]["seed"]) for row in rows} == {
@@ -434,5 +429,5 @@ def test_a_tiny_campaign_answers_its_cases(tmp_path):
     assert len(list(logs.glob("*.parquet"))) == 3
     names = {figure["name"] for figure in result.document()["figures"]}
     assert {"one", "clean", "unknown", "calibration_error"} <= names
-    wrong = {row["case"] for row in result.mistakes}
+    wrong = {row["case"] for row in result.found.mistakes}
     assert wrong <= {str(key) for key in chosen}

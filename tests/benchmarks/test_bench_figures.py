@@ -6,21 +6,16 @@ import json
 
 import numpy as np
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from motorctl.errors import UsageError
 from motorctl.latency.figure import Figure, Target, missed
-from motorctl.latency.host import host_facts
-from motorctl_benchmarks import law_figures, start_figures, tick_figures, virtual_figures
-from motorctl_benchmarks import measure as bench_subjects
+from motorctl_benchmarks import law_figures, speed, start_figures, tick_figures, virtual_figures
 from motorctl_benchmarks.command import bench
-from motorctl_benchmarks.findings import TextTable
+from motorctl_benchmarks.findings import Findings, TextTable
 from motorctl_benchmarks.gantries import gantry_with
 from motorctl_benchmarks.interleave import interleaved, median_ratio
-from motorctl_benchmarks.measure import Result, measure
 from motorctl_benchmarks.tick_figures import growth_figures
 from motorctl_benchmarks.tick_probe import PARTS, TickProbe
 
@@ -108,10 +103,8 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     monkeypatch.setattr(tick_figures, "ROUNDS", 2)
     monkeypatch.setattr(virtual_figures, "SPANS", 2)
     monkeypatch.setattr(virtual_figures, "SPAN_S", 0.2)
-    monkeypatch.setattr(bench_subjects, "SPEED", bench_subjects.SPEED[:3])  # starts take minutes
-    app = typer.Typer()
-    app.command()(bench)
-    answer = CliRunner().invoke(app, ["speed", "--json"])
+    monkeypatch.setattr(speed, "SPEED", speed.SPEED[:3])  # starts take minutes
+    answer = CliRunner().invoke(bench, ["--json"])
     assert answer.exit_code == 0
     document = json.loads(answer.stdout)
     assert document["subject"] == "speed"
@@ -141,26 +134,33 @@ def test_the_parts_of_every_tick_lie_within_it():
     assert (times[:, 1:4].sum(axis=1) <= times[:, 0] + 1e-12).all()
 
 
-def test_an_unknown_subject_is_refused_with_those_there_are():
-    with pytest.raises(UsageError, match="no bench 'diagnosi'; there are: speed"):
-        measure("diagnosi", _ignore)
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["diagnosi"], "No such command 'diagnosi'. Did you mean 'diagnosis'?"),
+        (["speed", "--cases", "2"], "No such option: --cases"),
+        (["--json", "machines"], "--json comes after the subject: motorctl bench machines --json"),
+    ],
+)
+def test_a_subject_or_option_that_is_not_there_is_refused(words, told):
+    answer = CliRunner().invoke(bench, words)
+    assert answer.exit_code != 0
+    assert told in f"{answer.output} {answer.exception}"
 
 
 def test_names_of_others_are_written_out_wherever_the_command_prints_them(monkeypatch):
     name = "axis\x1b[1A\x1b[2K[bold]\u202e"
     shown = r"axis\x1b[1A\x1b[2K[bold]\u202e"
-    result = Result(
-        subject="recordings",
-        host=host_facts(),
+    found = Findings(
         figures=(Figure("far", name, 2.0, "mm", peer=name, target=Target("value", "<", 1.0)),),
         notes=(name,),
         mistakes=({"case": name, "truth": name, "answer": name},),
         tables=(TextTable(name, (name,), ((name,),)),),
     )
-    monkeypatch.setattr("motorctl_benchmarks.measure.measure", lambda *_: result)
-    app = typer.Typer()
-    app.command()(bench)
-    answer = CliRunner().invoke(app, ["recordings"])
+    monkeypatch.setattr(
+        "motorctl_benchmarks.real_machines.findings.recordings_findings", lambda *_, **__: found
+    )
+    answer = CliRunner().invoke(bench, ["recordings"])
     assert answer.exit_code == 0
     assert all(c.isprintable() or c == "\n" for c in answer.stdout)
     assert answer.stdout.count(shown) == 10

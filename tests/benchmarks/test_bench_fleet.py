@@ -172,8 +172,6 @@ def test_the_door_refuses_one_request_in_so_many_once_it_is_shut() -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["speed", "--days", "9"], "are for bench fleet"),
-        (["fleet", "--cases", "2"], "takes no --cases"),
         (["fleet", "--days", "2"], "should be 8 or more"),
         (["fleet", "--only", "storm"], "the parts are nights, disturbances, scaling"),
     ],

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from motorctl.errors import DataError, UsageError
@@ -26,7 +26,11 @@ from motorctl_benchmarks.other_machines.figures import (
     lines_by_generator,
     machine_figures,
 )
-from motorctl_benchmarks.other_machines.findings import MachinesOptions, machine_mistakes
+from motorctl_benchmarks.other_machines.findings import (
+    MachinesOptions,
+    machine_findings,
+    machine_mistakes,
+)
 from motorctl_benchmarks.other_machines.generators import (
     LOADERS,
     Generator,
@@ -342,15 +346,10 @@ def test_uneven_samples_come_through_the_reader_of_files(seed, how):
         (["--only", "energy:none:1", "--seed", "2"], "--only names the cases"),
         (["--only", "energy:none:1", "--clean", "2"], "--only names the cases"),
         (["--cases", "2", "--clean", "2"], "only one of the two"),
-        (["--size", "full"], "takes no --size"),
-        (["--logs", "logs"], "keeps no --logs"),
     ],
 )
 def test_options_that_say_nothing_of_machines_are_refused(arguments, words):
-    app = typer.Typer()
-    app.command()(bench)
-    app.callback()(lambda: None)
-    result = CliRunner().invoke(app, ["bench", "machines", *arguments])
+    result = CliRunner().invoke(bench, ["machines", *arguments])
     assert isinstance(result.exception, UsageError)
     assert words in str(result.exception)
 
@@ -362,14 +361,14 @@ def test_a_machine_of_each_generator_is_answered(tmp_path):
     out, shares = tmp_path / "machines.jsonl", []
     plot = tmp_path / "reliability.png"
     options = MachinesOptions(workers=2, out=out, plot=plot, only=keys)
-    result = measure("machines", shares.append, options)
+    result = measure("machines", partial(machine_findings, options=options), shares.append)
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert shares[-1] == 1.0
     rows = [json.loads(line) for line in out.read_text().splitlines()]
     assert {row["generator"] for row in rows} == set(usable_generators())
     assert all(row["answer"]["verdict"] != "failed" for row in rows)
-    assert {"known", "false_cases", "crashed"} <= {figure.name for figure in result.figures}
-    assert {row["case"] for row in result.mistakes} <= {str(key) for key in keys}
+    assert {"known", "false_cases", "crashed"} <= {figure.name for figure in result.found.figures}
+    assert {row["case"] for row in result.found.mistakes} <= {str(key) for key in keys}
     json.dumps(result.document()["judged"])
 
 

@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 import real_time
-import typer
 from typer.testing import CliRunner
 
 from motorctl.config import load
@@ -325,6 +324,4 @@ def test_a_loop_that_is_killed_leaves_a_device_that_is_off_in_time(line):
 
 
 def _command(*arguments):
-    app = typer.Typer()
-    app.command()(bench)
-    return CliRunner().invoke(app, ["campaign", *arguments])
+    return CliRunner().invoke(bench, ["campaign", *arguments])

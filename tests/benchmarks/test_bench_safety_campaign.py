@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from motorctl.errors import UsageError
@@ -288,9 +287,7 @@ def _in_this_process(run, tasks, progress, _workers, _out):
 
 
 def _command(*arguments):
-    app = typer.Typer()
-    app.command()(bench)
-    return CliRunner().invoke(app, ["campaign", *arguments])
+    return CliRunner().invoke(bench, ["campaign", *arguments])
 
 
 def test_the_command_ends_with_1_where_a_case_is_not_as_promised(monkeypatch):
@@ -306,9 +303,3 @@ def test_the_command_ends_with_1_where_a_case_is_not_as_promised(monkeypatch):
     assert wrong.stdout.startswith("Commit ")
     assert "1 fault cases, 0 of them over buses, 1 of them NOT as promised." in wrong.stdout
     assert "| no new sample comes any more | 1 " in wrong.stdout
-
-
-def test_the_command_refuses_options_of_other_subjects():
-    refused = _command("--cases", "3")
-    assert isinstance(refused.exception, UsageError)
-    assert "campaign takes no --cases" in str(refused.exception)

@@ -14,14 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from served_socket import served
-from typer.testing import CliRunner
 
 from motorctl.daemon.client import Client
 from motorctl.daemon.protocol import RefusedError, Request, parse_request
-from motorctl.errors import UsageError
-from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.control_socket.crowd import CLIENTS_A_USER, Crowd, Told
 from motorctl_benchmarks.control_socket.figures import findings_of
 from motorctl_benchmarks.control_socket.fuzz import fuzzed
@@ -173,14 +169,6 @@ def test_an_emergency_stop_that_waited_is_told() -> None:
 @pytest.mark.parametrize("changes", [{"rows_lost": 1}, {"troubles": ("axis x is fault",)}])
 def test_a_lost_row_or_an_axis_that_stopped_fails_the_bench(changes: dict[str, Any]) -> None:
     assert findings_of(session(**changes), SocketOptions()).failed
-
-
-def test_the_command_takes_no_options_of_other_subjects() -> None:
-    app = typer.Typer()
-    app.command()(bench)
-    result = CliRunner().invoke(app, ["socket", "--cases", "3"])
-    assert isinstance(result.exception, UsageError)
-    assert "bench socket takes no option but" in str(result.exception)
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ def test_every_command_is_told_with_its_options():
         ("move", "--velocity"),
         ("log export", "--to"),
         ("service install", "--dry-run"),
-        ("bench", "--seed"),
+        ("bench diagnosis", "--seed"),
         ("gantry-device", "--link"),
     ):
         section = page.partition(f"\n### motorctl {command}\n")[2].partition("\n### ")[0]
