@@ -82,7 +82,13 @@ def _close_loop(
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
     from motorctl.close_loop.rounds import close_loop
-    from motorctl.close_loop.tables import error_row, telling_words, tracking_table, velocity_words
+    from motorctl.close_loop.tables import (
+        error_row,
+        share_words,
+        telling_words,
+        tracking_table,
+        velocity_words,
+    )
     from motorctl.errors import UsageError
     from motorctl.identify.compare.measures import table_headings
 
@@ -123,7 +129,10 @@ def _close_loop(
             if accepted is not None and name in accepted.refinement.axes:
                 for words in accepted.refinement.axes[name].done[:1]:
                     say(f"    {words}")
-            for words in part.dropped.get(name, ()):
+            share = part.attempts.shares.get(name)
+            if share is not None and share.tracking:
+                say(f"    {share_words(part.added(name), share)}")
+            for words in part.attempts.dropped.get(name, ()):
                 say(f"    left out {words}")
         for name, why in part.diagnosis.refused.items():
             say(f"  axis {name} was not diagnosed: {why}")

@@ -127,13 +127,13 @@ def test_what_makes_an_error_larger_is_left_out_and_told(given, tmp_path):
     given((PRESLIDING, DRAG))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert len(first.attempts) == 1  # together they still help
+    assert len(first.attempts.tried) == 1  # together they still help
 
     given((DRAG,))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert [attempt.accepted for attempt in first.attempts] == [False]
-    assert first.dropped["x"][0].startswith("quadratic_drag: eF 30 -> 36 um")
+    assert [attempt.accepted for attempt in first.attempts.tried] == [False]
+    assert first.attempts.dropped["x"][0].startswith("quadratic_drag: eF 30 -> 36 um")
     assert "helps" in loop.ended
     assert load(loop.refined).axes["x"].model.names == load("small_stage").axes["x"].model.names
 
@@ -144,9 +144,9 @@ def test_the_weakest_effect_goes_first(given, tmp_path, monkeypatch):
     given((COGGING, DRAG))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert [attempt.accepted for attempt in first.attempts] == [False, True]
+    assert [attempt.accepted for attempt in first.attempts.tried] == [False, True]
     assert effects_added(loop, "x") == ("cogging",)
-    assert list(first.dropped) == ["x"]
+    assert list(first.attempts.dropped) == ["x"]
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_a_spline_without_a_name_has_to_earn_its_place(given, tmp_path, monkeypa
     given(unknown=True)
     loop = closed(tmp_path / "out", rounds=1)
     assert effects_added(loop, "x") == ()
-    assert "position_force takes no more than 3 % off" in loop.rounds[0].dropped["x"][0]
+    assert "position_force takes no more than 3 % off" in loop.rounds[0].attempts.dropped["x"][0]
     monkeypatch.setitem(LEFT, "position_force", 0.5)
     given(unknown=True)
     loop = closed(tmp_path / "out", rounds=1)
