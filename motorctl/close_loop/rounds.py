@@ -90,7 +90,7 @@ class ClosedLoop:
     @property
     def refined(self) -> Path:
         """The configuration that came out."""
-        return self.folder / "refined.yaml"
+        return _refined(self.folder)
 
 
 def close_loop(
@@ -166,9 +166,27 @@ def close_loop(
     if velocity is not None:
         current = velocity.trial
         rig.keep(current.machine)
-    refined = out / "refined.yaml"
+    refined = _refined(out)
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)
+
+
+def refuse_an_earlier_run(out: Path) -> None:
+    """Raise UsageError where a folder holds what an earlier run left: its recordings would go."""
+    there = [path for path in (_refined(out), _start(out) / CONFIG) if path.is_file()]
+    if there:
+        raise UsageError(
+            f"{there[0]}: is there already, of an earlier run; --resume goes on with what {out} "
+            "holds, --force replaces it"
+        )
+
+
+def _refined(out: Path) -> Path:
+    return out / "refined.yaml"
+
+
+def _start(out: Path) -> Path:
+    return out / "round_0"
 
 
 def _why_no_further(last: Round) -> str:
@@ -211,7 +229,7 @@ def _prepared(out: Path, resume: bool) -> Path:
     """Return the folder of the start; rounds of an earlier time are removed unless it resumes."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        folder = out / "round_0"
+        folder = _start(out)
         if (folder / CONFIG).is_file() and not resume:
             for old in out.glob("round_[0-9]*"):
                 shutil.rmtree(old)

@@ -177,6 +177,7 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
         assert list((out / f"round_{k}").glob("*.html"))
         assert f'href="round_{k}/' in page
     assert "quadratic_drag: eF" in page
+    assert "tried: x with cogging: no error became larger" in page
 
     document = json.loads(json.dumps(closed_loop_document(loop)))
     own = document["axes"]["x"]["tracking"]["own"]
@@ -184,6 +185,10 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
     assert document["axes"]["x"]["effects"] == ["cogging"]
     assert document["rounds"][0]["accepted"].endswith("round_1/attempt_1/config.yaml")
     assert document["rounds"][1]["left_out"]["x"]
+    share = document["rounds"][0]["shares"]["x"]
+    assert share["added"] == ["cogging"]
+    assert share["tracking"]["own"]["ratio"]["eF"] == pytest.approx(2.0)
+    assert document["rounds"][1]["shares"] == {}
 
 
 @pytest.mark.long
