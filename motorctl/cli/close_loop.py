@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.config_argument import ConfigArgument
+from motorctl.cli.force_option import ForceOption
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # takes long to import: the command does so when it runs
@@ -68,6 +69,7 @@ def _close_loop(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with what --out holds of a run that broke off.")
     ] = False,
+    force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Go round: run, diagnose, refine, run again, compare, until nothing more is found.
@@ -81,13 +83,21 @@ def _close_loop(
     from motorctl.cli.progress import showing_stages
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
-    from motorctl.close_loop.rounds import close_loop
-    from motorctl.close_loop.tables import error_row, telling_words, tracking_table, velocity_words
+    from motorctl.close_loop.rounds import close_loop, refuse_an_earlier_run
+    from motorctl.close_loop.tables import (
+        error_row,
+        share_words,
+        telling_words,
+        tracking_table,
+        velocity_words,
+    )
     from motorctl.errors import UsageError
     from motorctl.identify.compare.measures import table_headings
 
     if duration is not None and not 2.0 <= duration < float("inf"):
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
+    if not (resume or force):
+        refuse_an_earlier_run(out)
     rig, consents = None, None
     with ExitStack() as machine:
         progress = machine.enter_context(showing_stages(bar=socket is None))
@@ -123,7 +133,10 @@ def _close_loop(
             if accepted is not None and name in accepted.refinement.axes:
                 for words in accepted.refinement.axes[name].done[:1]:
                     say(f"    {words}")
-            for words in part.dropped.get(name, ()):
+            share = part.attempts.shares.get(name)
+            if share is not None and share.tracking:
+                say(f"    {share_words(part.added(name), share)}")
+            for words in part.attempts.dropped.get(name, ()):
                 say(f"    left out {words}")
         for name, why in part.diagnosis.refused.items():
             say(f"  axis {name} was not diagnosed: {why}")

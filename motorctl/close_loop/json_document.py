@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
 
+from motorctl.close_loop.attempts import Attempt
 from motorctl.close_loop.judge import AxisJudgement
 from motorctl.close_loop.matched_velocity import VelocityStep
-from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
+from motorctl.close_loop.rounds import ClosedLoop, Round
 from motorctl.close_loop.telling import Telling
 from motorctl.identify.compare.measures import SYMBOLS, Measures
 from motorctl.identify.compare.runs import ratios
@@ -54,11 +55,15 @@ def _round(part: Round) -> dict[str, Any]:
         "recording": part.diagnosis.source,
         "axes": {name: axis_document(axis) for name, axis in part.diagnosis.axes.items()},
         "refused": dict(part.diagnosis.refused),
-        "attempts": [_attempt(attempt) for attempt in part.attempts],
+        "attempts": [_attempt(attempt) for attempt in part.attempts.tried],
         "accepted": None if accepted is None else str(accepted.refinement.out),
+        "shares": {
+            name: {"added": list(part.added(name)), **_judgement(judgement)}
+            for name, judgement in part.attempts.shares.items()
+        },
         "experiments": [] if part.telling is None else _experiments(part.telling),
         "inseparable": [] if part.telling is None else _inseparable(part.telling),
-        "left_out": {name: list(words) for name, words in part.dropped.items()},
+        "left_out": {name: list(words) for name, words in part.attempts.dropped.items()},
     }
 
 
@@ -83,9 +88,7 @@ def _attempt(attempt: Attempt) -> dict[str, Any]:
         "accepted": attempt.accepted,
         "axes": {
             name: {
-                "added": list(attempt.refinement.axes[name].added)
-                if name in attempt.refinement.axes
-                else [],
+                "added": list(attempt.added(name)),
                 "changed": name in attempt.refinement.axes
                 and attempt.refinement.axes[name].changed,
                 **_judgement(judgement),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from motorctl.close_loop.json_document import effects_added
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
-from motorctl.close_loop.rounds import Attempt, ClosedLoop, Round
-from motorctl.close_loop.tables import error_row, telling_words, tracking_table
+from motorctl.close_loop.rounds import ClosedLoop, Round
+from motorctl.close_loop.tables import attempt_words, error_row, telling_words, tracking_table
 from motorctl.errors import UsageError
 from motorctl.html_pages import Figure, figure, write_page
 from motorctl.identify.compare.measures import EXPLAINED, table_headings
@@ -56,19 +56,21 @@ def write_reports(loop: ClosedLoop) -> Path:
 
 
 def _write_round(part: Round) -> Path:
-    attempt = part.attempts[-1] if part.attempts else None
+    tried = part.attempts.tried
+    attempt = part.accepted or (tried[-1] if tried else None)
+    judgements = part.attempts.shares or ({} if attempt is None else attempt.judgements)
     return write_report(
         part.folder,
         part.diagnosis,
-        comparison=None if attempt is None else _comparison(attempt),
+        comparison=None if attempt is None else _comparison(judgements),
         config_change=None if attempt is None else attempt.refinement.diff,
     )[0]
 
 
-def _comparison(attempt: Attempt) -> TrackingComparison:
+def _comparison(judgements: Mapping[str, AxisJudgement]) -> TrackingComparison:
     rows = [
         TrackedAxis(MOTION_WORDS[motion], name, first, second)
-        for name, judgement in attempt.judgements.items()
+        for name, judgement in judgements.items()
         for motion, (first, second) in judgement.tracking.items()
     ]
     return TrackingComparison(tuple(rows))
@@ -116,18 +118,14 @@ def _round(part: Round, report: Path, folder: Path) -> dict[str, Any]:
         "refused": list(part.diagnosis.refused.items()),
         "telling": [] if part.telling is None else telling_words(part.telling),
         "left_out": [
-            (name, words) for name, all_words in part.dropped.items() for words in all_words
+            (name, words)
+            for name, all_words in part.attempts.dropped.items()
+            for words in all_words
         ],
-        "axes": []
-        if attempt is None
-        else [
-            _axis(name, _added(attempt, name), judgement)
-            for name, judgement in attempt.judgements.items()
+        "attempts": [attempt_words(tried) for tried in part.attempts.tried],
+        "axes": [
+            _axis(name, part.added(name), judgement)
+            for name, judgement in part.attempts.shares.items()
         ],
         "diff": "" if attempt is None else attempt.refinement.diff,
     }
-
-
-def _added(attempt: Attempt, axis: str) -> Sequence[str]:
-    refined = attempt.refinement.axes
-    return refined[axis].added if axis in refined else ()

@@ -5,13 +5,13 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
-from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
+from motorctl.close_loop.attempts import CONFIG, Attempt, Attempts, try_found
+from motorctl.close_loop.judge import AxisJudgement, judge
 from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
 from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
@@ -21,33 +21,13 @@ from motorctl.config import Machine, load
 from motorctl.config.learned_file import require_nothing_learned
 from motorctl.errors import UsageError
 from motorctl.identify.diagnose.recording import diagnose_recording
-from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
+from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.identify.fit.declared_models import declared_models
-from motorctl.identify.refine.refinement import Refinement, moved_text, refine_config
+from motorctl.identify.refine.refinement import moved_text
 from motorctl.identify.same_axis import declared_inertias
 from motorctl.log import Recording
 
-MOST_ATTEMPTS = 4
-"""Within a round: each leaves out more of what was found."""
-MOST_REASONS = 2
-CONFIG = "config.yaml"
-
 Motion = Literal["own", "rich", "telling"]
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A changed configuration that was tried out."""
-
-    folder: Path
-    refinement: Refinement
-    trial: Trial
-    judgements: Mapping[str, AxisJudgement]
-
-    @property
-    def accepted(self) -> bool:
-        """Return whether no axis became worse."""
-        return all(judgement.accepted for judgement in self.judgements.values())
 
 
 @dataclass(frozen=True)
@@ -59,18 +39,20 @@ class Round:
     motion: Motion
     diagnosis: RecordingDiagnosis
     before: Trial
-    attempts: tuple[Attempt, ...]
-    """The last one may be accepted; none where there was nothing to change."""
-    dropped: Mapping[str, tuple[str, ...]]
-    """What was found but left out, by axis, with the reason."""
+    attempts: Attempts
+    """None where there was nothing to change."""
     telling: Telling | None = None
     """Which motions were chosen, where they were."""
 
     @property
     def accepted(self) -> Attempt | None:
         """The attempt with which the next round begins."""
-        last = self.attempts[-1] if self.attempts else None
-        return last if last is not None and last.accepted else None
+        kept = (attempt for attempt in reversed(self.attempts.tried) if attempt.accepted)
+        return next(kept, None)
+
+    def added(self, axis: str) -> tuple[str, ...]:
+        """Name the effects that an axis has gained in it."""
+        return () if self.accepted is None else self.accepted.added(axis)
 
 
 @dataclass(frozen=True)
@@ -102,13 +84,13 @@ class ClosedLoop:
     @property
     def disturbed(self) -> float:
         """The largest part of a motion's rows that count for nothing, as samples were missing."""
-        trials = [self.first, self.last, *(a.trial for r in self.rounds for a in r.attempts)]
+        trials = [self.first, self.last, *(a.trial for r in self.rounds for a in r.attempts.tried)]
         return max(trial.disturbed for trial in trials)
 
     @property
     def refined(self) -> Path:
         """The configuration that came out."""
-        return self.folder / "refined.yaml"
+        return _refined(self.folder)
 
 
 def close_loop(
@@ -168,10 +150,11 @@ def close_loop(
         further = list(machine.further_effects.values())
         inertia = declared_inertias(recording, machine, models)
         diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
-        attempts, dropped = _attempts(
-            diagnosis, current, first, folder, names, motions, duration_s, rig, progress
+        run = partial(
+            try_out, names=names, motions=motions, duration_s=duration_s, rig=rig, progress=progress
         )
-        done.append(Round(number, folder, chosen, diagnosis, current, attempts, dropped, telling))
+        attempts = try_found(diagnosis, current, first, folder, run)
+        done.append(Round(number, folder, chosen, diagnosis, current, attempts, telling))
         accepted = done[-1].accepted
         if accepted is None:
             ended = _why_no_further(done[-1])
@@ -183,96 +166,37 @@ def close_loop(
     if velocity is not None:
         current = velocity.trial
         rig.keep(current.machine)
-    refined = out / "refined.yaml"
+    refined = _refined(out)
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)
 
 
+def refuse_an_earlier_run(out: Path) -> None:
+    """Raise UsageError where a folder holds what an earlier run left: its recordings would go."""
+    there = [path for path in (_refined(out), _start(out) / CONFIG) if path.is_file()]
+    if there:
+        raise UsageError(
+            f"{there[0]}: is there already, of an earlier run; --resume goes on with what {out} "
+            "holds, --force replaces it"
+        )
+
+
+def _refined(out: Path) -> Path:
+    return out / "refined.yaml"
+
+
+def _start(out: Path) -> Path:
+    return out / "round_0"
+
+
 def _why_no_further(last: Round) -> str:
-    if last.attempts:
+    if last.attempts.tried:
         return "no change that was tried helps without making an error larger"
     if all(axis.verdict == "complete" for axis in last.diagnosis.axes.values()):
         return "nothing more is found"
     if any(axis.verdict == "insufficient_data" for axis in last.diagnosis.axes.values()):
         return "this motion cannot show what is still missing"
     return "nothing more is found that a controller could compensate"
-
-
-def _attempts(
-    diagnosis: RecordingDiagnosis,
-    before: Trial,
-    first: Trial,
-    folder: Path,
-    names: tuple[MotionName, ...],
-    motions: Motions,
-    duration_s: float | None,
-    rig: Rig,
-    progress: Progress,
-) -> tuple[tuple[Attempt, ...], dict[str, tuple[str, ...]]]:
-    """Try what was found; then without what seems to be the reason where an error grew."""
-    attempts: list[Attempt] = []
-    without: dict[str, list[str]] = {}
-    kept: dict[str, str] = {}
-    dropped: dict[str, tuple[str, ...]] = {}
-    while len(attempts) < MOST_ATTEMPTS:
-        place = folder / f"attempt_{len(attempts) + 1}"
-        place.mkdir(exist_ok=True)
-        refinement = refine_config(
-            diagnosis, before.config, place / CONFIG, without=without, kept=kept
-        )
-        if not refinement.changed:
-            with suppress(OSError):  # of an earlier time there may be something in it
-                place.rmdir()
-            break
-        refinement.write()
-        trial = try_out(refinement.out, place, names, motions, duration_s, rig, progress)
-        judgements = {
-            name: without_gain(judgement, _unnamed(diagnosis, refinement, name))
-            for name, judgement in judge(before, trial, first).items()
-        }
-        attempts.append(Attempt(place, refinement, trial, judgements))
-        if attempts[-1].accepted:
-            break
-        last = len(attempts) == MOST_ATTEMPTS - 1
-        for axis, why in _offenders(attempts[-1]).items():
-            added = refinement.axes[axis].added
-            weaker = [] if last else _weaker_half(diagnosis.axes[axis], added)
-            if weaker:
-                without.setdefault(axis, []).extend(weaker)
-            else:
-                kept[axis] = f"unchanged; a change was tried and left out: {why}"
-            left_out = ", ".join(weaker or added) or "new start values"
-            dropped[axis] = (*dropped.get(axis, ()), f"{left_out}: {why}")
-    return tuple(attempts), dropped
-
-
-def _unnamed(diagnosis: RecordingDiagnosis, refinement: Refinement, axis: str) -> str:
-    """Name the spline that the axis gains for what has no name; empty where it gains none."""
-    if axis not in refinement.axes:
-        return ""
-    unknown = diagnosis.axes[axis].unknown
-    spline = None if unknown is None or unknown.compensation is None else unknown.compensation.name
-    return spline if spline in refinement.axes[axis].added else ""
-
-
-def _offenders(attempt: Attempt) -> dict[str, str]:
-    """Return the changed axes that became worse; all changed ones where only others did."""
-    changed = [name for name, axis in attempt.refinement.axes.items() if axis.changed]
-    against = {
-        name: "; ".join(judgement.against[:MOST_REASONS])
-        for name, judgement in attempt.judgements.items()
-        if not judgement.accepted
-    }
-    own = {name: against[name] for name in changed if name in against}
-    return own or dict.fromkeys(changed, "; ".join(f"{n}: {why}" for n, why in against.items()))
-
-
-def _weaker_half(found: AxisDiagnosis, added: tuple[str, ...]) -> list[str]:
-    """Name those of the added effects that explain less; none where there is only one."""
-    scores = {effect.name: effect.score for effect in found.effects}
-    # A spline that compensates what has no name goes first.
-    strongest_first = sorted(added, key=lambda name: scores.get(name, -1.0), reverse=True)
-    return strongest_first[-(-len(added) // 2) :]
 
 
 def _recorded(
@@ -305,7 +229,7 @@ def _prepared(out: Path, resume: bool) -> Path:
     """Return the folder of the start; rounds of an earlier time are removed unless it resumes."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        folder = out / "round_0"
+        folder = _start(out)
         if (folder / CONFIG).is_file() and not resume:
             for old in out.glob("round_[0-9]*"):
                 shutil.rmtree(old)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from motorctl.close_loop.attempts import Attempt
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.matched_velocity import VelocityStep
 from motorctl.close_loop.telling import Telling
@@ -38,6 +40,25 @@ def telling_words(telling: Telling) -> list[str]:
     lines += [each.words for each in telling.standing.inseparable]
     lines += [f"still open: {words}" for words in telling.standing.open_words]
     return [*lines, f"{telling.duration_s:.1f} s of motion: {telling.ended}"]
+
+
+def attempt_words(attempt: Attempt) -> str:
+    """Return in words what an attempt added to each axis, and which errors became larger."""
+    changed = [name for name, axis in attempt.refinement.axes.items() if axis.changed]
+    with_what = (f"{n} with {', '.join(attempt.added(n)) or 'new start values'}" for n in changed)
+    against = [
+        f"{name}: {why}"
+        for name, judgement in attempt.judgements.items()
+        for why in judgement.against
+    ]
+    return f"{'; '.join(with_what)}: {'; '.join(against) or 'no error became larger'}"
+
+
+def share_words(added: Sequence[str], judgement: AxisJudgement) -> str:
+    """Return in words what a round did to one axis."""
+    motion, (before, after) = list(judgement.tracking.items())[-1]
+    errors = judgement.units.words(f"eF {1e6 * before.eF_m:.3g} → {1e6 * after.eF_m:.3g} µm")
+    return f"{', '.join(added) or 'no effect'} added: {errors} on {MOTION_WORDS[motion]}"
 
 
 def velocity_words(step: VelocityStep) -> str:

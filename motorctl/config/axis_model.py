@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from motorctl.config.axis_keys import EffectKeys, ParameterKeys
-from motorctl.config.machine import Estimate
+from motorctl.config.machine import MOST_PARAMETERS, Estimate
 from motorctl.config.rules import out_of_order
 from motorctl.config.validation import Finding, read_keys, shown, suggest, validate_options
 from motorctl.errors import Problem, UsageError
@@ -22,8 +22,6 @@ from motorctl.model import (
     known_effects,
 )
 from motorctl.model.catalog import check_form, failed_effects
-
-MOST_PARAMETERS = 64
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,10 @@ def build_model(document: Document, path: KeyPath) -> tuple[AxisModel | None, li
         message = f"has no {mass}; the law needs theta1 to accelerate a mass"
         problems.append(document.problem(path, message))
     if len(estimates) > MOST_PARAMETERS:
-        message = f"{len(estimates)} parameters; at most {MOST_PARAMETERS} are possible"
+        message = (
+            f"{len(estimates)} parameters; at most {MOST_PARAMETERS} are possible: leave out an "
+            "effect, or give one fewer orders or segments"
+        )
         problems.append(document.problem(path, message))
     if problems or len(effects) < len(parts):
         return None, problems

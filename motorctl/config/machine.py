@@ -18,12 +18,11 @@ from motorctl.hal import Driver, DriverOptions
 from motorctl.model import Effect, EffectList
 from motorctl.motion import Program
 
-ROOM = 24
-"""Entries of theta that records may hold beyond the longest, at least. More cost memory in every
-row of the ring, fewer send whoever adds an effect to a restart. By hand: most effects have one to
-three, a profile along the way has up to twenty-four."""
-ROOM_STEP = 8
-"""Records are as long as a multiple of so many, so that nearly alike machines share kernels."""
+MOST_PARAMETERS = 64
+"""Entries of theta that a model may have. Every machine's records have room for so many: a model
+that is learned while it runs always fits, and machines share kernels. More take time in each tick
+and memory (64 instead of 32: 0.2 us of 3.2 with two axes, 10 MB an axis of a ring at 5 kHz), fewer
+refuse models with profiles along the way. By hand: two of those that diagnosis tries, and six."""
 
 
 @dataclass(frozen=True)
@@ -114,15 +113,6 @@ class Machine:
         """Return the number of the group that an axis stops together with, from 1; 0: of none."""
         groups = enumerate(self.stop_together or (), 1)
         return next((number for number, group in groups if axis in group), 0)
-
-    @property
-    def parameter_room(self) -> int:
-        """Length of theta that records are made for: that of the longest, and room to add effects.
-
-        Models with more parameters may follow while the loop runs.
-        """
-        longest = max(len(axis.model) for axis in self.axes.values())
-        return -(-(longest + ROOM) // ROOM_STEP) * ROOM_STEP
 
     @property
     def followed_programs(self) -> list[str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from motorctl.config.guard_keys import STALLED_S
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.daemon.error_text import in_words
 from motorctl.errors import RunError
 from motorctl.loop import EndNote, LoopMemory, Phase, spawn
@@ -37,8 +37,7 @@ class LoopProcess:
     def __init__(self, machine: Machine) -> None:
         require_known_processor()
         self.machine = machine
-        parameters = machine.parameter_room
-        self.memory = LoopMemory.create(tuple(machine.axes), parameters, machine.rate_hz)
+        self.memory = LoopMemory.create(tuple(machine.axes), MOST_PARAMETERS, machine.rate_hz)
         self._bell_fd = os.eventfd(0)
         self._models_in, self._models_out = os.pipe2(os.O_CLOEXEC)
         self._process: subprocess.Popen[bytes] | None = None

@@ -300,8 +300,7 @@ class ModelChanges:
         insist: Insist,
     ) -> str | None:
         """Have the loop change models; return the first log of the new ones."""
-        room = self._memory.layout["parameters"]
-        compiling = partial(compile_models, self._machine, machine, room, self._loop_cpus())
+        compiling = partial(compile_models, self._machine, machine, self._loop_cpus())
         try:
             # It may take half a minute on a busy computer: the end of the daemon waits for none.
             models = await left_alone("compiling models", compiling)

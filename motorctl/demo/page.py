@@ -90,7 +90,7 @@ def write_demo(
             left_out=[
                 (name, words)
                 for part in loop.rounds
-                for name, dropped in part.dropped.items()
+                for name, dropped in part.attempts.dropped.items()
                 for words in dropped
             ],
             after=[

@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Collection
 
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.errors import MotorctlError, RunError
 from motorctl.loop.other_models import OtherModels, other_models
 from motorctl.loop.runner import VirtualRun
@@ -37,17 +37,13 @@ sys.exit(main())"""
 """What the process is started with: it leaves CPUs to the loop before it imports anything."""
 
 
-def compile_models(
-    before: Machine, after: Machine, room: int, keep_off: Collection[int] = ()
-) -> OtherModels:
+def compile_models(before: Machine, after: Machine, keep_off: Collection[int] = ()) -> OtherModels:
     """Make in a process of its own what the loop of `before` needs for the models of `after`.
 
     Parameters
     ----------
     before, after
         Two machines that differ in models alone.
-    room
-        Parameters that the loop's memory was made for.
     keep_off
         The loop's CPUs: where the kernel works for this process, as at its end, the loop waits.
 
@@ -56,7 +52,7 @@ def compile_models(
     RunError
         Where that fails, with the reason.
     """
-    sent = pickle.dumps(sys.path) + pickle.dumps((before, after, room))
+    sent = pickle.dumps(sys.path) + pickle.dumps((before, after))
     done = subprocess.run(
         [sys.executable, "-P", "-c", BEGIN, *map(str, keep_off)],
         input=sent,
@@ -72,9 +68,9 @@ def compile_models(
     return made
 
 
-def try_models(before: Machine, models: OtherModels, room: int) -> None:
+def try_models(before: Machine, models: OtherModels) -> None:
     """Let the axes of a machine without devices hold under one model, then under the other."""
-    memory = LoopMemory.create(list(before.axes), room, before.rate_hz)
+    memory = LoopMemory.create(list(before.axes), MOST_PARAMETERS, before.rate_hz)
     run = VirtualRun(Tick(before, memory, virtual=True, driver_class=Unconnected))
     for i in range(len(before.axes)):
         memory.post(Verb.START, i)
@@ -92,11 +88,11 @@ def try_models(before: Machine, models: OtherModels, room: int) -> None:
 def main() -> int:
     """Return the exit status; a failure is told in the last line of the standard error."""
     sys.path[:] = pickle.load(sys.stdin.buffer)
-    before, after, room = pickle.load(sys.stdin.buffer)
+    before, after = pickle.load(sys.stdin.buffer)
     try:
-        models = other_models(before, after, room)
+        models = other_models(before, after)
         made = pickle.dumps(models)
-        try_models(before, models, room)
+        try_models(before, models)
     except MotorctlError as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")
         return 1

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.config.model_keys import axes_with_other_models, learns_the_same
 from motorctl.control import law_settings, law_state
-from motorctl.errors import UsageError
 from motorctl.kernels import SentKernel, load_generated, packed, source_digest
 from motorctl.loop.axis_records import AXIS_SETTINGS
 from motorctl.loop.shared import LoopMemory
@@ -87,7 +86,7 @@ class OtherModels:
     def laws(self, room: int) -> tuple[NDArray[np.void], NDArray[np.void], NDArray[np.int64]]:
         """Return the laws' settings (axes,) and states (axes,) as they begin, and `beside`.
 
-        room is as of `other_models`.
+        room is how many parameters the loop's memory was made for.
         """
         beside = np.array(self.beside, np.int64)
         states = law_state(room, self.remembered, beside.shape[1])
@@ -114,31 +113,18 @@ def take_over_arguments(before: Tick, after: Tick, holding: NDArray[np.bool_]) -
     return holding, *records, *old, after.beside, memory.segments, memory.segment_counts
 
 
-def other_models(before: Machine, after: Machine, room: int) -> OtherModels:
+def other_models(before: Machine, after: Machine) -> OtherModels:
     """Make what the loop of `before` needs for the models of `after`: seconds, where they are new.
 
     Parameters
     ----------
     before, after
         Two machines that differ in what `model_keys` names alone.
-    room
-        Parameters that the loop's memory was made for.
-
-    Raises
-    ------
-    UsageError
-        Where they do not fit into it.
     """
-    for name, axis in after.axes.items():
-        if len(axis.model) > room:
-            raise UsageError(
-                f"axis {name}: the model has {len(axis.model)} parameters, and the loop that "
-                f"runs has room for {room}: restart the daemon with this configuration"
-            )
     names = list(after.axes)
     changed = axes_with_other_models(before, after)
     numbers = [names.index(name) for name in changed]
-    memory = LoopMemory.create(names, room, after.rate_hz)
+    memory = LoopMemory.create(names, MOST_PARAMETERS, after.rate_hz)
     try:
         old, new = (
             Tick(machine, memory, virtual=True, driver_class=Unconnected)

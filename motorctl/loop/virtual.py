@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.errors import RunError, UsageError
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop.excitation import Excitation
@@ -56,8 +56,7 @@ class VirtualMachine:
         require_virtual_time(machine)
         self.machine = machine
         self.names = list(machine.axes)
-        parameters = machine.parameter_room
-        self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
+        self.memory = LoopMemory.create(self.names, MOST_PARAMETERS, machine.rate_hz)
         self.tick = Tick(machine, self.memory, virtual=True, learned=learned)
         self._run = VirtualRun(self.tick)
         self._on_rows = on_rows
@@ -114,8 +113,7 @@ class VirtualMachine:
         str or None
             Why the old models go on; None where the new ones run.
         """
-        room = self.memory.layout["parameters"]
-        succession = Succession(self.tick, other_models(self.machine, machine, room))
+        succession = Succession(self.tick, other_models(self.machine, machine))
         self.tick.successor = succession
         self.advance(1)
         if succession.outcome.refused is None:

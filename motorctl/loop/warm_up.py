@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.hal import Driver, DriverOptions, Inputs, Outputs, RateBudget
 from motorctl.kernels import is_kept, specialise
 from motorctl.loop.runner import VirtualRun
@@ -63,14 +63,14 @@ def analyse_steps(machine: Machine) -> None:
 
     Where the tick is there, nothing is needed.
     """
-    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     _Analysed(machine, memory, virtual=True, driver_class=Unconnected)
     memory.close()
 
 
 def warm_up(machine: Machine) -> None:
     """Compile, or load from the cache, and exercise the tick of this machine."""
-    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True, driver_class=Unconnected)
     run = VirtualRun(tick)
     for i in range(len(machine.axes)):

@@ -13,7 +13,7 @@ from motorctl.cli import make_app
 from motorctl.close_loop import rigs
 from motorctl.close_loop.rigs import ResumedRig
 from motorctl.config import Machine, load
-from motorctl.errors import RunError
+from motorctl.errors import RunError, UsageError
 from motorctl.log import LogWriter
 
 
@@ -89,6 +89,41 @@ def test_what_a_loop_that_was_killed_left_of_a_log_is_in_nobodys_way(tmp_path: P
     ResumedRig(CountedRig(), reuse=False).run(machine, log, None, lambda _: None)
     assert unfinished.exists()
     writer.discard()
+
+
+@pytest.mark.parametrize(
+    ("left", "word", "begins"),
+    [
+        ("refined.yaml", None, 0),
+        ("round_0/config.yaml", None, 0),
+        ("refined.yaml", "--resume", 1),
+        ("refined.yaml", "--force", 1),
+    ],
+)
+def test_what_an_earlier_run_left_goes_only_where_somebody_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: str, word: str | None, begins: int
+) -> None:
+    config, out = tmp_path / "bench.yaml", tmp_path / "closed"
+    config.write_text(bench_config("shuttle"))
+    (out / "round_0").mkdir(parents=True)
+    (out / left).write_text("of an earlier run")
+    runs = []
+
+    def begun(_machine: Machine, log: Path, **_: Any) -> Any:
+        runs.append(log)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rigs, "simulate", begun)
+    words = ["close-loop", str(config), "--out", str(out), *([word] if word else [])]
+    result = CliRunner().invoke(make_app(), words)
+    assert len(runs) == begins
+    if not begins:
+        assert isinstance(result.exception, UsageError)
+        told = str(result.exception)
+        assert told.startswith(f"{out / left}: is there already")
+        assert "--resume goes on" in told
+        assert "--force replaces" in told
+        assert (out / left).read_text() == "of an earlier run"
 
 
 @pytest.mark.slow

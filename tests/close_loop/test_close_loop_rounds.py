@@ -127,13 +127,13 @@ def test_what_makes_an_error_larger_is_left_out_and_told(given, tmp_path):
     given((PRESLIDING, DRAG))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert len(first.attempts) == 1  # together they still help
+    assert len(first.attempts.tried) == 1  # together they still help
 
     given((DRAG,))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert [attempt.accepted for attempt in first.attempts] == [False]
-    assert first.dropped["x"][0].startswith("quadratic_drag: eF 30 -> 36 um")
+    assert [attempt.accepted for attempt in first.attempts.tried] == [False]
+    assert first.attempts.dropped["x"][0].startswith("quadratic_drag: eF 30 -> 36 um")
     assert "helps" in loop.ended
     assert load(loop.refined).axes["x"].model.names == load("small_stage").axes["x"].model.names
 
@@ -144,9 +144,9 @@ def test_the_weakest_effect_goes_first(given, tmp_path, monkeypatch):
     given((COGGING, DRAG))
     loop = closed(tmp_path / "out")
     first = loop.rounds[0]
-    assert [attempt.accepted for attempt in first.attempts] == [False, True]
+    assert [attempt.accepted for attempt in first.attempts.tried] == [False, True]
     assert effects_added(loop, "x") == ("cogging",)
-    assert list(first.dropped) == ["x"]
+    assert list(first.attempts.dropped) == ["x"]
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_a_spline_without_a_name_has_to_earn_its_place(given, tmp_path, monkeypa
     given(unknown=True)
     loop = closed(tmp_path / "out", rounds=1)
     assert effects_added(loop, "x") == ()
-    assert "position_force takes no more than 3 % off" in loop.rounds[0].dropped["x"][0]
+    assert "position_force takes no more than 3 % off" in loop.rounds[0].attempts.dropped["x"][0]
     monkeypatch.setitem(LEFT, "position_force", 0.5)
     given(unknown=True)
     loop = closed(tmp_path / "out", rounds=1)
@@ -177,6 +177,7 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
         assert list((out / f"round_{k}").glob("*.html"))
         assert f'href="round_{k}/' in page
     assert "quadratic_drag: eF" in page
+    assert "tried: x with cogging: no error became larger" in page
 
     document = json.loads(json.dumps(closed_loop_document(loop)))
     own = document["axes"]["x"]["tracking"]["own"]
@@ -184,6 +185,10 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
     assert document["axes"]["x"]["effects"] == ["cogging"]
     assert document["rounds"][0]["accepted"].endswith("round_1/attempt_1/config.yaml")
     assert document["rounds"][1]["left_out"]["x"]
+    share = document["rounds"][0]["shares"]["x"]
+    assert share["added"] == ["cogging"]
+    assert share["tracking"]["own"]["ratio"]["eF"] == pytest.approx(2.0)
+    assert document["rounds"][1]["shares"] == {}
 
 
 @pytest.mark.long

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from recorded_ring import MACHINE, MUCH, Ring, finished, ring, rotating, settings, ticks_of
 
 from motorctl.config import load
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.flight import list_records
 from motorctl.log.folder import Retention, free_log_path, remove_outdated, stored_logs
@@ -126,7 +127,7 @@ def test_a_flight_record_is_never_removed_for_being_older_than_those_before(
     config.write_text(bench_config() + text)
     machine = load(config)
     clock = Clock()
-    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     flight = FlightRecorder(machine, memory, tmp_path, dict, clock)
     written: list[Path] = []
     for number in range(1, 6):

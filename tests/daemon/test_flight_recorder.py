@@ -14,7 +14,7 @@ import pytest
 from daemon_rig import bench_config, wait_until
 
 from motorctl.config import load
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.daemon.flight_recorder import FlightRecorder
 from motorctl.flight import list_records, load_record
 from motorctl.log import read_recording
@@ -29,7 +29,7 @@ class FakeLoop:
     """Does to the memory what a loop does, as fast as a test wants."""
 
     def __init__(self, machine: Machine) -> None:
-        self.memory = LoopMemory.create(list(machine.axes), machine.parameter_room, RATE_HZ)
+        self.memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, RATE_HZ)
         self._faults: dict[int, tuple[FaultCause, float]] = {}
 
     @property

@@ -22,6 +22,7 @@ import pytest
 from loop_bench import gantry
 from numba import njit
 
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.control import law_state
 from motorctl.errors import UsageError
 from motorctl.hal import Outputs
@@ -301,7 +302,7 @@ EXPECTED = {
 def _loop_running(processors: int) -> Iterator[LoopMemory]:
     """Have another process tick the shipped gantry in virtual time, as fast as it goes."""
     machine = gantry()
-    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     tick = Tick(machine, memory, virtual=True)
     tick.open(virtual=True)
     run = VirtualRun(tick)
@@ -340,7 +341,7 @@ def test_every_command_gets_its_own_answer(processors, duration_s):
 
 def test_an_answer_comes_after_the_status_that_shows_what_it_did():
     machine = gantry()
-    memory = LoopMemory.create(list(machine.axes), machine.parameter_room, machine.rate_hz)
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     seen: list[tuple[Reply | None, bool]] = []
 
     class Asking(Unconnected):

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from motorctl.config import Machine, load, shipped_config
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.loop import LoopMemory
 from motorctl.loop.compile_models import compile_models
 from motorctl.loop.process import SWITCH_INTERVAL_S
@@ -86,12 +87,12 @@ def test_linking_other_models_keeps_a_tick_waiting_for_less_than_its_guard_allow
         pytest.skip("no right to a real-time priority: nothing can be told of waiting")
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     machine = gantry(tmp_path)
-    room, interval_s = machine.parameter_room, sys.getswitchinterval()
-    memory = LoopMemory.create(list(machine.axes), room, machine.rate_hz)
+    interval_s = sys.getswitchinterval()
+    memory = LoopMemory.create(list(machine.axes), MOST_PARAMETERS, machine.rate_hz)
     tick = Tick(machine, memory, driver_class=Unconnected)
     # constants that no other test has: nothing of them is linked in this process
     others = [gantry(tmp_path, lag_s) for lag_s in (0.000371, 0.000372, 0.000373)]
-    made = [compile_models(machine, other, room) for other in others]
+    made = [compile_models(machine, other) for other in others]
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     try:
         waits_s = [longest_wait_s(lambda m=m: Succession(tick, m)) for m in made]  # type: ignore[misc]

@@ -13,8 +13,9 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from motorctl.config import Machine, load, load_resolved, shipped_config
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.config.model_keys import axes_with_other_models, other_keys_that_differ
-from motorctl.errors import UsageError
+from motorctl.errors import ConfigError
 from motorctl.log.sample import AxisState
 from motorctl.loop import Verb, VirtualMachine
 from motorctl.loop.plan import plan_move
@@ -213,19 +214,28 @@ def test_an_axis_that_is_off_starts_with_the_other_model(tmp_path: Path) -> None
         assert before == first < last, "readers know of changes that they have not seen"
 
 
-def test_a_model_with_more_parameters_than_there_is_room_for_asks_for_a_restart(
+def test_the_largest_model_that_a_configuration_may_have_takes_over_while_it_runs(
     tmp_path: Path,
 ) -> None:
-    def change(axis: dict[str, Any]) -> None:
-        with_cogging(axis)
-        axis["model"]["cogging"] |= {"orders": [*range(1, 19)], "parameters": None}
+    def with_waves_and_profiles(waves: int) -> Change:
+        def change(axis: dict[str, Any]) -> None:
+            axis["model"] |= {
+                "position_force": {"knots": [0.0, 0.4, 24]},
+                "position_dependent_friction": {"knots": [0.0, 0.4, 24]},
+                "cogging": {"pitch_m": 0.06, "orders": [*range(1, waves + 1)]},
+            }
 
-    machine = gantry(tmp_path)
-    with (
-        VirtualMachine(machine, lambda *_: None) as virtual,
-        pytest.raises(UsageError, match="has room for 32: restart the daemon"),
-    ):
-        virtual.change_models(gantry(tmp_path, change))
+        return change
+
+    with Held(gantry(tmp_path), 0.1) as held:
+        other = gantry(tmp_path, with_waves_and_profiles(6))
+        assert len(other.axes["x"].model) == MOST_PARAMETERS
+        assert held.virtual.change_models(other) is None
+        held.virtual.advance(500)
+        held.virtual.raise_faults()
+    told = "66 parameters; at most 64 are possible: leave out an effect"
+    with pytest.raises(ConfigError, match=told):
+        gantry(tmp_path, with_waves_and_profiles(7))
 
 
 def test_only_models_gains_adaptation_and_controllers_make_another_model(tmp_path: Path) -> None:

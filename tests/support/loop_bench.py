@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from motorctl.config import load
 from motorctl.config.axis_keys import Homing
-from motorctl.config.machine import Axis, DriverSetup, Machine
+from motorctl.config.machine import MOST_PARAMETERS, Axis, DriverSetup, Machine
 from motorctl.hal import Channel, Driver, DriverOptions, Inputs, Outputs, RateBudget
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Reply, Verb, VirtualMachine
@@ -187,8 +187,7 @@ class Hand:
 
     def __init__(self, machine: Machine) -> None:
         self.names = list(machine.axes)
-        parameters = machine.parameter_room
-        self.memory = LoopMemory.create(self.names, parameters, machine.rate_hz)
+        self.memory = LoopMemory.create(self.names, MOST_PARAMETERS, machine.rate_hz)
         self.tick = Tick(machine, self.memory)
         self.driver: Any = self.tick.drivers["gantry"]
         self.number = -1

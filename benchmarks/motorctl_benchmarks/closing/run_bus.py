@@ -121,7 +121,7 @@ def _closed(config: Path, out: Path, *where: str) -> Closed:
     words = [sys.executable, "-P", "-c", MAIN, "close-loop", str(config), "--out", str(out)]
     began = time.monotonic()
     done = subprocess.run(
-        [*words, "--json", *where],
+        [*words, "--force", "--json", *where],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

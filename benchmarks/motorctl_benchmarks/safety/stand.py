@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.config.metadata import log_metadata
 from motorctl.errors import RunError
 from motorctl.log import LogAxis, LogWriter, read_recording
@@ -42,7 +42,7 @@ class Stand:
     ) -> None:
         self.machine = machine
         self.names = list(machine.axes)
-        self.memory = LoopMemory.create(self.names, machine.parameter_room, machine.rate_hz)
+        self.memory = LoopMemory.create(self.names, MOST_PARAMETERS, machine.rate_hz)
         self._tick = Tick(machine, self.memory, learned=learned)
         (driver,) = self._tick.drivers.values()
         self.device = cast(FaultyGantry, driver)

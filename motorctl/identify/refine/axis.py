@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from motorctl.config.axis_model import MOST_PARAMETERS
 from motorctl.config.freeze import decode
-from motorctl.config.machine import Axis, Estimate, Machine
+from motorctl.config.machine import MOST_PARAMETERS, Axis, Estimate, Machine
 from motorctl.errors import DataError
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
