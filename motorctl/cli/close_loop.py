@@ -83,7 +83,7 @@ def _close_loop(
     from motorctl.cli.progress import showing_stages
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
-    from motorctl.close_loop.rounds import close_loop, refuse_an_earlier_run
+    from motorctl.close_loop.rounds import close_loop, refuse_recordings_of_a_machine
     from motorctl.close_loop.tables import (
         error_row,
         share_words,
@@ -97,7 +97,7 @@ def _close_loop(
     if duration is not None and not 2.0 <= duration < float("inf"):
         raise UsageError(f"--duration {duration:g}: should be a number of seconds from 2 on")
     if not (resume or force):
-        refuse_an_earlier_run(out)
+        refuse_recordings_of_a_machine(out)
     rig, consents = None, None
     with ExitStack() as machine:
         progress = machine.enter_context(showing_stages(bar=socket is None))

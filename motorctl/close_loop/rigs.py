@@ -8,8 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from motorctl.config import Machine
 from motorctl.errors import MotorctlError
+from motorctl.log.columns import METADATA_KEY
 from motorctl.log.folder import StoredLog, in_use
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
@@ -128,6 +132,15 @@ class ResumedRig:
     def keep(self, machine: Machine) -> None:
         """As the rig behind it."""
         self._rig.keep(machine)
+
+
+def in_virtual_time(log: Path) -> bool:
+    """Return whether a log was simulated; one that cannot be read may have been recorded."""
+    try:
+        metadata = pq.read_schema(log).metadata or {}
+        return "virtual_time" in json.loads(metadata.get(METADATA_KEY, b"{}"))
+    except (pa.ArrowException, OSError, ValueError):
+        return False
 
 
 def _remove_unfinished(log: Path) -> None:

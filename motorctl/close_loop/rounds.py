@@ -14,7 +14,7 @@ from motorctl.close_loop.attempts import CONFIG, Attempt, Attempts, try_found
 from motorctl.close_loop.judge import AxisJudgement, judge
 from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
-from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
+from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig, in_virtual_time
 from motorctl.close_loop.telling import Telling, record_telling
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
@@ -171,12 +171,16 @@ def close_loop(
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)
 
 
-def refuse_an_earlier_run(out: Path) -> None:
-    """Raise UsageError where a folder holds what an earlier run left: its recordings would go."""
-    there = [path for path in (_refined(out), _start(out) / CONFIG) if path.is_file()]
-    if there:
+def refuse_recordings_of_a_machine(out: Path) -> None:
+    """Raise UsageError where a folder holds recordings of a machine, which a new run would remove.
+
+    What was simulated can be had again: it is replaced.
+    """
+    logs = sorted(out.glob("round_[0-9]*/**/*.parquet"))
+    moved = next((log for log in logs if not in_virtual_time(log)), None)
+    if moved is not None:
         raise UsageError(
-            f"{there[0]}: is there already, of an earlier run; --resume goes on with what {out} "
+            f"{moved}: an earlier run recorded it on a machine; --resume goes on with what {out} "
             "holds, --force replaces it"
         )
 

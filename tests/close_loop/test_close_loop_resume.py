@@ -92,21 +92,26 @@ def test_what_a_loop_that_was_killed_left_of_a_log_is_in_nobodys_way(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("left", "word", "begins"),
+    ("metadata", "word", "begins"),
     [
-        ("refined.yaml", None, 0),
-        ("round_0/config.yaml", None, 0),
-        ("refined.yaml", "--resume", 1),
-        ("refined.yaml", "--force", 1),
+        ({}, None, 0),
+        ({}, "--resume", 1),
+        ({}, "--force", 1),
+        ({"virtual_time": {}}, None, 1),  # can be had again
     ],
 )
-def test_what_an_earlier_run_left_goes_only_where_somebody_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: str, word: str | None, begins: int
+def test_recordings_of_a_machine_go_only_where_somebody_says_so(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    metadata: dict[str, Any],
+    word: str | None,
+    begins: int,
 ) -> None:
     config, out = tmp_path / "bench.yaml", tmp_path / "closed"
     config.write_text(bench_config("shuttle"))
-    (out / "round_0").mkdir(parents=True)
-    (out / left).write_text("of an earlier run")
+    log = out / "round_0" / "own.parquet"
+    log.parent.mkdir(parents=True)
+    LogWriter(log, metadata, []).close()
     runs = []
 
     def begun(_machine: Machine, log: Path, **_: Any) -> Any:
@@ -120,10 +125,10 @@ def test_what_an_earlier_run_left_goes_only_where_somebody_says_so(
     if not begins:
         assert isinstance(result.exception, UsageError)
         told = str(result.exception)
-        assert told.startswith(f"{out / left}: is there already")
+        assert told.startswith(f"{log}: an earlier run recorded it on a machine")
         assert "--resume goes on" in told
         assert "--force replaces" in told
-        assert (out / left).read_text() == "of an earlier run"
+        assert log.is_file()
 
 
 @pytest.mark.slow
