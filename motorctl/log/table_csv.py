@@ -45,7 +45,7 @@ class CsvTable(Table):
         super().__init__(path, self._head.names)
         self.notes = self._head.notes
 
-    def row(self, index: int) -> str:
+    def _row_in_file(self, index: int) -> str:
         """Return where a row stands, by its number and its line."""
         return f"row {index + 1} (line {self._head.lines + index + 1})"
 

@@ -418,9 +418,10 @@ def make_signals(
     if enough >= FEWEST_ROWS and moving < FEWEST_ROWS:
         moved = float(np.ptp(data.position[data.usable]))
         if moved > FAR_BEYOND_NOISE * REST_RANGE * rms or _stands_still(data):
+            rests = "rests nearly all of the time" if moving < 0.5 * enough else "is short"
             raise DataError(
                 f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "
-                f"but rests nearly all of the time: in motion are {moving} rows below "
+                f"but {rests}: in motion are {moving} of {enough} rows below "
                 f"{band:.3g} Hz, and at least {FEWEST_ROWS} are needed: record a longer motion, "
                 "or shorter rests"
             )
