@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -129,7 +130,7 @@ class CsvTable(Table):
             ),
         )
 
-    def _passed_over(self, row: pa.csv.InvalidRow) -> str:
+    def _passed_over(self, row: pa.csv.InvalidRow) -> Literal["skip", "error"]:
         """Pass over a line without a number, and note its text; of too few cells it is an error."""
         text = row.text.strip()
         if any(
