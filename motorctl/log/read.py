@@ -269,14 +269,16 @@ def _with_turns_counted(
     """Go on in positions that begin anew after a turn, or after a period; return columns, notes."""
     out, notes = dict(columns), []
     for name, axis in description.axes.items():
+        counts = False
         for described in (axis.position, axis.reference):
             if described is None:
                 continue
             values, blank = table.without_blanks(described.column, columns[described.column])
             turn = TURN_RAD / abs(described.factor) if described.base_unit == "rad" else None
             position, jumps, period = counted_on(values, turn)
-            if not jumps:
-                continue
+            if not jumps or (period is not None and described is axis.reference and not counts):
+                continue  # a reference alone may be a saw's teeth
+            counts = True
             out[described.column] = position if blank is None else np.where(blank, np.nan, position)
             after = "a turn" if period is None else f"{period:.6g} {described.unit}"
             notes.append(

@@ -289,6 +289,23 @@ def test_a_counter_that_begins_anew_at_its_end_counts_on(tmp_path, unit, period,
     assert "begins anew after " in notes[0]
 
 
+def test_a_reference_that_is_a_saws_teeth_stays_one(tmp_path):
+    """The axis flies back in some samples; what it is sent to, in one."""
+    count = np.arange(600)
+    teeth = 0.05 * (count % 100) - 2.5
+    followed = np.convolve(np.pad(teeth, (11, 0), mode="edge"), np.full(12, 1 / 12), "valid")
+    rows = np.column_stack([followed, np.cos(count), teeth])
+    np.savetxt(tmp_path / "a.txt", rows)
+    (tmp_path / "d.yaml").write_text(
+        "file: a.txt\nsample_rate_hz: 50\naxes:\n  b:\n"
+        '    position: {column: "1", unit: mm}\n    command: {column: "2", unit: A}\n'
+        '    reference: {column: "3", unit: mm}\n'
+    )
+    axis = read_recording(tmp_path / "d.yaml").axes["b"]
+    np.testing.assert_allclose(axis.reference, 1e-3 * teeth)
+    np.testing.assert_allclose(axis.position, 1e-3 * followed)
+
+
 def test_a_loose_contact_is_no_counter(tmp_path):
     count = np.arange(600)
     position = 8.0 + np.sin(count / 40.0)
