@@ -64,11 +64,13 @@ class TimeColumn(_Part):
 
     column: str
     unit: Annotated[str, _unit(tuple(TIME_UNITS))] = "s"
+    scale: Positive = 1.0
+    """How many units one number of the column is: the ticks of a clock."""
 
     @property
     def seconds(self) -> float:
-        """What one unit is in seconds."""
-        return TIME_UNITS[self.unit]
+        """What one number of the column is in seconds."""
+        return self.scale * TIME_UNITS[self.unit]
 
 
 class _Signal(_Part):

@@ -30,7 +30,7 @@ from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
 from motorctl.log.table_csv import CsvTable
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
-from motorctl.log.turns import counted_on
+from motorctl.log.turns import TURN_RAD, counted_on
 from motorctl.log.wild_values import without_wild
 
 _POSITION = ".position_m"
@@ -215,6 +215,8 @@ def _read_described(path: Path, description: Description) -> Recording:
                     f"{path}: axes.{name}.{signal}.column: column '{column}' of {file} has times "
                     "where numbers are needed"
                 )
+    if clock is not None:  # without one, the rows are the clock
+        read = table.without_empty_rows(read, clock.column)
     columns, together = brought_together(read, description)
     described = [axis.motion.column for axis in description.axes.values()]
     sound, wild = _without_wild(table, columns, described)
@@ -264,21 +266,25 @@ def _without_wild(
 def _with_turns_counted(
     table: Table, columns: Mapping[str, Array], description: Description
 ) -> tuple[dict[str, Array], list[str]]:
-    """Count whole turns on in angles that begin anew after each; return columns and notes."""
+    """Go on in positions that begin anew after a turn, or after a period; return columns, notes."""
     out, notes = dict(columns), []
     for name, axis in description.axes.items():
+        counts = False
         for described in (axis.position, axis.reference):
-            if described is None or described.base_unit != "rad":
+            if described is None:
                 continue
             values, blank = table.without_blanks(described.column, columns[described.column])
-            angle, wraps = counted_on(values * described.factor)
-            if not wraps:
-                continue
-            angle = angle / described.factor
-            out[described.column] = angle if blank is None else np.where(blank, np.nan, angle)
+            turn = TURN_RAD / abs(described.factor) if described.base_unit == "rad" else None
+            position, jumps, period = counted_on(values, turn)
+            if not jumps or (period is not None and described is axis.reference and not counts):
+                continue  # a reference alone may be a saw's teeth
+            counts = True
+            out[described.column] = position if blank is None else np.where(blank, np.nan, position)
+            after = "a turn" if period is None else f"{period:.6g} {described.unit}"
             notes.append(
-                f"axis {name}: column '{described.column}' begins anew after a turn, "
-                f"{'once' if wraps == 1 else f'{wraps} times'}: whole turns are counted on"
+                f"axis {name}: column '{described.column}' begins anew after {after}, "
+                f"{'once' if jumps == 1 else f'{jumps} times'}: "
+                f"{'whole turns are' if period is None else 'it is'} counted on"
             )
     return out, notes
 

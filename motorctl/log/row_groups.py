@@ -43,11 +43,11 @@ class RowGroupTable(Table):
         super().__init__(Path(source), file.schema_arrow.names, load_metadata(file.schema_arrow))
         self.called = source  # a path makes one slash of the two of an address
 
-    def row(self, index: int) -> str:
+    def _row_in_file(self, index: int) -> str:
         """Return where the row with this index stands in the whole file, counting from 1."""
         k = int(np.searchsorted(self._ends, index, side="right"))
         before = int(self._ends[k - 1]) if k else 0
-        return super().row(int(self._begins[self._groups[k]]) + index - before)
+        return super()._row_in_file(int(self._begins[self._groups[k]]) + index - before)
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
         require_numbers(self.called, self._file.schema_arrow, names)

@@ -55,7 +55,7 @@ class RunTable(Table):
         """Of all parts."""
         return int(self._ends[-1])
 
-    def row(self, index: int) -> str:
+    def _row_in_file(self, index: int) -> str:
         """Return in which log which row has this index (from 0)."""
         k = int(np.searchsorted(self._ends, index, side="right"))
         part = self.parts[k]

@@ -41,6 +41,7 @@ class Table(ABC):
         """What messages call it."""
         self.names, self.repeated = _told_apart(names)
         self.metadata = dict(metadata or {})
+        self._kept: NDArray[np.intp] | None = None
 
     @abstractmethod
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
@@ -48,7 +49,32 @@ class Table(ABC):
 
     def row(self, index: int) -> str:
         """Return where the row with this index (from 0) stands, counting from 1 as people do."""
+        return self._row_in_file(index if self._kept is None else int(self._kept[index]))
+
+    def _row_in_file(self, index: int) -> str:
         return f"row {index + 1}"
+
+    def without_empty_rows(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
+        """Leave out the rows in which nothing was recorded.
+
+        These are blank in every column, or stand at the end of the file where the clock is 0 for
+        good: what a buffer had left, or a recorder that waits. `notes` tell, and from then on `row`
+        tells where the others stand in the file.
+        """
+        blank = np.logical_and.reduce([np.isnan(values) for values in columns.values()])
+        stopped = blank | (columns[clock] == 0.0)
+        unfilled = np.zeros_like(blank)
+        if stopped[-1:].any() and np.nanmax(columns[clock], initial=0.0) > 0.0:
+            unfilled[int(np.flatnonzero(~stopped)[-1]) + 1 :] = True
+        empty = blank | unfilled
+        if not empty.any() or empty.all():
+            return columns
+        count = int(np.count_nonzero(empty))
+        note = f"{count} row{'s' if count > 1 else ''} without a value left out"
+        told = f"{note}, the first: {self.row(int(np.argmax(empty)))}"
+        self.notes = (*self.notes, told)
+        self._kept = np.flatnonzero(~empty)
+        return {name: values[self._kept] for name, values in columns.items()}
 
     def read(self, names: Iterable[str]) -> dict[str, Array]:
         """Read columns as float64, all equally long.

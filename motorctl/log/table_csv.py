@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +14,15 @@ import pyarrow.csv
 from motorctl.errors import DataError
 from motorctl.log.table import Array, Table
 from motorctl.log.text_head import read_head
-from motorctl.log.text_lines import BLANKS, COMMENTS, EMPTY, all_cells, first_lines, is_remark
+from motorctl.log.text_lines import (
+    BLANKS,
+    COMMENTS,
+    EMPTY,
+    all_cells,
+    first_lines,
+    is_number,
+    is_remark,
+)
 from motorctl.log.text_times import is_time, seconds_since_first
 
 
@@ -44,8 +53,9 @@ class CsvTable(Table):
         self._head = read_head(path, header_line, wanted)
         super().__init__(path, self._head.names)
         self.notes = self._head.notes
+        self._remarks: list[str] = []
 
-    def row(self, index: int) -> str:
+    def _row_in_file(self, index: int) -> str:
         """Return where a row stands, by its number and its line."""
         return f"row {index + 1} (line {self._head.lines + index + 1})"
 
@@ -67,6 +77,10 @@ class CsvTable(Table):
                 table = self._parse(names, threads=False, times=times)
             except (pa.ArrowException, OSError, ValueError) as error:
                 raise DataError(self._cause(str(error))) from error
+        if self._remarks:
+            first, count = sorted(self._remarks)[0][:40], len(self._remarks)
+            told = "a line of text" if count == 1 else f"{count} lines of text"
+            self.notes += (f"{told} among the rows left out, as '{first}'",)
         return {
             name: self._seconds(name, table.column(name).to_pylist())
             if name in times
@@ -96,6 +110,7 @@ class CsvTable(Table):
     def _parse(
         self, names: Sequence[str], threads: bool, times: frozenset[str] = frozenset()
     ) -> pa.Table:
+        self._remarks = []
         return pa.csv.read_csv(
             self.path,
             read_options=pa.csv.ReadOptions(
@@ -104,14 +119,27 @@ class CsvTable(Table):
                 skip_rows=self._head.lines,
                 encoding=self._head.encoding.removesuffix("-sig"),
             ),
-            parse_options=pa.csv.ParseOptions(delimiter=self._head.delimiter),
+            parse_options=pa.csv.ParseOptions(
+                delimiter=self._head.delimiter, invalid_row_handler=self._passed_over
+            ),
             convert_options=pa.csv.ConvertOptions(
                 include_columns=list(names),
                 column_types={n: pa.string() if n in times else pa.float64() for n in names},
-                null_values=list(EMPTY),
+                null_values=[*EMPTY, *(f" {empty}" for empty in EMPTY)],
                 decimal_point=self._head.decimal_point,
             ),
         )
+
+    def _passed_over(self, row: pa.csv.InvalidRow) -> Literal["skip", "error"]:
+        """Pass over a line without a number, and note its text; of too few cells it is an error."""
+        text = row.text.strip()
+        if any(
+            is_number(cell, self._head.delimiter) for cell in all_cells(text, self._head.delimiter)
+        ):
+            return "error"
+        if text:
+            self._remarks.append(text)
+        return "skip"
 
     def _between_blanks(self, names: Sequence[str]) -> dict[str, Array]:
         try:

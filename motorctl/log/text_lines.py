@@ -11,8 +11,8 @@ from motorctl.errors import DataError
 DELIMITERS = ",;\t"
 BLANKS = " "
 COMMENTS = ("#", "%")
-EMPTY = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null")
-"""What a cell holds where nothing was measured."""
+EMPTY = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "ovf")
+"""What a cell holds where nothing was measured; a microcontroller prints `ovf` for too large."""
 UTF_8 = "utf-8-sig"
 WINDOWS = "cp1252"
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)

@@ -53,8 +53,8 @@ _OTHER_SPELLINGS = {
 
 
 def usual_spelling(unit: str) -> str:
-    """Return the spelling under which a unit is known here: ``Nm`` and ``N·m`` are ``N*m``."""
-    plain = unit.strip().replace("·", "*").replace("Nm", "N*m")
+    """Return the spelling under which a unit is known here: ``Nm`` and ``N m`` are ``N*m``."""
+    plain = re.sub(r"N\s*[·⋅.]?\s*m", "N*m", unit.strip())
     if plain in _OTHER_SPELLINGS:
         return _OTHER_SPELLINGS[plain]
     way, per, time = plain.partition("/")

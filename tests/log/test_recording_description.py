@@ -110,11 +110,19 @@ def test_every_unit_of_position(described, unit, factor, base):
 
 @pytest.mark.parametrize(
     ("unit", "force"),
-    [("V", "N/V"), ("A", "N/A"), ("N", "N/N"), ("N*m", "N*m/N*m"), ("Nm", "Nm/Nm")],
+    [
+        ("V", "N/V"),
+        ("A", "N/A"),
+        ("N", "N/N"),
+        ("N*m", "N*m/N*m"),
+        ("Nm", "Nm/Nm"),
+        ("N m", "N m/N m"),
+    ],
 )
 def test_every_unit_of_command(described, unit, force):
     text = GOOD.replace("unit: V", f"unit: {unit}").replace("N/V", force)
-    assert described(text)[0].axes["x"].command_unit == unit.replace("Nm", "N*m")
+    known = unit.replace("Nm", "N*m").replace("N m", "N*m")
+    assert described(text)[0].axes["x"].command_unit == known
 
 
 @pytest.mark.parametrize(
@@ -256,6 +264,88 @@ def test_an_angle_that_begins_anew_after_a_turn_counts_on(tmp_path, unit, turn):
     np.testing.assert_allclose(moved, 2.0 * math.pi * np.diff(turns), atol=1e-9)
     times = np.count_nonzero(np.diff(np.floor(turns)))
     assert f"begins anew after a turn, {times} times" in recording.notes[0]
+
+
+def _moved_and_told(folder, position, unit="rad"):
+    """Return the steps of a position that is read, and the notes."""
+    np.savetxt(folder / "a.txt", np.column_stack([position, np.cos(np.arange(len(position)))]))
+    (folder / "d.yaml").write_text(
+        "file: a.txt\nsample_rate_hz: 50\naxes:\n  b:\n"
+        f'    position: {{column: "1", unit: {unit}}}\n    command: {{column: "2", unit: A}}\n'
+    )
+    recording = read_recording(folder / "d.yaml")
+    return np.diff(recording.axes["b"].position), recording.notes
+
+
+@pytest.mark.parametrize(
+    ("unit", "period", "base"), [("rad", 25.0, 1.0), ("rad", 191.0, 1.0), ("mm", 65.536, 1e-3)]
+)
+def test_a_counter_that_begins_anew_at_its_end_counts_on(tmp_path, unit, period, base):
+    """Drives with a bus of short messages tell -12.5 to 12.5 rad; a counter has 16 bits."""
+    count = np.arange(1500)
+    whole = period * (1.9 * np.sin(count / 180.0) + 0.2 * np.sin(count / 37.0) + 0.3)
+    moved, notes = _moved_and_told(tmp_path, (whole + 0.5 * period) % period - 0.5 * period, unit)
+    np.testing.assert_allclose(moved, base * np.diff(whole), atol=1e-3 * base * period)
+    assert "begins anew after " in notes[0]
+
+
+def test_a_reference_that_is_a_saws_teeth_stays_one(tmp_path):
+    """The axis flies back in some samples; what it is sent to, in one."""
+    count = np.arange(600)
+    teeth = 0.05 * (count % 100) - 2.5
+    followed = np.convolve(np.pad(teeth, (11, 0), mode="edge"), np.full(12, 1 / 12), "valid")
+    rows = np.column_stack([followed, np.cos(count), teeth])
+    np.savetxt(tmp_path / "a.txt", rows)
+    (tmp_path / "d.yaml").write_text(
+        "file: a.txt\nsample_rate_hz: 50\naxes:\n  b:\n"
+        '    position: {column: "1", unit: mm}\n    command: {column: "2", unit: A}\n'
+        '    reference: {column: "3", unit: mm}\n'
+    )
+    axis = read_recording(tmp_path / "d.yaml").axes["b"]
+    np.testing.assert_allclose(axis.reference, 1e-3 * teeth)
+    np.testing.assert_allclose(axis.position, 1e-3 * followed)
+
+
+def test_a_loose_contact_is_no_counter(tmp_path):
+    count = np.arange(600)
+    position = 8.0 + np.sin(count / 40.0)
+    position[200:260] = position[400:430] = 0.0
+    moved, notes = _moved_and_told(tmp_path, position)
+    np.testing.assert_allclose(moved, np.diff(position))
+    assert notes == ()
+
+
+def test_an_axis_that_is_between_its_ends_in_one_sample_is_no_counter(tmp_path):
+    position = np.where(np.arange(600) // 40 % 2, 3.0, -3.0) + 0.01 * np.sin(np.arange(600))
+    moved, notes = _moved_and_told(tmp_path, position, "mm")
+    np.testing.assert_allclose(moved, 1e-3 * np.diff(position))
+    assert notes == ()
+
+
+@pytest.mark.parametrize("unfilled", [0, 11])
+def test_a_clock_may_count_ticks_and_rows_without_a_value_are_left_out(tmp_path, unfilled):
+    """A recorder that rejects a message writes a row of nan; at its end the clock is 0."""
+    count = np.arange(300)
+    rows = np.column_stack([11 + 40.0 * count, np.sin(count / 30.0), np.cos(count)])
+    lines = [",".join(f"{value:.9g}" for value in row) for row in rows]
+    for place in (250, 120, 121, 60, 0):
+        lines.insert(place, "nan,nan,nan")
+    lines += ["0,1.5,0"] * unfilled
+    (tmp_path / "a.csv").write_text("\n".join(["n,q,u", *lines]) + "\n")
+    text = (
+        "file: a.csv\ntime: {column: n, unit: s, scale: 0.000125}\naxes:\n  b:\n"
+        "    position: {column: q, unit: turns}\n    command: {column: u, unit: V}\n"
+    )
+    (tmp_path / "d.yaml").write_text(text)
+    recording = read_recording(tmp_path / "d.yaml")
+    assert recording.sample_rate_hz == pytest.approx(200.0)
+    np.testing.assert_allclose(recording.axes["b"].command, rows[:, 2], atol=1e-8)
+    told = f"{5 + unfilled} rows without a value left out, the first: row 1 (line 2)"
+    assert told in recording.notes[0]
+    lines[150] = f"{rows[0, 0]:.9g},0,0"
+    (tmp_path / "a.csv").write_text("\n".join(["n,q,u", *lines]) + "\n")
+    with pytest.raises(DataError, match=r"row 151 \(line 152\)"):
+        read_recording(tmp_path / "d.yaml")
 
 
 @pytest.mark.parametrize("unit", ["m", "rad"])

@@ -7,6 +7,7 @@ import pytest
 import scipy.io
 from recorded_rows import RATE_HZ, columns, make_rows, write_csv, write_log, write_table
 
+from motorctl.errors import DataError
 from motorctl.log import read_recording
 from motorctl.log.export import export
 
@@ -153,3 +154,24 @@ def test_integers_count_as_numbers(tmp_path):
     table = columns() | {"slide.position_m": np.arange(N)}
     pq.write_table(pa.table(table), tmp_path / "a.parquet")
     assert read_recording(tmp_path / "a.parquet").axes["slide"].position[-1] == N - 1
+
+
+def test_lines_of_a_serial_monitor_that_are_no_rows_are_left_out(tmp_path):
+    """Blanks, a message; and an Arduino prints ovf for a number that is too large for it."""
+    rows = [f"{k / 100},{0.1 * k:.3f},{-k}" for k in range(300)]
+    rows[7] = "0.07, ovf,-7"
+    rows[150:150] = ["  ", "Secure Edge Active"]
+    (tmp_path / "a.csv").write_text("t,q,u\n" + "\n".join(rows) + "\n")
+    (tmp_path / "d.yaml").write_text(
+        "file: a.csv\ntime: {column: t}\naxes:\n  b:\n"
+        "    position: {column: q, unit: mm}\n    command: {column: u, unit: A}\n"
+    )
+    recording = read_recording(tmp_path / "d.yaml")
+    assert "a line of text among the rows left out, as 'Secure Edge Active'" in recording.notes
+    axis = recording.axes["b"]
+    np.testing.assert_allclose(axis.command, -np.arange(300.0))
+    np.testing.assert_allclose(axis.position, 1e-4 * np.arange(300.0), atol=1e-12)
+    rows[150] = "1.5,3"
+    (tmp_path / "a.csv").write_text("t,q,u\n" + "\n".join(rows) + "\n")
+    with pytest.raises(DataError, match="2 values where the header has 3 columns"):
+        read_recording(tmp_path / "d.yaml")

@@ -9,7 +9,7 @@ from motorctl.log import read_recording
 
 N = 40
 TIME = np.arange(N) / 100.0
-ANGLE_DEG = np.arange(N) % 11 - 5.0
+ANGLE_DEG = np.abs(np.arange(N) % 20 - 10.0) - 5.0
 COMMAND = np.arange(N) % 7 - 3.0
 ROWS = [f"{t:.2f};{x:.1f};{u:.1f}" for t, x, u in zip(TIME, ANGLE_DEG, COMMAND, strict=True)]
 NAMES = "t;Position [°];Strom [µA]"

@@ -25,6 +25,7 @@ from motorctl_benchmarks.real_machines.bench_readers import (
     small_servo,
     trolley,
 )
+from motorctl_benchmarks.real_machines.cart_and_bus_axes import CART_AND_BUS
 from motorctl_benchmarks.real_machines.course_readers import (
     bare_rod,
     pendulum_wheel,
@@ -179,8 +180,6 @@ OF_LINKS = ("gravity", "position_force", "cross_axis", "flexible_mode")
 BENDING = ("flexible_mode", "cross_axis")
 ON_TENDONS = (*HANGING, "flexible_mode")
 """Both first joints of the instrument have an antiresonance at 2 to 2.4 Hz."""
-LATE_FORCE = ("input_lag", "input_delay")
-"""The measured force is 50 ms behind the motion."""
 CUTS = ("stribeck",)
 """What friction leaves is the force of cutting; at low speed it is larger."""
 WITH_PLAY = ("backlash", "flexible_mode")
@@ -334,8 +333,8 @@ AXES: tuple[RealAxis, ...] = (
     RealAxis("LWA joint 4, another move", schunk(84, 4), "N*m", (*CARRIED, "cogging")),
     *(RealAxis(f"LWA joint {k}, a third move", schunk(18, k), "N*m", CARRIED) for k in (1, 4, 5)),
     RealAxis("motor with a rod", rod_motor, "%"),
-    RealAxis("pulled cylinder, O-ring", pulled_cylinder("O-ring_5bar"), "N", LATE_FORCE, "mm"),
-    RealAxis("pulled cylinder, round seal", pulled_cylinder("Circle_7bar"), "N", LATE_FORCE, "mm"),
+    RealAxis("pulled cylinder, O-ring", pulled_cylinder("O-ring_5bar"), "N", LATE_MOTION, "mm"),
+    RealAxis("pulled cylinder, round seal", pulled_cylinder("Circle_7bar"), "N", LATE_MOTION, "mm"),
     *(RealAxis(f"milling machine, {c}", milling_axis(c), "A", CUTS, "mm") for c in ("X", "Y")),
     RealAxis("stiff drive, to and fro", stage(f"{STIFF}/2_2_Kp_0.5", "x"), "V", WITH_PLAY, "mm"),
     RealAxis(
@@ -497,4 +496,5 @@ AXES: tuple[RealAxis, ...] = (
         for run, k in (("06", 0), ("07", 2))
     ),
     *(RealAxis(f"learnt arm, {run}", learnt_arm(run), "N*m") for run in ("e", "v3")),
+    *CART_AND_BUS,
 )

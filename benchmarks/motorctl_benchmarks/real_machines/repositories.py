@@ -94,6 +94,12 @@ LIGHT_ARM = "kjyv/FloBaRoID"
 EXCAVATOR = "mitchallain/BeagleBone-excavator"
 GEARED_TOOL = "gramaziokohler/integral_timber_joints"
 LEARNT_ARM = "Cambridge-Control-Lab/Passive_lifted_FIR_filters_for_nonlinear_system_identification"
+CURRENT_CART = "nielsSkov/masterThesisMatlab"
+BUS_MOTORS = "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators_usb2fdcan"
+TEST_INPUTS = "labmrd/odrive-with-motor-characterization"
+BALANCING_ROBOT = "MadsRudolph/REGBOT-Balance"
+DIRECT_DRIVE = "jorgevchin/Friction-Identification"
+PUMP_ACTUATOR = "ivliev123/Electro-Hydraulic-Actuator"
 REPOSITORIES = (
     UR10E,
     BLDC,
@@ -183,6 +189,12 @@ REPOSITORIES = (
     EXCAVATOR,
     GEARED_TOOL,
     LEARNT_ARM,
+    CURRENT_CART,
+    BUS_MOTORS,
+    TEST_INPUTS,
+    BALANCING_ROBOT,
+    DIRECT_DRIVE,
+    PUMP_ACTUATOR,
 )
 """On GitHub."""
 COMMITS = {

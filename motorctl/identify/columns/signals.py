@@ -418,11 +418,12 @@ def make_signals(
     if enough >= FEWEST_ROWS and moving < FEWEST_ROWS:
         moved = float(np.ptp(data.position[data.usable]))
         if moved > FAR_BEYOND_NOISE * REST_RANGE * rms or _stands_still(data):
+            part = 100.0 * (1.0 - moving / enough)
             raise DataError(
                 f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "
-                f"but rests nearly all of the time: in motion are {moving} rows below "
-                f"{band:.3g} Hz, and at least {FEWEST_ROWS} are needed: record a longer motion, "
-                "or shorter rests"
+                f"but rests {part:.0f} % of the time: in motion are {moving} of {enough} rows "
+                f"below {band:.3g} Hz, and at least {FEWEST_ROWS} are needed: record a longer "
+                "motion, or shorter rests"
             )
         raise DataError(
             f"{data.place}: only noise: the position hardly ever moves by more than "

@@ -368,7 +368,7 @@ def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):
     moved = driven(x + ripple, 0.1 * a + 0.5 + noise, 1000.0)
     told = diagnose_axis(moved, C1)
     assert (told.verdict, told.effects) == ("insufficient_data", ())
-    assert "only 2 times" in told.sentence
+    assert "only twice" in told.sentence
 
 
 def test_an_axis_that_rests_nearly_all_of_the_time_is_not_called_noise():

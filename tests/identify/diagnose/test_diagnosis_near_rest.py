@@ -162,5 +162,24 @@ def test_a_servo_that_is_logged_slowly_rests_and_is_not_noise():
         position_unit="rad",
         command_unit="%",
     )
-    with pytest.raises(DataError, match=r"it moves over 0\.6.* rests nearly all of the time"):
+    with pytest.raises(DataError, match=r"it moves over 0\.6.* rests \d\d % of the time"):
         make_signals(servo)
+
+
+def test_of_a_short_motion_is_told_how_much_it_rests():
+    t = np.arange(0.0, 5.4, 0.016)
+    arm = Measured(
+        source="arm.csv",
+        axis="x",
+        sample_rate_hz=62.5,
+        time_s=t,
+        position=np.where(t < 3.4, 0.4 * t, 1.36),
+        command=np.where(t < 3.4, 3.0, 1.0),
+        usable=np.ones(len(t), dtype=np.bool_),
+        position_unit="rad",
+        command_unit="N*m",
+    )
+    with pytest.raises(
+        DataError, match=r"moves over 1\.3.* but rests \d\d % of the time: in motion are \d+ of 1"
+    ):
+        make_signals(arm, 9.0)

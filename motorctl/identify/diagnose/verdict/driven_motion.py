@@ -94,10 +94,15 @@ def too_plain(signals: Signals) -> str | None:
     )
     if changes >= FEWEST_CHANGES:
         return None
+    told = {
+        0: "never speeds up or slows down",
+        1: "speeds up or slows down only once",
+        2: "speeds up or slows down only twice",
+    }.get(changes, f"speeds up or slows down only {changes} times")
     return (
-        f"the axis speeds up or slows down only {changes} times, and at least {FEWEST_CHANGES} are "
-        "needed to tell inertia, friction and what the model lacks from each other: record moves "
-        "there and back at more than one speed and acceleration"
+        f"the axis {told}, and at least {FEWEST_CHANGES} times are needed to tell inertia, "
+        "friction and what the model lacks from each other: record moves there and back at more "
+        "than one speed and acceleration"
     )
 
 
