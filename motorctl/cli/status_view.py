@@ -184,10 +184,12 @@ def _parameters(axis: Mapping[str, Any]) -> RenderableType:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("parameter", no_wrap=True)
     table.add_column("estimate", justify="right")
+    table.add_column("unit", no_wrap=True)
+    units = axis.get("theta_units", {})  # an older daemon tells none
     for name, value in axis["theta_hat"].items():
-        table.add_row(name, NOTHING if value is None else f"{value:.6g}")
+        table.add_row(name, NOTHING if value is None else f"{value:.6g}", units.get(name, ""))
     d0 = axis["d0_hat_v"]
-    table.add_row("d0", NOTHING if d0 is None else f"{d0:.6g} V")
+    table.add_row("d0", NOTHING if d0 is None else f"{d0:.6g}", "V")
     heading = Text.assemble(("controller ", "dim"), axis["controller"])
     return Group(Text(), heading, table)
 

@@ -70,6 +70,7 @@ def test_rows_are_arrays_under_the_names_that_logs_have(tmp_path: Path) -> None:
         assert read["tick"].tolist() == list(range(100))
         assert read["y.position_m"] == pytest.approx(1e-3 * np.arange(100))
         assert read.units["y.position_m"] == "m"
+        assert read.units["y.theta_hat_inertia"] == "V*s^2/m"
         assert read.axes == samples.axes == ("x", "y")
         assert "x.theta_hat_offset" in read
         assert "y.theta_hat_offset" not in read
