@@ -114,7 +114,7 @@ export class PlanePanel {
     if (!clouds.some((cloud) => cloud.x.length)) return;
     const logarithmic = Boolean(kind.column);
     const [x, y] = logarithmic ? this.spectrumLimits() : this.limits(width);
-    const words = logarithmic ? (u, ticks) => ticks.map((tick) => (tick === null ? "" : shown(tick))) : (u, ticks) => tickWords(ticks);
+    const words = (u, ticks) => (logarithmic ? decadeWords(ticks) : tickWords(ticks));
     const scale = (limits) => ({ time: false, distr: logarithmic ? 3 : 1, range: () => limits, auto: false, min: limits[0], max: limits[1] });
     this.plot = new uPlot({
       mode: 2, width, height: HEIGHT, padding: PADDING,
@@ -144,6 +144,13 @@ export class PlanePanel {
     const [low] = extent(this.clouds.map((cloud) => cloud.y.filter((v) => v > least)));
     return [[xLow, xHigh], high > 0 ? [low * 0.7, high * 1.5] : [0.1, 10]];
   }
+}
+
+/** Return powers of ten in words, and nothing of other ticks: where the scale begins is none. */
+function decadeWords(ticks) {
+  const round = (tick) => Math.abs(Math.log10(tick) - Math.round(Math.log10(tick))) < 1e-6;
+  const decades = ticks.some((tick) => tick !== null && round(tick));
+  return ticks.map((tick) => (tick === null || (decades && !round(tick)) ? "" : shown(tick)));
 }
 
 /** Return the two axes of a log whose path is drawn: of those that are shown, where there are two. */
