@@ -135,7 +135,7 @@ class _Axes:
             ("error", "right"),
             ("command", "right"),
         ):
-            table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+            table.add_column(heading, justify=justify, no_wrap=True)
         for name, axis in self._axes.items():
             error = _units(axis).error
             table.add_row(
