@@ -5,7 +5,8 @@
 
 The keys come from the schema that configurations are checked by, the columns from the sample that
 the loop records, the codes from the enumerations that it writes, the commands from their own help
-and the effects from their files, so that a page can only say what the program does.
+and the effects from their files, their curves from their kernels, so that a page can only say
+what the program does.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from curve_picture import same_picture
 from reference_commands import commands_page
-from reference_effects import effects_page
+from reference_effects import effect_pictures, effects_page
 
 from motorctl.config import config_schema
 from motorctl.hal import Status
@@ -54,6 +56,7 @@ def pages() -> dict[Path, str]:
         COLUMNS: columns_page(),
         COMMANDS: commands_page(MADE_BY),
         EFFECTS: effects_page(MADE_BY),
+        **{EFFECTS.with_suffix("") / name: text for name, text in effect_pictures().items()},
     }
 
 
@@ -260,7 +263,8 @@ def columns_page() -> str:
         "## Of each axis",
         "",
         "`AXIS` is the axis' name. `theta_hat_…` is a column for each parameter of the axis' "
-        "model, by the effect's name and, where it has several, the parameter's.",
+        "model, by the effect's name and, where it has several, the parameter's; its unit stands "
+        "in the column's own metadata, and in [effects.md](effects.md).",
         "",
         *_columns([field for field in AXIS_FIELDS if not field.of_dual_drive], "AXIS."),
         "",
@@ -358,16 +362,20 @@ def _anchor(heading: str) -> str:
     return kept.replace(" ", "-")
 
 
+def _same(one: str, other: str) -> bool:
+    return same_picture(one, other) if "<svg" in other else one == other
+
+
 def main(arguments: list[str]) -> int:
     """Write the pages, or check them; return the exit status."""
     behind = []
     for place, text in pages().items():
         path = ROOT / place
-        if path.exists() and path.read_text(encoding="utf-8") == text:
+        if path.exists() and _same(path.read_text(encoding="utf-8"), text):
             continue
         behind.append(place)
         if "--check" not in arguments:
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
     if behind and "--check" in arguments:
         print(f"{' and '.join(map(str, behind))}: behind: python tools/reference.py")

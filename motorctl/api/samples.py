@@ -309,6 +309,7 @@ class Subscription:
                 tuple(axis["theta_names"]),
                 axis["dual_drive"],
                 units=units_of(axis.get("position_unit")),  # an older daemon tells none
+                theta_units=tuple(axis.get("theta_units", ())),
             )
             for name, axis in told["axes"].items()
         ]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import typer
+
 from motorctl.errors import MotorctlError
 
 
@@ -25,12 +27,12 @@ def configurations(incomplete: str) -> list[str]:
     ]
 
 
-def axes(incomplete: str) -> list[str]:
-    """Return the axes of the running daemon that begin with some characters; none without one."""
+def axes(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the axes of the daemon that begin with some characters; none where none runs."""
     from motorctl import connect
 
     try:
-        with connect() as machine:
+        with connect(context.params.get("socket")) as machine:
             return [name for name in machine.status().axes if name.startswith(incomplete)]
     except (MotorctlError, OSError):
         return []

@@ -6,7 +6,8 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.measure import Measurement
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -25,13 +26,17 @@ STATE_STYLES = {
 }
 PHASE_STYLES = {"running": "green", "failed": "bold red", "stopped": "yellow"}
 TRAVEL_CELLS = 13
+LEAST_CELLS = 68
+"""Of a terminal in which the travel is drawn, too: below it the numbers need the room."""
+PATH_CELLS = 64
+"""Of a path on one line, in a terminal of 80 columns."""
 MOTION_CELLS = 24
 NOTHING = "–"
 
 
 def status_view(document: Mapping[str, Any], *, detailed: bool) -> RenderableType:
     """Draw the status; `detailed` adds the parameters of every axis in it."""
-    parts: list[RenderableType] = [_axes(document["axes"])]
+    parts: list[RenderableType] = [_Axes(document["axes"])]
     for name, axis in document["axes"].items():
         if axis["motion"]:
             parts.append(_motion(name, axis["motion"]))
@@ -107,28 +112,41 @@ def _title(document: Mapping[str, Any]) -> Text:
     )
 
 
-def _axes(axes: Mapping[str, Any]) -> Table:
-    table = Table(box=None, padding=(0, 3, 0, 0), header_style="dim")
-    for heading, justify in (
-        ("axis", "left"),
-        ("state", "left"),
-        ("position", "right"),
-        ("travel", "left"),
-        ("error", "right"),
-        ("command", "right"),
-    ):
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for name, axis in axes.items():
-        error = _units(axis).error
-        table.add_row(
-            Text(name, "bold"),
-            Text(axis["state"], STATE_STYLES[axis["state"]]),
-            _position(axis["position_m"], _units(axis)),
-            _travel(axis),
-            _number(axis["following_error_m"], error.factor, "+.1f", error.unit),
-            _number(axis["command_v"], 1.0, "+.2f", "V"),
-        )
-    return table
+class _Axes:
+    """A line for each axis; in a narrow terminal without the drawing of its travel."""
+
+    def __init__(self, axes: Mapping[str, Any]) -> None:
+        self._axes = axes
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield self._table(options)
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        return Measurement.get(console, options, self._table(options))
+
+    def _table(self, options: ConsoleOptions) -> Table:
+        narrow = options.max_width < LEAST_CELLS
+        table = Table(box=None, padding=(0, 1 if narrow else 3, 0, 0), header_style="dim")
+        for heading, justify in (
+            ("axis", "left"),
+            ("state", "left"),
+            ("position", "right"),
+            *(() if narrow else (("travel", "left"),)),
+            ("error", "right"),
+            ("command", "right"),
+        ):
+            table.add_column(heading, justify=justify, no_wrap=True)
+        for name, axis in self._axes.items():
+            error = _units(axis).error
+            table.add_row(
+                Text(name, "bold"),
+                Text(axis["state"], STATE_STYLES[axis["state"]]),
+                _position(axis["position_m"], _units(axis)),
+                *(() if narrow else (_travel(axis),)),
+                _number(axis["following_error_m"], error.factor, "+.1f", error.unit),
+                _number(axis["command_v"], 1.0, "+.2f", "V"),
+            )
+        return table
 
 
 def _units(axis: Mapping[str, Any]) -> AxisUnits:
@@ -184,10 +202,12 @@ def _parameters(axis: Mapping[str, Any]) -> RenderableType:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("parameter", no_wrap=True)
     table.add_column("estimate", justify="right")
+    table.add_column("unit", no_wrap=True)
+    units = axis.get("theta_units", {})  # an older daemon tells none
     for name, value in axis["theta_hat"].items():
-        table.add_row(name, NOTHING if value is None else f"{value:.6g}")
+        table.add_row(name, NOTHING if value is None else f"{value:.6g}", units.get(name, ""))
     d0 = axis["d0_hat_v"]
-    table.add_row("d0", NOTHING if d0 is None else f"{d0:.6g} V")
+    table.add_row("d0", NOTHING if d0 is None else f"{d0:.6g}", "V")
     heading = Text.assemble(("controller ", "dim"), axis["controller"])
     return Group(Text(), heading, table)
 
@@ -211,12 +231,18 @@ def _loop(loop: Mapping[str, Any], recording: Mapping[str, Any]) -> Table:
         lost = recording["rows_lost"]
         counted = f"{recording['rows']:,} ticks, {lost:,} lost"
         table.add_row("recording", Text(counted, "bold red" if lost else ""))
-        table.add_row("", Text(recording["file"], "dim", overflow="fold"))
+        table.add_row("", Text(_broken(recording["file"]), "dim", overflow="fold"))
         for text in _logs(recording):
             table.add_row("", text)
     if recording["failure"]:
         table.add_row("", Text(recording["failure"], "bold red"))
     return table
+
+
+def _broken(path: str) -> str:
+    """Return a path in two lines, its folder and its name, where one would not hold it."""
+    folder, slash, name = path.rpartition("/")
+    return f"{folder}{slash}\n{name}" if len(path) > PATH_CELLS else path
 
 
 def _logs(recording: Mapping[str, Any]) -> list[Text]:

@@ -20,6 +20,7 @@ def log_axes(machine: Machine) -> list[LogAxis]:
             dual_drive=a.dual_drive is not None,
             learning=a.learning is not None,
             units=a.units,
+            theta_units=a.model.parameter_units,
         )
         for a in machine.axes.values()
     ]

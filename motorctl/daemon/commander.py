@@ -224,6 +224,7 @@ class Commander:
             "axes": {
                 axis.name: {
                     "theta_names": list(axis.theta_names),
+                    "theta_units": list(axis.theta_units),
                     "dual_drive": axis.dual_drive,
                     "position_unit": axis.units.position,
                 }

@@ -237,7 +237,14 @@ class Report:
             **_dual_drive(axis, status),
             "d0_hat_v": finite(status["d0_hat_v"]),
             "theta_hat": dict(zip(axis.model.parameter_names, map(finite, theta), strict=True)),
+            "theta_units": _theta_units(axis),
         }
+
+
+def _theta_units(axis: Axis) -> dict[str, str]:
+    """Return the unit of each parameter by its name; empty: a number."""
+    units = map(axis.units.words, axis.model.parameter_units)
+    return dict(zip(axis.model.parameter_names, units, strict=True))
 
 
 def _motor_heat(axis: Axis, status: np.void) -> dict[str, float] | None:

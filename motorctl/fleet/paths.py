@@ -94,7 +94,10 @@ def opened(source: str) -> Iterator[pq.ParquetFile]:
     """Open a log to be read row group by row group. Raises DataError where it is none."""
     files, address = _file_system(source)
     try:
-        with files.open(address, "rb") as raw, pq.ParquetFile(raw) as file:
+        with (
+            files.open(address, "rb") as raw,
+            pq.ParquetFile(raw, page_checksum_verification=True) as file,
+        ):
             yield file
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error

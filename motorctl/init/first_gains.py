@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from motorctl.config.analysis import LoopMargins, loop_margins
+from motorctl.config.loop_cases import USUAL_GAIN_DB, USUAL_PHASE_DEG
 
 FASTEST_K1_1_S = 250.0
 """k1 at most: that of the published gantry, whose loop crosses over at 80 Hz. Larger meets
@@ -18,9 +19,9 @@ INTEGRAL_RATIO = 50.0
 """k1 over gamma_d / ks, as of the published gantry: the fast adaptation costs a degree of phase."""
 PHASE_DEG, GAIN = 45.0, 2.0
 """Margins that are kept at the inertia that was told: 45 degrees and 6 dB, the usual ones."""
-LEAST_PHASE_DEG, LEAST_GAIN = 15.0, 1.2
-"""And at the bounds of the inertia, half and twice as much, where nobody expects it to stay, with a
-command that is a period later than the driver's exchange, as by an amplifier that lags."""
+LEAST_PHASE_DEG, LEAST_GAIN = USUAL_PHASE_DEG, 10.0 ** (USUAL_GAIN_DB / 20.0)
+"""And at the bounds of the inertia, half and twice as much, with a command that is a period later
+than the driver's exchange, as by an amplifier that lags: less than this `check` remarks on."""
 NOISE_SHARE = 0.02
 """Of the full command: what the steps of the count may add to it, as rms. Larger makes motors sing,
 smaller asks for finer encoders than machines have."""

@@ -28,6 +28,8 @@ class LogAxis:
     learning: bool = False
     """It may get a learned feedforward, and has a column of it."""
     units: AxisUnits = LINEAR
+    theta_units: tuple[str, ...] = ()
+    """Of the parameters, of a linear axis, in the order of their names; empty: nobody told them."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,12 @@ def log_columns(axes: Sequence[LogAxis]) -> tuple[Column, ...]:
                 continue
             name = f"{axis.name}.{field.name}"
             if field.per_parameter:
-                thetas = enumerate(axis.theta_names)
-                columns += [Column(f"{name}_{t}", field, j, k, field.unit) for k, t in thetas]
+                told = axis.theta_units or ("",) * len(axis.theta_names)
+                thetas = zip(axis.theta_names, map(axis.units.words, told), strict=True)
+                columns += [
+                    Column(f"{name}_{theta}", field, j, k, unit)
+                    for k, (theta, unit) in enumerate(thetas)
+                ]
             else:
                 columns.append(Column(name, field, j, unit=axis.units.words(field.unit)))
     return tuple(columns)

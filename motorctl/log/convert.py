@@ -115,6 +115,7 @@ def _parquet_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
         compression_level=3,
         use_dictionary=states,  # type: ignore[arg-type]
         column_encoding=encoding,
+        write_page_checksum=True,  # else a flipped bit of incompressible numbers is taken for data
     )
 
 

@@ -129,7 +129,7 @@ def _in_batches(
     done = 0
     with writer:
         for part in parts:
-            with pq.ParquetFile(part.path) as log:
+            with pq.ParquetFile(part.path, page_checksum_verification=True) as log:
                 for batch in log.iter_batches(batch_size=_BATCH_ROWS):
                     writer.write_batch(batch.cast(schema))
                     done += batch.num_rows

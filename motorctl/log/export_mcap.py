@@ -91,7 +91,7 @@ def write_mcap(
             channels.append(writer.register_channel(f"/{topic.name}", "json", number))
         names = {key: _names(table, where) for key, where in NAMED.items()}
         for part in parts:
-            with pq.ParquetFile(part.path) as log:
+            with pq.ParquetFile(part.path, page_checksum_verification=True) as log:
                 for batch in log.iter_batches(batch_size=BATCH_ROWS):
                     times = _times_ns(table, batch, done)
                     for topic, channel in zip(topics, channels, strict=True):

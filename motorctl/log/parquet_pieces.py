@@ -39,7 +39,7 @@ class ParquetPieces:
         try:
             if file is None:
                 self._mark = _mark(path)
-                file = pq.ParquetFile(path)
+                file = pq.ParquetFile(path, page_checksum_verification=True)
             else:
                 held = True
             self._metadata = file.metadata
@@ -103,7 +103,9 @@ class ParquetPieces:
     def _read_anew(self, groups: list[int], name: str) -> pa.Table:
         if _mark(self.path) != self._mark:
             raise DataError(f"{self.path}: is another file than when it was opened: open it anew")
-        with pq.ParquetFile(self.path, metadata=self._metadata) as file:
+        with pq.ParquetFile(
+            self.path, metadata=self._metadata, page_checksum_verification=True
+        ) as file:
             return file.read_row_groups(groups, columns=[name])
 
 

@@ -35,7 +35,7 @@ class ParquetTable(Table):
     def column(self, name: str) -> NDArray[Any]:
         """Return a column in the file's own type, shape (N,). Raises DataError."""
         try:
-            with pq.ParquetFile(self.path) as file:
+            with pq.ParquetFile(self.path, page_checksum_verification=True) as file:
                 return np.asarray(file.read(columns=[name]).column(name).to_numpy())
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             raise damaged(self.path, error) from error
@@ -44,7 +44,9 @@ class ParquetTable(Table):
         require_numbers(self.path, self.schema, names)
         require_memory(self.path, self.rows, len(names))
         try:
-            with pq.ParquetFile(self.path, memory_map=True) as file:
+            with pq.ParquetFile(
+                self.path, memory_map=True, page_checksum_verification=True
+            ) as file:
                 # one at a time: a long log's columns would all be held twice
                 return {name: floats_of(file.read(columns=[name]).column(name)) for name in names}
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:

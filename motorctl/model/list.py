@@ -60,6 +60,11 @@ class EffectList:
         """Full names of the parameters, in the order of theta."""
         return tuple(e.full_name(p) for e in self.effects for p in e.parameters)
 
+    @property
+    def parameter_units(self) -> tuple[str, ...]:
+        """Units of the parameters, of a linear axis, in the order of theta; empty: a number."""
+        return tuple("" if p.unit == "1" else p.unit for p in self.parameters)
+
     def index_of(self, signal: Signal) -> int | None:
         """Return the place in theta of the basic effect whose column is this signal."""
         start = 0

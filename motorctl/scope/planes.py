@@ -57,6 +57,9 @@ def path(
 ) -> Answer:
     """Return the path of two axes, with the error across it magnified.
 
+    Metres and radians have no distance in common, so nothing is across the path of a linear and a
+    rotary axis: there each axis' own error is magnified, with what it lags behind on the path.
+
     Parameters
     ----------
     shown
@@ -71,8 +74,9 @@ def path(
     Returns
     -------
     Answer
-        `x` and `y` of the reference moved by the magnified error across it, `reference_x` and
-        `reference_y`, and in what is told `worst` and `rms` of the error across the path.
+        `x` and `y` of the reference moved by the magnified error, `reference_x` and `reference_y`.
+        In what is told `worst` and `rms` of the error across the path, or `worst_x` and `worst_y`
+        where the axes' units differ.
     """
     if not 1 <= magnified <= 1e6:
         raise UsageError(f"magnified: {magnified:g}, which is not between 1 and 1e6")
@@ -84,19 +88,28 @@ def path(
     rx, vx, ex, ry, vy, ey = (
         shown.pyramid.rows(name, first, last).astype(float) for name in columns
     )
-    across, normal_x, normal_y = error_across(vx, vy, ex, ey, LEAST_SPEED)
-    known = across[np.isfinite(across)]
-    if len(known):
-        told = told | {
-            "worst": float(np.max(np.abs(known))),
-            "rms": float(np.sqrt(np.mean(known**2))),
-        }
-    drawn = _points(rx + magnified * across * normal_x, ry + magnified * across * normal_y, told)
+    units = shown.log.units
+    if units.get(f"{x_axis}.position_m") == units.get(f"{y_axis}.position_m"):
+        across, normal_x, normal_y = error_across(vx, vy, ex, ey, LEAST_SPEED)
+        ex, ey = across * normal_x, across * normal_y
+        told = told | _sizes(across)
+    else:
+        sizes = {"worst_x": _sizes(ex), "worst_y": _sizes(ey)}
+        told = told | {name: size["worst"] for name, size in sizes.items() if size}
+    drawn = _points(rx + magnified * ex, ry + magnified * ey, told)
     reference = _points(rx, ry, {})
     arrays = {f"reference_{name}": values for name, values in reference.arrays.items()}
     return Answer(
         {**drawn.told, "reference_line": reference.told["line"]}, {**drawn.arrays, **arrays}
     )
+
+
+def _sizes(error: Array) -> dict[str, float]:
+    """Return the largest and the rms value of an error; nothing where none is known."""
+    known = error[np.isfinite(error)]
+    if not len(known):
+        return {}
+    return {"worst": float(np.max(np.abs(known))), "rms": float(np.sqrt(np.mean(known**2)))}
 
 
 def _rows(shown: Shown, begin_s: float, end_s: float) -> tuple[int, int, dict[str, Any]]:

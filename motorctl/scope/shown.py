@@ -162,23 +162,24 @@ class Shown:
 
 
 def paths(config: Mapping[str, Any], units: Mapping[str, str]) -> list[list[str]]:
-    """Return the pairs of axes that can be drawn one over the other, as their positions go.
+    """Return the pairs of axes to draw one over the other, those that belong together first.
 
     Parameters
     ----------
     config
-        The log's; pairs that a program of it leads together come first.
+        The log's: pairs that a program of it leads together come first.
     units
-        Of the positions, by axis: a path has one.
+        Of the positions, by axis: pairs of one unit come before others, which have no distance in
+        common.
     """
     pairs = []
     for program in _mapping(config.get("programs")).values():
         led = program.get("axes") if isinstance(program, dict) else None
         if isinstance(led, list) and len(led) > 1 and all(name in units for name in led[:2]):
             pairs.append(led[:2])
-    pairs += [list(pair) for pair in combinations(units, 2)]
-    alike = [[x, y] for x, y in pairs if units[x] == units[y]]
-    return [pair for k, pair in enumerate(alike) if pair not in alike[:k]]
+    others = [list(pair) for pair in combinations(units, 2)]
+    pairs += sorted(others, key=lambda pair: units[pair[0]] != units[pair[1]])
+    return [pair for k, pair in enumerate(pairs) if sorted(pair) not in map(sorted, pairs[:k])]
 
 
 def _mapping(value: object) -> Mapping[str, Any]:

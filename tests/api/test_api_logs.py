@@ -149,6 +149,8 @@ def test_a_simulation_gives_its_log_and_leaves_nothing_behind() -> None:
     assert log.duration_s >= 1.0
     assert told[-1] == 1.0
     assert log.metadata["seed"] == {"gantry": 7}
+    assert log.units["y.theta_hat_inertia"] == "V*s^2/m"
+    assert log.units["y.theta_hat_em_cubic"] == "1/V^2"
     path = log.paths[0]
     assert path.exists()
     del log

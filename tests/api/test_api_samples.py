@@ -310,6 +310,8 @@ def test_rows_of_a_daemon_are_those_of_its_log_across_its_restart(daemon: Daemon
     for name in ("x.position_m", "x.command_v", "y.theta_hat_inertia", "x.state"):
         assert (np.concatenate([batch[name] for batch in read]) == log[name][kept]).all(), name
     assert len(ticks) > 200
+    assert read[0].units == log.units
+    assert log.units["y.theta_hat_inertia"] == "V*s^2/m"
 
 
 def test_a_subscription_ends_with_its_daemon(daemon: Daemon) -> None:

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
+from served_socket import served
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.cli.whole_help import SECTIONS
 from motorctl.config import shipped_configs
+
+AXIS: dict[str, Any] = {
+    "state": "idle", "homed": True, "position_m": 0.0, "velocity_m_s": 0.0, "reference_m": 0.0,
+    "following_error_m": 0.0, "command_v": 0.0, "travel_m": [0.0, 1.0], "max_voltage_v": 10.0,
+    "fault": None, "theta_hat": {},
+}  # fmt: skip
+MACHINE = {
+    "machine": "bench",
+    "axes": {"x": AXIS, "y": AXIS},
+    "loop": {"rate_hz": 1000.0},
+    "recording": {"file": None},
+}
 
 
 def shown(*words: str, **environment: str) -> str:
@@ -55,6 +69,15 @@ def test_shipped_configurations_and_files_are_offered(
     assert set(shipped_configs()) <= set(offered("check", ""))
     assert offered("check", "m") == ["modbus_gantry", "machines/", "mine.yaml"]
     assert offered("simulate", "mine") == ["mine.yaml"]
+
+
+def test_the_axes_of_the_daemon_whose_socket_was_named_are_offered(tmp_path: Path) -> None:
+    async def answer(_: object) -> dict[str, Any]:
+        return MACHINE
+
+    with served(tmp_path / "m.sock", answer) as place:
+        assert offered("move", "--socket", os.fspath(place), "") == ["x", "y"]
+        assert offered("move", "--socket", os.fspath(place), "y") == ["y"]
 
 
 def test_without_a_daemon_no_axis_is_offered_and_nothing_is_said(

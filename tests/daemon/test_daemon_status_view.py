@@ -71,13 +71,13 @@ DUAL = {
 }
 
 
-def drawn(document: dict[str, Any], *, detailed: bool = False) -> str:
-    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+def drawn(document: dict[str, Any], *, detailed: bool = False, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width, force_terminal=False)
     console.print(status_view(document, detailed=detailed))
     file = console.file
     assert isinstance(file, io.StringIO)
     text = file.getvalue()
-    assert max(map(len, text.splitlines())) <= 80
+    assert max(map(len, text.splitlines())) <= width
     assert "…" not in text
     return text
 
@@ -90,6 +90,28 @@ def changed(path: str, value: Any) -> dict[str, Any]:
         place = place[key]
     place[last] = value
     return document
+
+
+def test_in_a_narrow_terminal_the_drawing_of_the_travel_goes_and_no_number_is_cut() -> None:
+    text = drawn(DOCUMENT, width=50)
+    for part in ("running", "123.4567 mm", "+12.3 µm", "-9.87 V"):
+        assert part in text
+    assert "├" not in text
+    assert "├" in drawn(DOCUMENT)
+
+
+def test_a_path_that_one_line_does_not_hold_is_broken_before_the_files_name() -> None:
+    name = "published-gantry-20260101T120000Z.parquet"
+    text = drawn(changed("recording.file", f"/home/somebody/projects/stage/logs/{name}"))
+    assert f" {name} " in text
+    assert " /home/somebody/projects/stage/logs/ " in text
+
+
+def test_an_estimate_is_told_with_its_unit() -> None:
+    units = {"inertia": "V*s^2/m", "position_dependent_friction_spline_12": ""}
+    lines = drawn(changed("axes.x.theta_units", units), detailed=True).splitlines()
+    assert any(line.split()[1:4] == ["inertia", "0.19", "V*s^2/m"] for line in lines)
+    assert any(line.split()[1:4] == ["d0", "0.01", "V"] for line in lines)
 
 
 def test_an_axis_that_is_excited_is_told_with_the_time_that_is_left() -> None:

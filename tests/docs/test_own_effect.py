@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from effect_curves import curves_of
 
 from motorctl.model import Spans, catalog, effects
+from motorctl.model.catalog import sample_form
 from motorctl.model.columns import state_columns
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +41,12 @@ def test_the_example_of_an_own_effect_brakes_most_at_its_velocity(eddy_brake) ->
     (column,) = state_columns(brake, zero, v, zero, v, zero)
     assert v[np.argmax(column)] == pytest.approx(0.3, abs=1e-3)
     assert column.max() == pytest.approx(0.15)
+
+
+def test_the_reference_draws_the_example_by_its_own_kernel(eddy_brake) -> None:  # type: ignore[no-untyped-def]
+    (curve,) = curves_of(eddy_brake).curves
+    part = curve.x / sample_form(eddy_brake).options.peak_velocity_m_s
+    np.testing.assert_allclose(curve.y, 2.0 * part / (1.0 + part**2), atol=1e-3)
 
 
 def test_the_example_gives_diagnosis_forms_below_and_above_the_top_speed(eddy_brake) -> None:  # type: ignore[no-untyped-def]

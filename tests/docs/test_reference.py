@@ -3,8 +3,11 @@
 import re
 from enum import IntEnum
 
+import numpy as np
 import pytest
 import reference
+from curve_picture import same_picture
+from effect_curves import curves_of
 from formula_tex import formula_tex
 from latex2mathml.converter import convert
 from reference import COLUMNS, COMMANDS, EFFECTS, KEYS, ROOT, described_members, main, pages
@@ -97,3 +100,23 @@ def test_every_command_is_told_with_its_options():
     ):
         section = page.partition(f"\n### motorctl {command}\n")[2].partition("\n### ")[0]
         assert f"| `{option}" in section, command
+
+
+@pytest.mark.parametrize("effect", built_in_effects().values(), ids=lambda effect: effect.name)
+def test_every_effect_has_a_curve_that_its_own_kernel_computed(effect):
+    place = EFFECTS.with_suffix("") / f"{effect.name}.svg"
+    assert f"(effects/{effect.name}.svg)" in (ROOT / EFFECTS).read_text()
+    assert (ROOT / place).is_file()
+    drawn = curves_of(effect)
+    assert any(np.ptp(curve.y) > 0 for curve in drawn.curves) or effect.proportional_to == "one"
+    for curve in drawn.curves:
+        assert np.isfinite(curve.x).all()
+        assert np.isfinite(curve.y).all()
+
+
+def test_pictures_are_the_same_to_a_quarter_of_a_pixel_and_word_for_word():
+    one = '<svg><text>at most 3 V</text><polyline points="1.0,2.0 3.0,4.0"/></svg>'
+    assert same_picture(one, one.replace("4.0", "4.1"))
+    assert not same_picture(one, one.replace("4.0", "4.5"))
+    assert not same_picture(one, one.replace("at most", "at least"))
+    assert not same_picture(one, one.replace(" 3.0,4.0", ""))

@@ -100,9 +100,11 @@ def insist_on_check(tmp_path, axis):
     own = machine.axes["x"]
     assert own.limits.travel_m == pytest.approx(axis.travel_m)
     assert own.estimates[0].initial == pytest.approx(axis.inertia_v_s2_m, rel=6e-3)
-    margins = summarise(machine)["axes"]["x"]["margins"][0]
+    summary = summarise(machine)
+    margins = summary["axes"]["x"]["margins"][0]
     assert margins["stable"]
     assert margins["phase_margin_deg"] >= 44.9
+    assert "thin margins" not in str(summary)  # nor at the bounds of the inertia, a period later
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from recorded_ring import AXES
 
 from motorctl.axis_units import LINEAR, ROTARY, units_in, units_of
-from motorctl.log.columns import LogAxis, log_columns
+from motorctl.log.columns import LogAxis, log_columns, log_schema
 from motorctl.log.sample import FaultCause
 from motorctl.loop.faults import fault_message
 
@@ -44,6 +44,15 @@ def test_columns_of_a_rotary_axis_are_in_radians():
     assert columns["c.command_v"].unit == "V"
     assert columns["time_s"].unit == "s"
     assert {c.unit for c in log_columns(AXES) if c.name.endswith("velocity_m_s")} == {"m/s"}
+
+
+@pytest.mark.parametrize(("units", "inertia"), [(LINEAR, "V*s^2/m"), (ROTARY, "V*s^2/rad")])
+def test_each_estimate_carries_its_parameters_unit_in_the_axis_own_units(units, inertia):
+    names, told = ("inertia", "force_ripple_sin_1"), ("V*s^2/m", "")
+    axis = LogAxis("c", names, units=units, theta_units=told)
+    schema = log_schema([axis], b"{}")
+    assert schema.field("c.theta_hat_inertia").metadata[b"unit"] == inertia.encode()
+    assert b"unit" not in schema.field("c.theta_hat_force_ripple_sin_1").metadata  # a number
 
 
 def test_a_fault_of_a_rotary_axis_is_told_in_radians():

@@ -13,8 +13,9 @@ from recorded_rows import AXES, make_rows, write_log
 from scope_browser import Page, browser, served
 
 import motorctl
+from motorctl.axis_units import LINEAR, ROTARY
 from motorctl.config.shipped import shipped_config
-from motorctl.log import LogWriter
+from motorctl.log import LogAxis, LogWriter
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
 pytestmark = pytest.mark.slow
@@ -189,6 +190,23 @@ def test_paths_spectra_and_planes_are_drawn(open_page: Any, bench: tuple[Path, s
     page = open_page(bench[1], f"panels={','.join(names)}&from=10&to=15")
     for name in names:
         assert page.pixels(name, X if name == "path" else Y)["count"] > 300, name
+
+
+def test_the_path_is_that_of_the_axes_that_are_shown_each_in_its_own_unit(
+    open_page: Any, tmp_path: Path
+) -> None:
+    ticks, samples = make_rows(4000, 3)
+    samples["following_error_m"] = (2e-6, -3e-5, 1e-6)
+    kinds = {"x": LINEAR, "y": LINEAR, "c": ROTARY}
+    axes = [LogAxis(name, ("inertia", "offset"), units=kind) for name, kind in kinds.items()]
+    path = write_log(tmp_path / "run.parquet", (ticks, samples), {"rate_hz": RATE_HZ}, axes)
+    with served([path]) as url:
+        mixed = open_page(url, "panels=path&axes=x,c")
+        words = mixed.panel("path").locator(".panel-head").inner_text()
+        assert "worst: x 2 µm, c 1 µrad; m and rad have no distance in common" in words
+        assert mixed.pixels("path", X)["count"] > 300
+        alike = open_page(url, "panels=path&axes=x,y")
+        assert "across the path: worst" in alike.panel("path").locator(".panel-head").inner_text()
 
 
 def test_waves_over_position_and_laps_are_drawn(open_page: Any, bench: tuple[Path, str]) -> None:

@@ -212,12 +212,13 @@ def test_the_error_over_position_lights_every_pixel_that_a_row_falls_onto(tmp_pa
     ("kinds", "drawn"),
     [
         ({"x": LINEAR, "y": LINEAR}, [["x", "y"]]),
-        ({"x": LINEAR, "y": ROTARY}, []),
-        ({"x": LINEAR, "c": ROTARY, "y": LINEAR}, [["x", "y"]]),
+        ({"x": LINEAR, "y": ROTARY}, [["x", "y"]]),
+        ({"c": ROTARY, "x": LINEAR, "y": LINEAR}, [["c", "x"], ["x", "y"], ["c", "y"]]),
+        ({"y": LINEAR, "x": LINEAR, "c": ROTARY}, [["y", "x"], ["y", "c"], ["x", "c"]]),
     ],
-    ids=["plane", "carriage and joint", "joint between"],
+    ids=["plane", "carriage and joint", "led together", "of one unit"],
 )
-def test_a_path_is_drawn_of_axes_of_one_unit_only(
+def test_paths_that_a_program_leads_come_first_then_those_of_one_unit(
     tmp_path: Path, kinds: dict[str, AxisUnits], drawn: list[list[str]]
 ) -> None:
     path = tmp_path / "run.parquet"
@@ -226,6 +227,21 @@ def test_a_path_is_drawn_of_axes_of_one_unit_only(
     write_log(path, make_rows(100, len(axes)), {"rate_hz": 1000.0, "config": led}, axes)
     _, _, body = asked([path], ("/api/logs", {}))
     assert json.loads(body)["logs"][0]["paths"] == drawn
+
+
+def test_on_the_path_of_a_carriage_and_a_joint_each_has_its_own_error(tmp_path: Path) -> None:
+    ticks, samples = make_rows(2000)
+    samples["reference_m"] = np.column_stack((0.1 * ticks["time_s"], np.sin(ticks["time_s"])))
+    samples["following_error_m"] = (2e-6, -3e-5)
+    axes = (AXES[0], LogAxis("c", ("inertia", "offset"), units=ROTARY))
+    write_log(tmp_path / "run.parquet", (ticks, samples), {"rate_hz": 1000.0}, axes)
+    query = "log=0&x=x&y=c&begin_s=0&end_s=2&magnified=1000"
+    _, _, body = asked([tmp_path / "run.parquet"], (f"/api/path?{query}", {}))
+    told, found = arrays(body)
+    assert (told["worst_x"], told["worst_y"]) == pytest.approx((2e-6, 3e-5))
+    assert not {"worst", "rms"} & told.keys()  # metres and radians have no distance in common
+    assert found["x"] - found["reference_x"] == pytest.approx(2e-3)
+    assert found["y"] - found["reference_y"] == pytest.approx(-3e-2)
 
 
 def test_the_error_of_a_circle_is_drawn_across_its_path(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,22 +29,24 @@ HEIGHT_INCHES = 3.6
 
 @dataclass(frozen=True)
 class Contour:
-    """The reference path of two axes, and how far the axes are to the side of it.
+    """The reference path of two axes, and how far the axes are off it.
 
     Arrays are of shape (n,), of the rows in which the reference moves.
     """
 
     path: tuple[Array, Array]
     """Reference positions of the two axes."""
-    normal: tuple[Array, Array]
-    """Unit vector to the left of the motion."""
+    off: tuple[Array, Array]
+    """Of each axis' error what is drawn: the part across the motion or, where the axes' units have
+    no distance in common and so nothing is across, all."""
     error: Array
-    """Distance of the measured position to the left of the path's tangent."""
+    """Distance of the measured position to the left of the path's tangent; of axes whose units
+    differ empty."""
 
     @property
     def largest(self) -> float:
         """In the axes' unit."""
-        return float(np.max(np.abs(self.error), initial=0.0))
+        return _largest(self.error)
 
     @property
     def rms(self) -> float:
@@ -60,7 +62,7 @@ def contour_of(run: ComparedRun, pair: tuple[str, str]) -> Contour:
     run
         In which both axes follow a reference.
     pair
-        The two axes.
+        The two axes. Of a linear and a rotary one the whole error of each is taken.
 
     Returns
     -------
@@ -73,58 +75,85 @@ def contour_of(run: ComparedRun, pair: tuple[str, str]) -> Contour:
     x, y = (np.asarray(r, dtype=np.float64)[rows] for r in references if r is not None)
     ex, ey = (record.position[rows] - r for record, r in zip(records, (x, y), strict=True))
     vx, vy = np.gradient(x, edge_order=2), np.gradient(y, edge_order=2)
+    if records[0].position_unit != records[1].position_unit:
+        kept = _moves(vx) | _moves(vy)
+        return Contour((x[kept], y[kept]), (ex[kept], ey[kept]), np.empty(0))
     slowest = SLOW_SHARE * float(np.max(np.hypot(vx, vy), initial=0.0))
     across, nx, ny = error_across(vx, vy, ex, ey, slowest)
     kept = ((nx != 0.0) | (ny != 0.0)) & np.isfinite(across)
-    return Contour((x[kept], y[kept]), (nx[kept], ny[kept]), across[kept])
+    off = across * nx, across * ny
+    return Contour((x[kept], y[kept]), (off[0][kept], off[1][kept]), across[kept])
+
+
+def _moves(velocity: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(velocity) > SLOW_SHARE * _largest(velocity))
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
 
 
 def pairs_of(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return the pairs of axes of one unit that follow one program of two axes in every run."""
+    """Return the pairs of axes that follow one program of two axes in every run."""
     pairs = [set(_pairs(run)) for run in comparison.runs]
     both = set.intersection(*pairs) if pairs else set()
-    return sorted((x, y) for x, y in both if _alike(comparison, x, y))
-
-
-def _alike(comparison: Comparison, x: str, y: str) -> bool:
-    return {x, y} <= set(comparison.axes) and comparison.units(x)[0] == comparison.units(y)[0]
+    return sorted((x, y) for x, y in both if {x, y} <= set(comparison.axes))
 
 
 def plot_contour(comparison: Comparison, pair: tuple[str, str], path: Path) -> Path:
-    """Draw each run's path beside its reference, the error to the side as many times as told."""
+    """Draw each run's path beside its reference, the error off it as many times as told."""
     contours = [contour_of(run, pair) for run in comparison.runs]
-    unit = comparison.units(pair[0])[0]
-    scale, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
-    size = max(
-        (float(np.ptp(c.path[k])) for c in contours for k in (0, 1) if len(c.error)), default=0
-    )
-    times = _magnified(size, max(contour.largest for contour in contours))
+    units = [comparison.units(name)[0] for name in pair]
+    scales = [1e3 if unit == "m" else 1.0 for unit in units]
+    alike = units[0] == units[1]
+    times = _times(contours, alike=alike)
     columns = min(len(contours), 2)
     rows = -(-len(contours) // columns)
     with panels_in_file(rows, path, height=HEIGHT_INCHES, columns=columns) as (figure, panels):
         runs = zip(panels, comparison.runs, contours, strict=False)
         for k, (panel, run, contour) in enumerate(runs):
-            reference = [part * scale for part in contour.path]
+            reference = [part * scale for part, scale in zip(contour.path, scales, strict=True)]
             drawn = [
-                (part + times * contour.error * side) * scale
-                for part, side in zip(contour.path, contour.normal, strict=True)
+                (part + times * off) * scale
+                for part, off, scale in zip(contour.path, contour.off, scales, strict=True)
             ]
             panel.plot(*reference, color="black", lw=0.7, label="reference")
             panel.plot(*drawn, color=colour(k), lw=0.7, label=f"{run.label}, error x {times:,}")
-            panel.set_aspect("equal", adjustable="datalim")
-            panel.set_xlabel(f"{pair[0]} [{shown}]")
-            panel.set_ylabel(f"{pair[1]} [{shown}]")
+            if alike:
+                panel.set_aspect("equal", adjustable="datalim")
+            shown = ["mm" if unit == "m" else unit for unit in units]
+            panel.set_xlabel(f"{pair[0]} [{shown[0]}]")
+            panel.set_ylabel(f"{pair[1]} [{shown[1]}]")
             panel.legend(loc="upper left", frameon=False, fontsize=8)
-            panel.set_title(
-                f"error to the side: worst {contour.largest * 1e6:.3g} µ{unit}, "
-                f"rms {contour.rms * 1e6:.3g} µ{unit}",
-                loc="right",
-                fontsize=8,
-            )
+            panel.set_title(_told(contour, pair, units), loc="right", fontsize=8)
         for panel in panels[len(contours) :]:
             panel.set_visible(False)
         figure.suptitle(f"Contour of {pair[0]} and {pair[1]}", x=0.01, ha="left")
     return path
+
+
+def _told(contour: Contour, pair: tuple[str, str], units: Sequence[str]) -> str:
+    if units[0] == units[1]:
+        return (
+            f"error to the side: worst {contour.largest * 1e6:.3g} µ{units[0]}, "
+            f"rms {contour.rms * 1e6:.3g} µ{units[0]}"
+        )
+    worst = [
+        f"{name} {_largest(off) * 1e6:.3g} µ{unit}"
+        for name, off, unit in zip(pair, contour.off, units, strict=True)
+    ]
+    return f"each axis' own error: worst {', '.join(worst)}"
+
+
+def _times(contours: Sequence[Contour], *, alike: bool) -> int:
+    """Return how often the error is drawn, the same in all runs and in both directions."""
+    sizes = [
+        max(float(np.ptp(c.path[k])) if len(c.path[k]) else 0.0 for c in contours) for k in (0, 1)
+    ]
+    if alike:
+        return _magnified(max(sizes), max(contour.largest for contour in contours))
+    errors = [max(_largest(contour.off[k]) for contour in contours) for k in (0, 1)]
+    return min(map(_magnified, sizes, errors))
 
 
 def _magnified(size: float, largest: float) -> int:

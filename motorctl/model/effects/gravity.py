@@ -77,6 +77,7 @@ class Gravity(Effect):
         return Picture(
             "force_over_position",
             "Command that works against the weight, over the angle; below, the residual.",
+            scale=self.options.turn_m,
         )
 
     @classmethod

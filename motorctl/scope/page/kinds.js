@@ -61,7 +61,8 @@ export function seriesOf(panel, log, axes) {
     if (!(column in log.units)) return;
     const [factor, unit] = scaled(panel.quantity, log.units[column]);
     const bounds = panel.bounds ? log.bounds?.[column] : undefined;
-    found.push({ column, label, colour, dashed, factor, unit, bounds });
+    const words = panel.bounds && unit ? `${label} [${unit}]` : label;
+    found.push({ column, label: words, colour, dashed, factor, unit, bounds });
   };
   for (const [column, label, colour] of panel.tick ?? []) add(column, label, colour, false);
   for (const axis of axes) {

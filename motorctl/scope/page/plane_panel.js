@@ -77,17 +77,24 @@ export class PlanePanel {
   }
 
   async askPath(stretch, magnified, signal) {
-    const [x, y] = this.log.paths[0];
+    const [x, y] = pathOf(this.log, this.axisNames);
     const told = await askArrays("path", { ...stretch, x, y, magnified }, signal);
-    const [factor, unit] = scaled("position", this.log.units[`${x}.position_m`]);
-    const [errorFactor, errorUnit] = scaled("error", this.log.units[`${x}.position_m`]);
-    const scale = (values) => values.map((v) => v * factor);
+    const units = [x, y].map((axis) => this.log.units[`${axis}.position_m`]);
+    const [[xFactor, xWord], [yFactor, yWord]] = units.map((unit) => scaled("position", unit));
+    const size = (value, k) => {
+      const [factor, unit] = scaled("error", units[k]);
+      return `${shown(value * factor, 3)} ${unit}`;
+    };
+    this.alike = units[0] === units[1];
     const { arrays } = told;
-    const words = told.worst === undefined ? [] : [`across the path: worst ${shown(told.worst * errorFactor, 3)} ${errorUnit}, rms ${shown(told.rms * errorFactor, 3)} ${errorUnit}`];
+    const words = [];
+    if (told.worst !== undefined) words.push(`across the path: worst ${size(told.worst, 0)}, rms ${size(told.rms, 0)}`);
+    if (told.worst_x !== undefined && told.worst_y !== undefined) words.push(`worst: ${x} ${size(told.worst_x, 0)}, ${y} ${size(told.worst_y, 1)}; ${units[0]} and ${units[1]} have no distance in common, so each axis' own error`);
     const note = [told.note, ...words].filter(Boolean).join("; ");
+    const cloud = (atX, atY, rest) => ({ x: atX.map((v) => v * xFactor), y: atY.map((v) => v * yFactor), xUnit: `${x} ${xWord}`, yUnit: `${y} ${yWord}`, ...rest });
     return [
-      { x: scale(arrays.reference_x), y: scale(arrays.reference_y), line: told.reference_line, colour: REFERENCE, label: `${x}, ${y} reference`, xUnit: unit, yUnit: unit },
-      { x: scale(arrays.x), y: scale(arrays.y), line: told.line, colour: "#b5482e", label: `error across it × ${magnified}`, note, xUnit: unit, yUnit: unit },
+      cloud(arrays.reference_x, arrays.reference_y, { line: told.reference_line, colour: REFERENCE, label: `${x}, ${y} reference` }),
+      cloud(arrays.x, arrays.y, { line: told.line, colour: "#b5482e", label: `error${this.alike ? " across it" : ""} × ${magnified}`, note }),
     ];
   }
 
@@ -107,7 +114,7 @@ export class PlanePanel {
     if (!clouds.some((cloud) => cloud.x.length)) return;
     const logarithmic = Boolean(kind.column);
     const [x, y] = logarithmic ? this.spectrumLimits() : this.limits(width);
-    const words = logarithmic ? (u, ticks) => ticks.map((tick) => (tick === null ? "" : shown(tick))) : (u, ticks) => tickWords(ticks);
+    const words = (u, ticks) => (logarithmic ? decadeWords(ticks) : tickWords(ticks));
     const scale = (limits) => ({ time: false, distr: logarithmic ? 3 : 1, range: () => limits, auto: false, min: limits[0], max: limits[1] });
     this.plot = new uPlot({
       mode: 2, width, height: HEIGHT, padding: PADDING,
@@ -122,7 +129,7 @@ export class PlanePanel {
   limits(width) {
     const x = widened(...extent(this.clouds.map((cloud) => cloud.x)));
     const y = widened(...extent(this.clouds.map((cloud) => cloud.y)));
-    if (!this.kind.path) return [x, y];
+    if (!this.kind.path || !this.alike) return [x, y];
     // Both directions alike: a circle is one.
     const [w, h] = [width - 76, HEIGHT - 46];
     const aPixel = Math.max((x[1] - x[0]) / w, (y[1] - y[0]) / h);
@@ -137,6 +144,18 @@ export class PlanePanel {
     const [low] = extent(this.clouds.map((cloud) => cloud.y.filter((v) => v > least)));
     return [[xLow, xHigh], high > 0 ? [low * 0.7, high * 1.5] : [0.1, 10]];
   }
+}
+
+/** Return powers of ten in words, and nothing of other ticks: where the scale begins is none. */
+function decadeWords(ticks) {
+  const round = (tick) => Math.abs(Math.log10(tick) - Math.round(Math.log10(tick))) < 1e-6;
+  const decades = ticks.some((tick) => tick !== null && round(tick));
+  return ticks.map((tick) => (tick === null || (decades && !round(tick)) ? "" : shown(tick)));
+}
+
+/** Return the two axes of a log whose path is drawn: of those that are shown, where there are two. */
+function pathOf(log, shownAxes) {
+  return log.paths.find((pair) => pair.every((axis) => shownAxes.includes(axis))) ?? log.paths[0];
 }
 
 /** Return what draws a cloud of points, or a line through them in their order. */

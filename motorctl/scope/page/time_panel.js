@@ -21,7 +21,9 @@ export class TimePanel {
     this.last = last;
   }
 
+  /** Beside the axis; of estimates it stands with each, as it may be longer than a low panel is high. */
   get unit() {
+    if (this.kind.bounds) return " ";
     return [...new Set(this.series.map((one) => one.unit))].join(", ");
   }
 

@@ -83,13 +83,20 @@ def test_no_path_is_drawn_where_no_program_of_two_axes_was_followed(
     assert pairs_of(circled(1e-5, 0.0, metadata)) == []
 
 
-def test_a_joint_and_a_carriage_of_one_program_are_no_path() -> None:
-    compared = circled(1e-5, 0.0)
-    assert pairs_of(compared) == [("x", "y")]
-    recording = compared.runs[0].recording
+def test_of_a_joint_and_a_carriage_each_axis_own_error_is_drawn(tmp_path: Path) -> None:
+    recording = circled(1e-5, 1e-4).runs[0].recording
     turning = dataclasses.replace(recording.axes["y"], position_unit="rad")
     axes = {"x": recording.axes["x"], "y": turning}
-    assert pairs_of(compare([dataclasses.replace(recording, axes=axes)])) == []
+    compared = compare([dataclasses.replace(recording, axes=axes)])
+    assert pairs_of(compared) == [("x", "y")]
+    contour = contour_of(compared.runs[0], ("x", "y"))
+    assert len(contour.error) == 0  # metres and radians have no distance in common
+    for name, off, path in zip("xy", contour.off, contour.path, strict=True):
+        record = axes[name]
+        assert record.reference is not None
+        own = record.position - record.reference
+        np.testing.assert_allclose(off, own[np.isin(record.reference, path)], atol=1e-12)
+    assert imread(plot_contour(compared, ("x", "y"), tmp_path / "mixed.png")).size > 0
 
 
 def test_axes_at_rest_draw_an_empty_path(tmp_path: Path) -> None:
