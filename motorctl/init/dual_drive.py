@@ -112,8 +112,8 @@ def dual_drive_keys(
         ("dual_drive", "encoder_direction"): "1 where the second's counts rise with the position",
         ("dual_drive", "motor_direction"): "-1 where it is mounted the other way round",
         ("dual_drive", "skew"): f"phase margin {margins.phase_margin_deg or 0.0:.0f} degrees, "
-        f"gain margin {gain_db:.0f} dB; k1 is no higher as {gains.bound_by}; inertia: a third of that "
-        "of the motion, a guess: half of the mass in the carriages, half along the beam",
+        f"gain margin {gain_db:.0f} dB; k1 is no higher as {gains.bound_by}; inertia: a third "
+        "of that of the motion, a guess: half of the mass in the carriages, half along the beam",
         ("dual_drive", "square_offset_m"): "the first end's switch or mark is so far ahead, with "
         "the beam square",
         ("dual_drive", "max_out_of_square_m"): "homing is a fault where they differ by more",

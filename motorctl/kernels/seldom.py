@@ -30,4 +30,5 @@ class _Seldom(event.Listener):
 
 def collect_seldom_while_compiling() -> None:
     """Have garbage looked for seldom in every compilation from here on."""
-    event.register("numba:compile", _Seldom())
+    register: Any = event.register
+    register("numba:compile", _Seldom())

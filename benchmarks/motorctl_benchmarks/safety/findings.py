@@ -14,7 +14,7 @@ from motorctl_benchmarks.safety.bus_case import BusOutcome
 from motorctl_benchmarks.safety.bus_cases import BUS, BusKey, bus_keys, parse_bus
 from motorctl_benchmarks.safety.bus_faults import TITLES
 from motorctl_benchmarks.safety.bus_kills import KillOutcome
-from motorctl_benchmarks.safety.bus_lines import LINES
+from motorctl_benchmarks.safety.bus_lines import EVERY_LINE
 from motorctl_benchmarks.safety.bus_run import Outcome as RealOutcome
 from motorctl_benchmarks.safety.bus_run import run_bus_cases
 from motorctl_benchmarks.safety.bus_tables import bus_state_table, bus_table, kill_table
@@ -66,7 +66,7 @@ def parse_task(text: str) -> Task | BusKey:
 def parse_tasks(text: str) -> tuple[Task | BusKey, ...]:
     """Read a key, or all cases of a bus or a machine: bus:can-udp, dual. Raises UsageError."""
     bus, _, line = text.partition(":")
-    if bus == BUS and line in LINES:
+    if bus == BUS and line in EVERY_LINE:
         return tuple(key for key in bus_keys("full", 1) if key.line == line)
     if text in KINDS:
         return tuple(key for key in keys("full", 1) if key.machine == text)
