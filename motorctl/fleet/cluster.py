@@ -36,7 +36,9 @@ _LOCAL: dict[str, list[str] | str] = {
 
 
 @contextmanager
-def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+def engine(
+    scheduler: str | None, workers: int | None, *, memory_bytes: int = WORKER_MEMORY_BYTES
+) -> Iterator[Client]:
     """Connect to a scheduler, or run a cluster of processes that only this computer reaches.
 
     Parameters
@@ -45,6 +47,8 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
         As ``tcp://host:8786``; None: a local cluster.
     workers
         Processes of the local cluster, each with one thread; None: one a CPU.
+    memory_bytes
+        Beyond which one of these is begun anew; 0: never.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             processes=True,
             host=LOOPBACK,
             dashboard_address=f"{LOOPBACK}:0",
-            memory_limit=WORKER_MEMORY_BYTES,
+            memory_limit=memory_bytes,
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
