@@ -113,8 +113,10 @@ def newest_rows(
     newest = pc.equal(rows.column("written_utc"), last.column("written_utc_max").take(place))
     rows = rows.filter(newest)
     undated = pa.scalar(0, pa.int64()).cast(rows.schema.field("begin_utc").type)
-    at = pa.table({"begin": rows.column("begin_utc").fill_null(undated), "log": rows["log_id"]})
-    return rows.take(pc.sort_indices(at, [("begin", "ascending"), ("log", "ascending")]))
+    order = pa.Table.from_arrays(
+        [rows.column("begin_utc").fill_null(undated), rows.column("log_id")], ["begin", "log"]
+    )
+    return rows.take(pc.sort_indices(order, [("begin", "ascending"), ("log", "ascending")]))
 
 
 def series_from(rows: pa.Table) -> list[Series]:
@@ -136,7 +138,7 @@ def series_from(rows: pa.Table) -> list[Series]:
     ]
 
 
-def _codes(column: pa.ChunkedArray) -> tuple[NDArray[np.intp], list[Any]]:
+def _codes(column: pa.ChunkedArray[Any]) -> tuple[NDArray[np.intp], list[Any]]:
     """Return each value of a column as a place among its different values, and these."""
     encoded = column.combine_chunks().dictionary_encode(null_encoding="encode")
     return encoded.indices.to_numpy().astype(np.intp), encoded.dictionary.to_pylist()
@@ -158,7 +160,7 @@ def _groups(
     return keys, np.split(order, ends[:-1])
 
 
-def _of_last_model(rows: pa.Table) -> pa.Array:
+def _of_last_model(rows: pa.Table) -> pa.Array[Any]:
     """Return which rows are of the model that was fitted last to their axis."""
     written = rows.column("written_utc").cast(pa.int64()).to_numpy()
     model = _codes(rows.column("model_id"))[0]

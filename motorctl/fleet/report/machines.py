@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
+import pyarrow.dataset as ds
 
 from motorctl.fleet.findings import Refusal
 from motorctl.fleet.series import Seen, seen_in
@@ -80,8 +80,7 @@ def machines_in(rows: pa.Table, passing: Sequence[Refusal] = ()) -> dict[str, Ma
         name = UNNAMED if row["machine"] is None else str(row["machine"])
         return found.setdefault(name, MachineSeen(name))
 
-    refused = pc.equal(rows.column("kind"), "refused")
-    used = rows.filter(pc.invert(refused))
+    used = rows.filter(ds.field("kind") != "refused")
     for row in _together(used, ["machine", "log_id"], []):
         machine_of(row).logs.add(str(row["log_id"]))
     for row in _together(used, ["machine", "axis", "program"], [_FIRST, _LAST]):
@@ -90,14 +89,14 @@ def machines_in(rows: pa.Table, passing: Sequence[Refusal] = ()) -> dict[str, Ma
         machine.first = first if machine.first is None else min(machine.first, first)
         machine.last = last if machine.last is None else max(machine.last, last)
         machine.axes[str(row["axis"] or ""), str(row["program"] or "")] = AxisSeen()
-    for row in _each(used.filter(pc.not_equal(used.column("kind"), "parameter"))):
+    for row in _each(used.filter(ds.field("kind") != "parameter")):
         axis = machine_of(row).axes[str(row["axis"] or ""), str(row["program"] or "")]
         _add(axis, row)
     written = {
         row["source"]: row["written_utc_max"]
         for row in _together(rows, ["source"], [("written_utc", "max")])
     }
-    for row in _each(rows.filter(refused)):
+    for row in _each(rows.filter(ds.field("kind") == "refused")):
         # but of a copy that was torn, and is whole by now, or was torn again
         if row["written_utc"] >= written[row["source"]]:
             machine_of(row).refused.append((str(row["source"]), str(row["text"])))
@@ -125,13 +124,11 @@ def _add(axis: AxisSeen, row: Mapping[str, Any]) -> None:
         effect.text = str(row["text"] or "")
 
 
-def _together(
-    rows: pa.Table, names: list[str], wanted: list[tuple[str, str]]
-) -> Iterator[dict[str, Any]]:
+def _together(rows: pa.Table, names: list[str], wanted: list[Any]) -> Iterator[dict[str, Any]]:
     return _each(rows.group_by(names, use_threads=False).aggregate(wanted))
 
 
 def _each(rows: pa.Table) -> Iterator[dict[str, Any]]:
-    """Give row after row, few of them as objects at a time."""
+    """Yield row after row, few of them as objects at a time."""
     for batch in rows.to_batches(max_chunksize=AT_ONCE):
         yield from batch.to_pylist()

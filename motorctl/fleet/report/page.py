@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-import pyarrow.compute as pc
+import pyarrow.dataset as ds
 
 from motorctl.fleet.changes import (
     Alarm,
@@ -101,7 +101,7 @@ def write_fleet_page(
     """
     level = level_of(false_alarms_a_year, looks_a_day)
     rows = newest_rows(store, list(PAGE_COLUMNS))
-    parameters = rows.filter(pc.equal(rows.column("kind"), "parameter"))
+    parameters = rows.filter(ds.field("kind") == "parameter")
     found = judged(series_from(parameters), level, false_alarms_a_year, covariates)
     machines = machines_in(rows, store.passing())
     links = _Links(scope_port)
