@@ -24,11 +24,12 @@ wrong address, shorter gives up busy ones. Chosen by hand."""
 AGAIN_S = 0.2
 """After so long workers are asked again where none answers [s]. Longer begins later, shorter asks
 more often. Chosen by hand."""
-_LOCAL: dict[str, list[str] | str] = {
+_LOCAL: dict[str, list[str] | str | bool] = {
     # a worker that was ended is begun anew by its nanny, however long a busy computer takes:
     # by default it is given up after 15 s, and a run whose workers are all given up waits for ever
     "distributed.deploy.lost-worker-timeout": "1 day",
     # what a page of its own would show; no browser is meant to look in
+    "distributed.worker.profile.enabled": False,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.nanny.http.routes": [],
