@@ -10,6 +10,10 @@ import pytest
 import real_time
 from hypothesis import HealthCheck, settings
 
+from motorctl.garbage import SELDOM
+
+_USUAL = gc.get_threshold()
+gc.set_threshold(*SELDOM)  # until all is imported; see pytest_collection_finish
 _state = tempfile.TemporaryDirectory(prefix="motorctl-state-")
 os.environ["XDG_STATE_HOME"] = _state.name  # what tests learn or choose is nobody's
 
@@ -55,6 +59,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
+    gc.set_threshold(*_USUAL)
     gc.collect()
     gc.freeze()  # thousands of tests and all modules: else each collection goes through them anew
 

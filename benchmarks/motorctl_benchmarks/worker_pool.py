@@ -1,19 +1,20 @@
-"""Cases in worker processes, each on one thread; results are written down as they come."""
+"""Cases on the workers of a local Dask cluster, each on one thread; results come in order."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import json
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any, Protocol, TextIO, TypeVar
 
+import dask
+from distributed import Client, KilledWorker, as_completed, get_worker
+
 from motorctl.errors import RunError, UsageError
+from motorctl.fleet.cluster import engine
 from motorctl.latency.progress import Progress
 
 MOST_RESIDENT_BYTES = 1_500_000_000
@@ -22,6 +23,12 @@ compiles for a configuration stays as long as its process, 0.1 to 0.2 GB for eac
 campaign closes. Larger takes memory, smaller spends time on starts. Chosen by hand."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
+_BESIDE: dict[str, int | bool] = {
+    # a case that ends its process is told, and not begun again: it would end the next one, too
+    "distributed.scheduler.allowed-failures": 0,
+    # cases start processes of their own
+    "distributed.worker.daemon": False,
+}
 PAGES = Path("/proc/self/statm")
 
 
@@ -65,65 +72,68 @@ def run_tasks(
     RunError
         A worker dies.
     """
-    workers = workers or len(os.sched_getaffinity(0))
+    most = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     done: dict[int, Result] = {}
-    with contextlib.ExitStack() as stack:
-        file = stack.enter_context(_opened(out))
-        stack.enter_context(_one_thread_each())
-        waiting = iter(enumerate(tasks))
-        running: dict[Future[tuple[Result, int]], tuple[int, _Worker]] = {}
+    places: dict[Any, int] = {}
+    waiting = iter(enumerate(tasks))
+    died: KilledWorker | None = None
+    with _opened(out) as file, _told_first(lambda: died), _cluster(most) as client:
+        running = as_completed()
 
-        def begin_next(worker: _Worker) -> None:
-            for k, task in itertools.islice(waiting, 1):
-                running[worker.begin(run, task)] = k, worker
+        def begin(count: int) -> None:
+            for k, task in itertools.islice(waiting, count):
+                future = client.submit(_done, run, task, pure=False)
+                places[future.key] = k
+                running.add(future)
 
-        pool = [stack.enter_context(_Worker()) for _ in range(min(workers, len(tasks)))]
-        try:
-            for worker in pool:
-                begin_next(worker)
-            while running:
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    result, resident = future.result()
-                    k, worker = running.pop(future)
-                    if resident > MOST_RESIDENT_BYTES:
-                        worker.begin_anew()
-                    begin_next(worker)
-                    done[k] = result
-                    if file is not None:
-                        file.write(json.dumps(result.document()) + "\n")
-                        file.flush()
-                    progress(len(done) / len(tasks))
-        except BrokenProcessPool as error:
-            raise RunError(
-                f"a worker process died after {len(done)} of {len(tasks)} cases; where memory is "
-                "short, fewer --workers help"
-            ) from error
+        begin(most)
+        for future in running:
+            try:
+                result, resident, worker = future.result()
+            except KilledWorker as error:
+                died = error
+                break
+            future.release()
+            if resident > MOST_RESIDENT_BYTES:
+                client.restart_workers([worker])
+            begin(1)
+            done[places.pop(future.key)] = result
+            if file is not None:
+                file.write(json.dumps(result.document()) + "\n")
+                file.flush()
+            progress(len(done) / len(tasks))
+    if died is not None:
+        raise RunError(
+            f"a worker process died after {len(done)} of {len(tasks)} cases; where memory is "
+            "short, fewer --workers help"
+        ) from died
     return [done[k] for k in range(len(tasks))]
 
 
-class _Worker(contextlib.AbstractContextManager["_Worker"]):
-    """A process that does one task at a time."""
-
-    def __init__(self) -> None:
-        self._process = _process()
-
-    def begin(self, run: Callable[[Task], Result], task: Task) -> Future[tuple[Result, int]]:
-        """Begin a task; the one before is done."""
-        return self._process.submit(_done, run, task)
-
-    def begin_anew(self) -> None:
-        """Put a fresh process in the place of this one, which has no task."""
-        self._process.shutdown()
-        self._process = _process()
-
-    def __exit__(self, *_: object) -> None:
-        """Wait for the task that it does, and end the process."""
-        self._process.shutdown(cancel_futures=True)
+def _done(run: Callable[[Task], Result], task: Task) -> tuple[Result, int, str]:
+    """Do a task; return its result, how much memory is resident then [B], and where that is."""
+    return run(task), resident_bytes(), str(get_worker().address)
 
 
-def _done(run: Callable[[Task], Result], task: Task) -> tuple[Result, int]:
-    """Do a task in this process; return its result, and how much memory is resident then [B]."""
-    return run(task), resident_bytes()
+@contextlib.contextmanager
+def _told_first(died: Callable[[], Exception | None]) -> Iterator[None]:
+    """Let pass that a cluster cannot end in time whose worker died: that is what is to be told."""
+    try:
+        yield
+    except TimeoutError:
+        if died() is None:
+            raise
+
+
+@contextlib.contextmanager
+def _cluster(workers: int) -> Iterator[Client]:
+    """Run workers that are not ended for their memory: they are exchanged between cases."""
+    with (
+        _one_thread_each(),
+        dask.config.set(_BESIDE),
+        engine(None, workers, memory_bytes=0) as client,
+    ):
+        yield client
 
 
 def resident_bytes(pages: Path = PAGES) -> int:
@@ -132,11 +142,6 @@ def resident_bytes(pages: Path = PAGES) -> int:
         return int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError):
         return 0
-
-
-def _process() -> ProcessPoolExecutor:
-    # A forked process would share the threads' locks of this one.
-    return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
 
 
 @contextlib.contextmanager

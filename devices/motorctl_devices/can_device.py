@@ -13,7 +13,7 @@ from motorctl.errors import Problem
 from motorctl.located_yaml import Document, KeyPath
 from motorctl_devices.can_bus import CanBus, LibraryBus, SlcanAdapter
 from motorctl_devices.can_layout import CanShape, FrameLayout, LayoutError, layouts
-from motorctl_devices.can_node import CanNode
+from motorctl_devices.can_node import CanNode, channels_of
 from motorctl_devices.machine import Machine
 from motorctl_devices.schedule import Schedule
 
@@ -68,6 +68,11 @@ class CanDevice:
                     told = f"{message} {bits[meant.channel]}"
                     problems.append(document.problem((*TOP, where), told))
         return problems
+
+    def heard_apart(self) -> set[int]:
+        """Return the channels whose drives have state frames of their own."""
+        told = [channels_of(layout) for layout in self._frames if not layout.command]
+        return {channels[0] for channels in told if len(channels) == 1}
 
     def signed_counters(self) -> dict[int, bool]:
         """Tell of each channel whether the bus shows its counter as a signed number."""

@@ -36,6 +36,7 @@ class CanNode(CanEndpoint):
         self._sync = None if sync is None else (sync.id, sync.extended)
         self._commands = {_key(layout): layout for layout in found if layout.command}
         self._states = [layout for layout in found if not layout.command]
+        self._told = [channels_of(layout) for layout in self._states]
         self._samples = 0
         known = {layout.message.frame_id for layout in found} | {self._sync and self._sync[0]}
         self._foreign = next(number for number in FOREIGN if number not in known)
@@ -103,7 +104,9 @@ class CanNode(CanEndpoint):
         machine = self.machine
         machine.sample(self.now_ns)
         self._samples += 1
-        for layout in self._states:
+        for layout, channels in zip(self._states, self._told, strict=True):
+            if channels and all(machine.silent[channel] for channel in channels):
+                continue
             message = layout.message
             raw: dict[str, Any] = dict.fromkeys((signal.name for signal in message.signals), 0)
             for meant in layout.meant:
@@ -151,6 +154,11 @@ class CanNode(CanEndpoint):
         """Send a frame of the highest priority that is for nobody here."""
         data = bytes(fault.random.randrange(256) for _ in range(8))
         self._bus.send(Frame(self._foreign, data, False, self._fd))
+
+
+def channels_of(layout: FrameLayout) -> tuple[int, ...]:
+    """Return the channels that a frame tells of."""
+    return tuple({meant.channel for meant in layout.meant if meant.channel is not None})
 
 
 def _key(layout: FrameLayout) -> tuple[int, bool]:

@@ -120,7 +120,7 @@ class Device:
                     self.endpoint.unplug()
                 else:
                     self.endpoint.plug()
-            elif kind in ("amplifier_fault", "counter_jump"):
+            elif kind in ("amplifier_fault", "counter_jump", "encoder_lost", "drive_silent"):
                 fault.fired += fault.active
                 self._break(fault)
         self.endpoint.settle()
@@ -130,12 +130,16 @@ class Device:
         self._babble_ns = now_ns if self._babblers else NEVER
 
     def _break(self, fault: Fault) -> None:
-        """Break an amplifier or mend it, or let a counter jump at the fault's begin."""
+        """Break an amplifier, an encoder or a drive's line, or mend it; or let a counter jump."""
         machine, order = self.machine, fault.order
         channels = range(machine.channels) if order.channel is None else (order.channel,)
         for channel in channels:
             if order.kind == "amplifier_fault":
                 machine.break_amplifier(channel, fault.active)
+            elif order.kind == "encoder_lost":
+                machine.lose_encoder(channel, fault.active)
+            elif order.kind == "drive_silent":
+                machine.silence(channel, fault.active)
             elif fault.active:
                 machine.shift_counter(channel, order.counts or 0)
 

@@ -69,6 +69,7 @@ def load_device(path: Path, link: Path | None = None) -> Device:
         problems += _check_channels(document, shape)
         if can is not None:
             problems += can.lay_out(document, _axes(shape), _bits(shape), path.parent)
+        problems += _check_silence(document, shape, can.heard_apart() if can else set())
     document.refuse(problems)
     assert shape is not None
     assert options is not None
@@ -153,6 +154,19 @@ def _check_channels(document: Document, shape: DeviceShape) -> list[Problem]:
         message = "the serial box tells one width for all counters, of at most 32 bits"
         add(message, "channels")
     return problems
+
+
+def _check_silence(document: Document, shape: DeviceShape, apart: set[int]) -> list[Problem]:
+    """Find drives that shall be silent and have no message of their own."""
+    return [
+        document.problem(
+            ("faults", number, "channel"),
+            f"found {order.channel}: a drive can be silent alone on CAN, with a state frame of its "
+            "own; where one message tells of all channels, order silence",
+        )
+        for number, order in enumerate(shape.faults)
+        if order.kind == "drive_silent" and order.channel not in apart
+    ]
 
 
 def _check_link(serve: ServeShape, can: CanDevice | None, link: Path | None) -> None:

@@ -24,6 +24,7 @@ REST_NS = 300_000_000
 MOST_RESTS = 1000
 INDEX_LATCHED = int(Status.INDEX_LATCHED)
 AMPLIFIER_FAULT = int(Status.AMPLIFIER_FAULT)
+ENCODER_LOST = int(Status.ENCODER_LOST)
 
 
 class Machine:
@@ -70,6 +71,10 @@ class Machine:
         """Where the watchdog took the amplifier away, and no command has disabled it since."""
         self._broken = [0] * n
         """AMPLIFIER_FAULT of the channels whose amplifiers are broken."""
+        self._lost = [0] * n
+        """ENCODER_LOST of the channels whose encoders are lost: their counts stand still."""
+        self.silent = [False] * n
+        """Channels whose drives hear, and tell nothing."""
         self.boot_id = (os.getpid() ^ time.time_ns()) & 0xFFFF
         self.samples = self.commands = self.watchdog_trips = self.restarts = 0
         self.watchdog_after_ns: int | None = None
@@ -139,9 +144,10 @@ class Machine:
             elif raw > self._most[i]:
                 self._most[i] = raw
             offset, mask = self._offsets[i], self._masks[i]
-            self.counts[i] = raw + offset & mask
+            if not self._lost[i]:
+                self.counts[i] = raw + offset & mask
             self.index_counts[i] = marks[i] + offset & mask
-            word = int(words[i]) | self._broken[i]
+            word = int(words[i]) | self._broken[i] | self._lost[i]
             self.status[i] = word | self.status[i] & INDEX_LATCHED
 
     def index_told(self) -> None:
@@ -214,6 +220,16 @@ class Machine:
         if broken:
             self.volts[channel], self.enabled[channel] = 0.0, False
         self._write()
+
+    def lose_encoder(self, channel: int, lost: bool) -> None:
+        """Let a count stand still and the status say so, or the encoder be there again."""
+        self.catch_up(time.monotonic_ns())
+        self._lost[channel] = ENCODER_LOST if lost else 0
+        self.status[channel] = self.status[channel] & ~ENCODER_LOST | self._lost[channel]
+
+    def silence(self, channel: int, silent: bool) -> None:
+        """Let a channel's drive tell nothing from now on, or tell again."""
+        self.silent[channel] = silent
 
     def shift_counter(self, channel: int, counts: int) -> None:
         """Let a counter show so many counts more from now on."""

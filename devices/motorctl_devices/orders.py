@@ -22,6 +22,8 @@ FaultKind = Literal[
     "counter_wrap",
     "counter_jump",
     "amplifier_fault",
+    "encoder_lost",
+    "drive_silent",
 ]
 Way = Literal["from_device", "to_device", "both"]
 
@@ -43,6 +45,8 @@ KEYS: dict[str, tuple[str, ...]] = {
     "counter_wrap": ("counts*", "channel"),
     "counter_jump": ("counts*", "channel"),
     "amplifier_fault": ("channel",),
+    "encoder_lost": ("channel",),
+    "drive_silent": ("channel*",),
 }
 NEEDS_DURATION = ("unplug", "reset")
 

@@ -13,11 +13,16 @@ WATCHDOG_S, WATCHDOG_PERIODS = 0.1, 10
 """A drive that hears nothing for so long goes into Fault: two such times of the usual one are what
 people bear to see, and ten periods are enough for heartbeats that come late."""
 
+SWITCHES = {"limit_negative": 0, "limit_positive": 1, "home_switch": 2}
+"""Bits of the digital inputs (60FDh), as CiA 402 has them."""
+
 
 def first_options(axes: Sequence[FirstAxis], period_s: float) -> FirstOptions:
     """Return drives by the numbers of their channels, whose rated torque is the full command."""
     nodes: dict[str, Any] = {
-        axis.name: {"node": axis.channel + 1, "rated_torque_v": axis.max_voltage_v} for axis in axes
+        axis.name: {"node": axis.channel + 1, "rated_torque_v": axis.max_voltage_v}
+        | ({"inputs": dict(SWITCHES)} if axis.homing.startswith("switch") else {})
+        for axis in axes
     }
     options = {
         "interface": "socketcan",

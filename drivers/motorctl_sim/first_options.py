@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 from motorctl.hal import FirstAxis, FirstOptions, FoundAxis, FoundDevice
@@ -18,17 +20,47 @@ SWITCH_SHARE = 0.5
 """Where in that room the limit switches are."""
 FORCE_NOISE = 1e-4
 """White noise of the force, as a part of the full command: that of the published gantry."""
+CARRIAGES_SHARE, UNIFORM = 0.5, 1.0 / 12.0
+"""Of what a beam with two motors moves: half is in its carriages, half uniform between them. By
+hand."""
 FREE_SHARE = 0.1
 """Part of the travel, from its middle, at which an axis that has to be homed is found."""
 
 
 def first_options(axes: Sequence[FirstAxis]) -> FirstOptions:
     """Return a simulated machine of what is known, an axis a channel."""
-    plants = {axis.channel: _plant(axis) for axis in axes}
+    plants = {axis.channel: _plant(_carriage(axis)) for axis in axes}
     told: dict[tuple[str | int, ...], str] = {
         ("plants",): "as it was told to init, and nothing besides; docs/init.md adds an effect"
     }
-    return FirstOptions({"preset": PRESET, "seed": 1, "plants": plants}, told)
+    options = {"preset": PRESET, "seed": 1, "plants": plants}
+    beams = [
+        _beam(first, second)
+        for first, second in pairwise(axes)
+        if first.end_of is not None and first.end_of == second.end_of
+    ]
+    if beams:
+        options["beams"] = beams
+        told["beams",] = "half of the mass in the carriages, half uniform between them: a guess"
+    return FirstOptions(options, told)
+
+
+def _carriage(axis: FirstAxis) -> FirstAxis:
+    """Return one end of a beam: over one motor's force, and without the beam."""
+    if axis.end_of is None:
+        return axis
+    # Of two motors' force each has half: what they share is twice as much over one of them.
+    return replace(axis, inertia_v_s2_m=_rounded(CARRIAGES_SHARE * axis.inertia_v_s2_m))
+
+
+def _beam(first: FirstAxis, second: FirstAxis) -> dict[str, Any]:
+    inertia = 2.0 * (1.0 - CARRIAGES_SHARE) * first.inertia_v_s2_m
+    return {
+        "channels": [first.channel, second.channel],
+        "spacing_m": 1.0,  # counts for a load beside the middle alone
+        "inertia_v_s2_m": _rounded(inertia),
+        "rotary_inertia_v_s2_m": _rounded(UNIFORM * inertia),
+    }
 
 
 def _plant(axis: FirstAxis) -> dict[str, Any]:

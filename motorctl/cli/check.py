@@ -60,12 +60,14 @@ def _check(
 
     Every problem is told at once, with file, line and key; the exit status is then 2.
     """
+    from motorctl.garbage import collecting_seldom
 
-    from motorctl.cli.check_screen import print_screen
-    from motorctl.cli.check_tables import print_code, print_summary
-    from motorctl.cli.terminal import Terminal
-    from motorctl.config import AllowedCode, config_schema, load, summarise
-    from motorctl.errors import ConfigError, UsageError
+    with collecting_seldom():
+        from motorctl.cli.check_screen import print_screen
+        from motorctl.cli.check_tables import print_code, print_summary
+        from motorctl.cli.terminal import Terminal
+        from motorctl.config import AllowedCode, config_schema, load, summarise
+        from motorctl.errors import ConfigError, UsageError
 
     if schema:
         say(json.dumps(config_schema(), indent=2, ensure_ascii=False))

@@ -48,15 +48,20 @@ def run(
 
     Example: motorctl run published_gantry --log-dir logs
     """
-    from motorctl.config import AllowedCode, load
-    from motorctl.daemon.journal import journal
-    from motorctl.daemon.supervisor import DaemonOptions, run_daemon
+    from motorctl.garbage import collecting_seldom
+
+    with collecting_seldom():
+        from motorctl.config import AllowedCode, load
+        from motorctl.daemon.journal import journal
+        from motorctl.daemon.supervisor import DaemonOptions, run_daemon
 
     allowed = None if only_allowed_code is None else AllowedCode.read(only_allowed_code)
     may_run = None if allowed is None else allowed.allows
     options = DaemonOptions(socket, group, operators, log_dir, may_run)
     with journal():
-        run_daemon(load(config, allowed_code=allowed), options)
+        with collecting_seldom():
+            machine = load(config, allowed_code=allowed)
+        run_daemon(machine, options)
 
 
 def register(app: typer.Typer) -> None:

@@ -60,6 +60,19 @@ def _init(
     force_constant: Annotated[
         Words | None, _of_axes("Of the motor: 30N/V, 45N/A, 0.2N*m/V, 0.2N*m/A.")
     ] = None,
+    motors: Annotated[
+        Words | None, _of_axes("1, or 2 on one beam, which are one axis; else 1.")
+    ] = None,
+    second_channel: Annotated[
+        Words | None, _of_axes("Of two motors: channel of the second; else the next one.")
+    ] = None,
+    skew_limit: Annotated[
+        Words | None, _of_axes("Of two motors: how far the ends may be apart: 1mm.")
+    ] = None,
+    square_offset: Annotated[
+        Words | None,
+        _of_axes("Of two motors: the first end's switch lies so far ahead, with the beam square."),
+    ] = None,
     inertia: Annotated[Words | None, _of_axes("Of a rotary axis: 0.02kg*m^2.")] = None,
     torque_constant: Annotated[
         Words | None, _of_axes("Of a rotary axis: 0.8N*m/V, 1.5N*m/A.")
@@ -104,8 +117,15 @@ def _init(
     """
     from motorctl.errors import UsageError
     from motorctl.init import MachineKnown, write_configuration
+    from motorctl.init.channels import number_channels
     from motorctl.init.look import look
-    from motorctl.init.questions import OF_ROTARY
+    from motorctl.init.questions import (
+        MOTORS,
+        OF_ROTARY,
+        SECOND_CHANNEL,
+        SKEW_LIMIT,
+        SQUARE_OFFSET,
+    )
     from motorctl.init.told import axes_told, driver_options, machine_told
     from motorctl.init.write import stand_in
 
@@ -129,6 +149,10 @@ def _init(
         "force-constant": force_constant,
         "travel": travel,
         "max-velocity": max_velocity,
+        MOTORS.option: motors,
+        SECOND_CHANNEL.option: second_channel,
+        SKEW_LIMIT.option: skew_limit,
+        SQUARE_OFFSET.option: square_offset,
         "homing": homing,
         "home-position": home_position,
         "screw-pitch": screw_pitch,
@@ -143,6 +167,7 @@ def _init(
     for type_, there in looked.items():
         there.tell([each for each in axes if each.driver == type_])
     _ask_what_is_missing(axes)
+    number_channels(axes)
     machine_name = name or re.sub(r"[^A-Za-z0-9_.-]", "-", out.stem)
     found = {key: each.options for key, each in looked.items() if each.options is not None}
     known: MachineKnown = machine_told(machine_name, axes, rate, options, found)
@@ -187,7 +212,7 @@ def _asked_axes() -> Words:
 def _ask_what_is_missing(axes: list[AxisTold]) -> None:
     """Ask at a terminal, until nothing is missing; else say all that is."""
     from motorctl.errors import UsageError
-    from motorctl.init.questions import KIND
+    from motorctl.init.questions import KIND, MOTORS
 
     if not sys.stdin.isatty():
         missing = [(each, question) for each in axes for question in each.missing()]
@@ -202,8 +227,20 @@ def _ask_what_is_missing(axes: list[AxisTold]) -> None:
     for each in axes:
         if each.kind_is_open:
             _ask(each, KIND, default="linear")
+            if each.units.kind == "linear":
+                _ask(each, MOTORS, default="1")
+                if each.is_dual:
+                    _ask_of_second_end(axes, each)
         while missing_here := each.missing():
             _ask(each, missing_here[0])
+
+
+def _ask_of_second_end(axes: list[AxisTold], axis: AxisTold) -> None:
+    from motorctl.init.channels import number_channels
+    from motorctl.init.questions import SECOND_CHANNEL
+
+    number_channels(axes)
+    _ask(axis, SECOND_CHANNEL, default=str(axis.second_channel))
 
 
 def _ask(axis: AxisTold, question: Question, default: str | None = None) -> None:
@@ -241,6 +278,7 @@ def _document(written: list[Written]) -> dict[str, object]:
                 "gamma_d": axis.gains.gamma_d,
                 "phase_margin_deg": axis.gains.margins.phase_margin_deg,
                 "delay_s": axis.delay_s,
+                "second_channel": axis.known.second and axis.known.second.channel,
             }
             for name, axis in written[0].axes.items()
         },

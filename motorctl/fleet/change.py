@@ -32,13 +32,13 @@ PENALTY = 6.0
 """What a further change must gain, in logarithms of the number of points and squares of the
 scatter. Larger misses changes that the test would confirm, smaller gives it more to refuse. As the
 Bayesian criterion counts a place and a value, twice again for neighbours that are alike."""
-MOST_CORRELATED = 0.9
-"""Most correlation between neighbours that is believed. Larger never tells anything of a slow
-series, smaller takes its wandering for changes. Chosen by hand."""
-DOUBT = 1.5
+MOST_CORRELATED = 0.98
+"""Most correlation between neighbours that is believed. Larger never tells a drift of a slow
+series, smaller takes its wandering for one. Chosen of 0.9 and 0.98 on simulated random walks."""
+DOUBT = 2.0
 """What is added to that correlation, over the root of the number of points, as so few tell it
-roughly. Larger tells changes of new machines later, smaller has more false alarms than are stated.
-Chosen of 1 and 1.5 on simulated series with a step and without, correlated by 0 to 0.6."""
+roughly. Larger tells drifts of new machines later, smaller has more false alarms than are stated.
+Chosen of 1.5 and 2 on simulated series with a change and without, correlated by 0 to 0.8."""
 SAME = 1e-9
 """Part of values, or of their range, within which they do not differ. Larger hides changes of what
 hardly scatters, smaller takes rounding for one. Chosen by hand."""
@@ -87,11 +87,11 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
 
     Points far from their neighbours are drawn in first, so that fewer than `SHORTEST_PART` make no
     change. Steps are sought by least squares with a penalty for each (ruptures). Each is tested by
-    Student's t between its neighbours, times the places that it could have had; a drift by the
-    slope of a straight line, and one that begins inside by the slope of a line that is level
-    before, times the places of its beginning. Points that follow each other are counted for as
-    much as they tell that their neighbours do not. Of the three forms the one that leaves least
-    for its parameters counts, and its probability three times.
+    Student's t, times the places that it could have had; a drift by the slope of a straight line,
+    and one that begins inside by the slope of a line that is level before, times the places of its
+    beginning. What a point's neighbour tells of it is taken away before (see `p_value_of`). Of the
+    three forms the one that leaves least for its parameters counts, and its probability three
+    times.
 
     A series that stands at one value for a large part, as at a bound, has no such scatter: there
     only steps are sought, and counted is how many points lie beyond them (see `_step_of_counts`).
@@ -115,10 +115,7 @@ def change_in(value: Array, beside: Array | None = None) -> Change | None:
     scatter, together = scatter_of(value, steps, noise)
     ends = [0, *steps, n]
     left_by_steps = sum(_squares(value[a:b]) for a, b in pairwise(ends))
-    tested = [
-        _step(value[a:c], beside[a:c], b - a, a, scatter, together, n)
-        for a, b, c in zip(ends, ends[1:], ends[2:], strict=False)
-    ]
+    tested = _steps(value, beside, ends, scatter, together, noise)
     forms = [_drift(value, beside, 0, 1, noise)]
     if n > FEWEST_POINTS + 1:
         forms.append(_drift(value, beside, *beginning_of(value), noise))
@@ -215,27 +212,69 @@ def steps_in(value: Array, noise: float) -> list[int]:
     return [int(end) for end in ends[:-1]]
 
 
-def _step(
+def _steps(
     value: Array,
     beside: Array,
-    split: int,
-    begin: int,
-    noise: float,
+    ends: Sequence[int],
+    scatter: float,
     together: float,
-    all_points: int,
-) -> Change:
-    parts = value[:split], value[split:]
+    noise: float,
+) -> list[Change]:
+    """Return each step between parts of a series.
+
+    Each is tested as if it were the only one: parts are sought in noise, too, and between many of
+    them neighbours look less alike than they are.
+    """
     n = len(value)
-    freedom = max(n / together - 2.0 - beside.shape[1], 1.0)
-    scatter = max(noise, math.sqrt(sum(_squares(part) for part in parts) / max(n - 2, 1)))
-    alone = told_alone((np.arange(n) >= split).astype(float), beside)
-    before, after = (_level(part, scatter, together / alone) for part in parts)
-    error = math.hypot(before.std_error, after.std_error)
-    moved = abs(after.value - before.value)
-    t = moved / error
-    places = max(all_points - 2 * SHORTEST_PART + 1, 1)
-    p = min(1.0, places * 2.0 * float(stats.t.sf(t, freedom)))
-    return Change("step", begin + split, before, after, scatter, p)
+    places = max(n - 2 * SHORTEST_PART + 1, 1)
+    found = []
+    for a, b, c in zip(ends, ends[1:], ends[2:], strict=False):
+        form = np.asarray(np.arange(n) >= b, np.float64)
+        alike = scatter_of(value, [b], noise)[1]
+        p = p_value_of(value, form, beside, max(alike, together), noise)
+        alone = told_alone(form[a:c], beside[a:c])
+        before, after = (
+            _level(part, scatter, together / alone) for part in (value[a:b], value[b:c])
+        )
+        found.append(Change("step", b, before, after, scatter, min(1.0, places * p)))
+    return found
+
+
+def p_value_of(value: Array, form: Array, beside: Array, together: float, noise: float) -> float:
+    """Return how probably a form would have such a size where there is none.
+
+    From each point what the one before tells of it is taken away, so what is left is independent:
+    a step stands out at its first point already, however alike neighbours are.
+
+    Parameters
+    ----------
+    value
+        The series, (N,).
+    form
+        Its column, (N,).
+    beside
+        Covariates, (N, m).
+    together
+        How many points tell as much as a new one would.
+    noise
+        The least standard deviation that is believed.
+    """
+    correlated = (together - 1.0) / (together + 1.0)
+    columns = np.column_stack([form, value, np.ones(len(value)), beside])
+    free = columns[1:] - correlated * columns[:-1]
+    free = np.vstack([math.sqrt(1.0 - correlated**2) * columns[:1], free])
+    others = free[:, 2:]
+    left = free[:, :2] - others @ np.linalg.lstsq(others, free[:, :2], rcond=None)[0]
+    own, target = left.T
+    squares = float(own @ own)
+    if squares <= SAME * float(free[:, 0] @ free[:, 0]):  # covariates are all of it
+        return 1.0
+    size = float(own @ target) / squares
+    rest = target - size * own
+    freedom = max(len(value) - others.shape[1] - 2, 1)  # the form, and how alike neighbours are
+    scatter = max(noise, math.sqrt(float(rest @ rest) / freedom))
+    t = abs(size) * math.sqrt(squares) / scatter
+    return 2.0 * float(stats.t.sf(t, freedom))
 
 
 def _step_of_counts(value: Array) -> Change:
@@ -299,9 +338,7 @@ def _drift(
     parameters = 3 if first else 2
     scatter, together = rest_scatter(left, parameters - 1, noise)
     covariance = scatter**2 * together / told_alone(rise, beside) * inverse
-    freedom = max(n / together - parameters - beside.shape[1], 1.0)
-    t = abs(float(line[1])) / math.sqrt(covariance[1, 1])
-    p = min(1.0, places * 2.0 * float(stats.t.sf(t, freedom)))
+    p = min(1.0, places * p_value_of(value, rise, beside, together, noise))
     before, after = (
         Level(float(at @ line), math.sqrt(at @ covariance @ at), n)
         for at in (columns[first], columns[-1])

@@ -24,11 +24,12 @@ wrong address, shorter gives up busy ones. Chosen by hand."""
 AGAIN_S = 0.2
 """After so long workers are asked again where none answers [s]. Longer begins later, shorter asks
 more often. Chosen by hand."""
-_LOCAL: dict[str, list[str] | str] = {
+_LOCAL: dict[str, list[str] | str | bool] = {
     # a worker that was ended is begun anew by its nanny, however long a busy computer takes:
     # by default it is given up after 15 s, and a run whose workers are all given up waits for ever
     "distributed.deploy.lost-worker-timeout": "1 day",
     # what a page of its own would show; no browser is meant to look in
+    "distributed.worker.profile.enabled": False,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.nanny.http.routes": [],
@@ -36,7 +37,9 @@ _LOCAL: dict[str, list[str] | str] = {
 
 
 @contextmanager
-def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+def engine(
+    scheduler: str | None, workers: int | None, *, memory_bytes: int = WORKER_MEMORY_BYTES
+) -> Iterator[Client]:
     """Connect to a scheduler, or run a cluster of processes that only this computer reaches.
 
     Parameters
@@ -45,6 +48,8 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
         As ``tcp://host:8786``; None: a local cluster.
     workers
         Processes of the local cluster, each with one thread; None: one a CPU.
+    memory_bytes
+        Beyond which one of these is begun anew; 0: never.
 
     Raises
     ------
@@ -65,7 +70,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             processes=True,
             host=LOOPBACK,
             dashboard_address=f"{LOOPBACK}:0",
-            memory_limit=WORKER_MEMORY_BYTES,
+            memory_limit=memory_bytes,
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.dataset as ds
 from numpy.typing import NDArray
 
@@ -23,14 +25,15 @@ a shift's weather for one. Chosen by hand: a shift."""
 VAGUE = 5.0
 """A value whose standard error is so many times the usual one of its parameter is left out. Larger
 lets motions that tell nothing blur the series, smaller loses points. Chosen by hand."""
-_UNDATED = datetime.min.replace(tzinfo=UTC)
-_COLUMNS = (
-    *("log_id", "model_id", "machine", "axis", "program", "name"),
-    *("value", "std_error", "unit", "begin_utc", "source", "written_utc", "begin_s", "end_s"),
+KEY = ("machine", "axis", "program", "name", "unit")
+"""Columns that no two series have alike."""
+COLUMNS = (
+    *("log_id", "model_id", *KEY),
+    *("value", "std_error", "begin_utc", "source", "written_utc", "begin_s", "end_s"),
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Seen:
     """Where a value was seen: a window of a log."""
 
@@ -92,12 +95,12 @@ def series_of(store: Store) -> list[Series]:
 
     Raises DataError where the store is damaged.
     """
-    return series_from(newest_rows(store, list(_COLUMNS), ds.field("kind") == "parameter"))
+    return series_from(newest_rows(store, list(COLUMNS), ds.field("kind") == "parameter"))
 
 
 def newest_rows(
     store: Store, columns: list[str] | None = None, where: ds.Expression | None = None
-) -> list[dict[str, Any]]:
+) -> pa.Table:
     """Return findings, of a log that was looked at more than once the newest, in order of time.
 
     The newest of all: of a log that was refused later none is left, whatever `where` asks for.
@@ -105,38 +108,109 @@ def newest_rows(
     """
     looked = store.read(["log_id", "written_utc"]).group_by("log_id")
     last = looked.aggregate([("written_utc", "max")])
-    names = (last.column(name).to_pylist() for name in ("log_id", "written_utc_max"))
-    newest: dict[str, datetime] = dict(zip(*names, strict=True))
-    rows: list[dict[str, Any]] = store.read(columns, where).to_pylist()
-    rows = [row for row in rows if row["written_utc"] == newest[row["log_id"]]]
-    rows.sort(key=lambda row: (row["begin_utc"] or _UNDATED, row["log_id"]))
-    return rows
+    rows = store.read(columns, where)
+    place = pc.index_in(rows.column("log_id"), value_set=last.column("log_id").combine_chunks())
+    newest = pc.equal(rows.column("written_utc"), last.column("written_utc_max").take(place))
+    rows = rows.filter(newest)
+    undated = pa.scalar(0, pa.int64()).cast(rows.schema.field("begin_utc").type)
+    order = pa.Table.from_arrays(
+        [rows.column("begin_utc").fill_null(undated), rows.column("log_id")], ["begin", "log"]
+    )
+    return rows.take(pc.sort_indices(order, [("begin", "ascending"), ("log", "ascending")]))
 
 
-def series_from(rows: Sequence[Mapping[str, Any]]) -> list[Series]:
+def series_from(rows: pa.Table) -> list[Series]:
     """Return the series of the parameters among findings that are in order of time.
 
     Of an axis the values of the model that was fitted last count: those of different models cannot
     be compared.
     """
-    in_writing = sorted(rows, key=lambda row: row["written_utc"])
-    model = {(row["machine"], row["axis"]): row["model_id"] for row in in_writing}
-    told: dict[tuple[str, ...], list[Mapping[str, Any]]] = defaultdict(list)
-    others: dict[tuple[str, ...], int] = defaultdict(int)
-    for row in rows:
-        key = tuple(row[k] for k in ("machine", "axis", "program", "name", "unit"))
-        if row["model_id"] == model[row["machine"], row["axis"]]:
-            told[key].append(row)
-        else:
-            others[key] += 1
-    return [_binned(key, found, others[key]) for key, found in sorted(told.items())]
+    if not rows.num_rows:
+        return []
+    counted = rows.filter(_of_last_model(rows))
+    keys, found = _groups(counted, KEY)
+    all_keys, every = _groups(rows, KEY)
+    counts = {key: len(at) for key, at in zip(all_keys, every, strict=True)}
+    columns = _Columns.of(counted)
+    return [
+        _binned(key, at, columns, counts[key] - len(at))
+        for key, at in sorted(zip(keys, found, strict=True), key=lambda each: each[0])
+    ]
 
 
-def _binned(key: tuple[str, ...], rows: Sequence[Mapping[str, Any]], others: int) -> Series:
-    value, error = (
-        np.array([row[name] for row in rows], np.float64) for name in ("value", "std_error")
-    )
-    begin = np.array([row["begin_utc"].timestamp() for row in rows])
+def _codes(column: pa.ChunkedArray[Any]) -> tuple[NDArray[np.intp], list[Any]]:
+    """Return each value of a column as a place among its different values, and these."""
+    encoded = column.combine_chunks().dictionary_encode(null_encoding="encode")
+    return encoded.indices.to_numpy().astype(np.intp), encoded.dictionary.to_pylist()
+
+
+def _groups(
+    rows: pa.Table, names: Sequence[str]
+) -> tuple[list[tuple[Any, ...]], list[NDArray[np.intp]]]:
+    """Return what some columns hold together, and the places of each of these, in order."""
+    codes, values = zip(*(_codes(rows.column(name)) for name in names), strict=True)
+    different, place = np.unique(np.column_stack(codes), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    order = np.argsort(place, kind="stable")
+    ends = np.cumsum(np.bincount(place, minlength=len(different)))
+    keys = [
+        tuple(value[k] for value, k in zip(values, codes_of, strict=True))
+        for codes_of in different.tolist()
+    ]
+    return keys, np.split(order, ends[:-1])
+
+
+def _of_last_model(rows: pa.Table) -> pa.Array[Any]:
+    """Return which rows are of the model that was fitted last to their axis."""
+    written = rows.column("written_utc").cast(pa.int64()).to_numpy()
+    model = _codes(rows.column("model_id"))[0]
+    wanted = np.zeros(rows.num_rows, np.bool_)
+    for at in _groups(rows, ("machine", "axis"))[1]:
+        last = at[np.argsort(written[at], kind="stable")[-1]]
+        wanted[at] = model[at] == model[last]
+    return pa.array(wanted)
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Of N rows what makes points; what many rows share is held once."""
+
+    value: Array
+    std_error: Array
+    begin: Array
+    """Since 1970 [s]."""
+    begin_s: Array
+    end_s: Array
+    source: NDArray[np.intp]
+    sources: list[str]
+    log: NDArray[np.intp]
+    logs: list[str]
+
+    @classmethod
+    def of(cls, rows: pa.Table) -> _Columns:
+        def numbers(name: str) -> Array:
+            return np.asarray(rows.column(name).to_numpy(), np.float64)
+
+        since_1970 = rows.column("begin_utc").cast(pa.timestamp("us", "UTC")).cast(pa.int64())
+        return cls(
+            numbers("value"),
+            numbers("std_error"),
+            since_1970.to_numpy() / 1e6,
+            numbers("begin_s"),
+            numbers("end_s"),
+            *_codes(rows.column("source")),
+            *_codes(rows.column("log_id")),
+        )
+
+    def seen(self, row: int) -> Seen:
+        """Return the window that a row is of."""
+        span = (float(self.begin_s[row]), float(self.end_s[row]))
+        begin_s, end_s = (None if math.isnan(each) else each for each in span)
+        return Seen(self.sources[self.source[row]], self.logs[self.log[row]], begin_s, end_s)
+
+
+def _binned(key: tuple[str, ...], rows: NDArray[np.intp], columns: _Columns, others: int) -> Series:
+    value, error, begin = columns.value[rows], columns.std_error[rows], columns.begin[rows]
     good = np.isfinite(value)
     known = error[np.isfinite(error) & (error > 0.0)]
     if len(known):
@@ -152,7 +226,7 @@ def _binned(key: tuple[str, ...], rows: Sequence[Mapping[str, Any]], others: int
         unit,
         time_s=np.array([np.mean(begin[at]) for at in points]),
         value=np.array([np.median(value[at]) for at in points]),
-        seen=tuple(seen_in(rows[_typical(value, at)]) for at in points),
+        seen=tuple(columns.seen(int(rows[_typical(value, at)])) for at in points),
         of_other_models=others,
     )
 

@@ -35,6 +35,9 @@ class FirstAxis:
     """How steeply its friction turns over; None: as that of a carriage."""
     delay_s: float = 0.0
     """How late a command of the real machine's bus acts, for one that is simulated in its place."""
+    end_of: str | None = None
+    """Of a beam with two motors, this being one of them: the axis that the two ends are. Inertia
+    and friction are those of the mean motion, over the force of both."""
 
 
 @dataclass(frozen=True)

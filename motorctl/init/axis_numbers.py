@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from motorctl.config.rules import COUNTS_AT_REST, stopping_distance_m
 from motorctl.errors import UsageError
+from motorctl.init.dual_drive import SkewNumbers, skew_numbers
 from motorctl.init.first_gains import FirstGains, first_gains
 from motorctl.init.known import AxisKnown
 from motorctl.init.quantities import STANDARD_GRAVITY_M_S2
@@ -84,6 +85,8 @@ class AxisNumbers:
     filter_rad_s: float
     gate_velocity_m_s: float
     gate_acceleration_m_s2: float
+    skew: SkewNumbers | None
+    """None: one motor."""
 
 
 def axis_numbers(known: AxisKnown, period_s: float, delay_s: float) -> AxisNumbers:
@@ -144,6 +147,7 @@ def axis_numbers(known: AxisKnown, period_s: float, delay_s: float) -> AxisNumbe
         filter_rad_s=_rounded(min(HIGHEST_FILTER_RAD_S, FILTER_SHARE * math.pi / period_s)),
         gate_velocity_m_s=_gate(known, 0.02, fastest, PUBLISHED_VELOCITY_M_S),
         gate_acceleration_m_s2=_gate(known, 1.0, acceleration, PUBLISHED_ACCELERATION_M_S2),
+        skew=skew_numbers(known, inertia, friction, period_s, delay_s),
     )
 
 

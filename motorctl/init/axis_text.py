@@ -12,6 +12,7 @@ from motorctl.init.axis_numbers import (
     AxisNumbers,
     friction_slope_s_m,
 )
+from motorctl.init.dual_drive import dual_drive_keys
 from motorctl.init.known import AxisKnown, driver_key
 from motorctl.init.yaml_text import Path
 from motorctl.model import Effect, basic_effects, known_effects
@@ -44,6 +45,12 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
     keys |= {
         "driver": driver_key(known.driver),
         "channel": known.channel,
+    }
+    beside: dict[Path, str] = {}
+    if numbers.skew is not None:
+        of_both, beside = dual_drive_keys(known, numbers.skew)
+        keys |= of_both
+    keys |= {
         "encoder": {
             "resolution_m": known.resolution_m,
             "counter_bits": known.counter_bits,
@@ -72,7 +79,7 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
             "d_hat_max_v": numbers.d_hat_max_v,
         },
     }
-    told: dict[Path, str] = {
+    told: dict[Path, str] = beside | {
         ("kind",): "in radians: every key that is named in metres is in rad, rad/s, rad/s^2",
         ("encoder",): f"{'radians' if units.kind == 'rotary' else 'metres'} a count; "
         "direction: 1 where counts rise with positive volts, else -1",
@@ -81,7 +88,8 @@ def axis_keys(numbers: AxisNumbers) -> tuple[dict[str, Any], dict[Path, str]]:
         ("limits", "max_acceleration_m_s2"): _acceleration_words(numbers),
         ("limits", "max_jerk_m_s3"): "the acceleration rises within "
         f"{numbers.acceleration_m_s2 / numbers.jerk_m_s3 * 1e3:.3g} ms",
-        ("limits", "max_voltage_v"): "the full command, that of the amplifier's input",
+        ("limits", "max_voltage_v"): "the full command, that of the amplifier's input"
+        + (", of each motor" if known.second else ""),
         ("limits", "following_error"): "trips beyond it: as far as the full command pulls the axis "
         f"against ks k1 = {gains.ks_v_s_m * gains.k1_1_s:.3g} V/m, within counts and travel",
         ("limits", "stop"): "the ramp of `stop`: as hard as any motion",

@@ -13,6 +13,17 @@ from motorctl.config.axis_keys import HomingMethod
 
 
 @dataclass(frozen=True)
+class SecondEnd:
+    """What is known of the second motor of an axis whose beam is driven at both ends."""
+
+    channel: int
+    skew_limit_m: float
+    """How far the ends may be apart."""
+    square_offset_m: float | None = None
+    """How far ahead the first end's switch or mark lies where the beam is square; None: unknown."""
+
+
+@dataclass(frozen=True)
 class AxisKnown:
     """One axis, as a person knows it, in the units of the loop.
 
@@ -27,7 +38,7 @@ class AxisKnown:
     mass_kg: float
     """All that moves, with what turns on the screw."""
     force_constant_n_v: float
-    """Newtons of thrust a volt of command."""
+    """Newtons of thrust a volt of command, of both motors where there are two."""
     travel_m: tuple[float, float]
     max_velocity_m_s: float
     max_acceleration_m_s2: float | None = None
@@ -43,6 +54,8 @@ class AxisKnown:
     said: tuple[str, ...] = ()
     """Arithmetic that led to the numbers, in words: of a screw, of an amplifier."""
     units: AxisUnits = LINEAR
+    second: SecondEnd | None = None
+    """None: it has one motor."""
 
     @property
     def inertia_v_s2_m(self) -> float:

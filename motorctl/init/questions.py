@@ -58,6 +58,14 @@ class Asked:
 
 
 KIND = Question("--kind", "linear, in metres, or rotary, in radians", "linear")
+MOTORS = Question("--motors", "motors: 1, or 2 on one beam", "1")
+SKEW_LIMIT = Question("--skew-limit", "how far the two ends may be apart", "1mm")
+SECOND_CHANNEL = Question("--second-channel", "channel of the second motor and encoder", "1")
+SQUARE_OFFSET = Question(
+    "--square-offset",
+    "how far the first end's switch or mark is ahead of the second's, with the beam square",
+    "0.4mm",
+)
 SCREW = Question("--screw-pitch", "travel of one turn of the screw", "5mm")
 AMPLIFIER = Question("--amplifier", "amperes that the amplifier gives a volt", "2A/V")
 HOME = Question("--homing", f"how it finds its zero: {', '.join(HOMING)}", "absolute")

@@ -15,9 +15,11 @@ from motorctl.config.axis_keys import HomingMethod
 from motorctl.errors import UsageError
 from motorctl.hal import FoundAxis, driver_class
 from motorctl.init import quantities as q
+from motorctl.init.channels import number_channels, second_channel
 from motorctl.init.known import (
     AxisKnown,
     MachineKnown,
+    SecondEnd,
     driver_key,
     force_of_torque,
     mass_of_rotor,
@@ -27,11 +29,15 @@ from motorctl.init.questions import (
     HOME,
     HOMING,
     KIND,
+    MOTORS,
     OF_LINEAR,
     OF_ROTARY,
     ONLY_LINEAR,
     ONLY_ROTARY,
     SCREW,
+    SECOND_CHANNEL,
+    SKEW_LIMIT,
+    SQUARE_OFFSET,
     Asked,
     Question,
 )
@@ -54,12 +60,19 @@ class AxisTold:
     name: str
     driver: str
     channel: int
+    second_channel: int | None = None
+    """Where it has two motors."""
     words: dict[str, str] = field(default_factory=dict)
     found: FoundAxis | None = None
 
     def take(self, found: FoundAxis) -> None:
         """Take what the device told. Raises UsageError where words beside it would not be used."""
         self.found, self.channel = found, found.channel
+        if self.is_dual:
+            told_channel = self.words.get(SECOND_CHANNEL.option)
+            self.second_channel = (
+                found.channel + 1 if told_channel is None else second_channel(told_channel)
+            )
         told = [f"--{option}" for option in IN_NEWTONS if option in self.words]
         both = self._has(self.asked.mass) and self._has(self.asked.force)
         if found.inertia_v_s2_m is not None and told and not both:
@@ -88,6 +101,32 @@ class AxisTold:
         """Whether nothing that was told so far says if it is linear or rotary."""
         return not self.words.keys() - {HOME.option} and self.found is None
 
+    @property
+    def is_dual(self) -> bool:
+        """Whether two motors drive its beam. Raises UsageError where that makes no sense."""
+        told = self.words.get(MOTORS.option, "1")
+        if told not in ("1", "2"):
+            raise UsageError(f"--motors {told}: should be 1, or 2 for a beam driven at both ends")
+        beside = [
+            f"--{each.option}"
+            for each in (SECOND_CHANNEL, SKEW_LIMIT, SQUARE_OFFSET)
+            if each.option in self.words
+        ]
+        if told == "1" and beside:
+            raise UsageError(
+                f"axis {self.name} has one motor, and {', '.join(beside)} would be of a beam with "
+                "two: --motors 2 (AXIS=VALUE tells one axis alone)"
+            )
+        if told == "1":
+            return False
+        self.insist_on_kind()
+        if self.units.kind == "rotary":
+            raise UsageError(
+                f"axis {self.name} is rotary, and --motors 2 is of a beam that two motors move in "
+                "metres"
+            )
+        return True
+
     def insist_on_kind(self) -> None:
         """Raise UsageError where words are of an axis of the other kind."""
         kind = self.words.get(KIND.option, "linear")
@@ -115,6 +154,8 @@ class AxisTold:
             (own.travel, found.travel_m),
             (own.velocity, None),
         ]
+        if self.is_dual:
+            needed.append((SKEW_LIMIT, None))
         if not driver_class(self.driver).simulated:
             needed.append((HOME, found.homing))  # a wrong zero makes soft limits worthless
         missing = [asked for asked, known in needed if known is None and not self._has(asked)]
@@ -145,6 +186,14 @@ class AxisTold:
             q.travel(option, words, own.position)
         elif question is HOME:
             _homing(words)
+        elif question is MOTORS:
+            self._read_motors()
+        elif question is SECOND_CHANNEL:
+            second_channel(words)
+        elif question is SKEW_LIMIT:
+            q.positive(option, words, q.LENGTH)
+        elif question is SQUARE_OFFSET:
+            q.quantity(option, words, q.LENGTH)
         elif question in own.kinds:
             q.positive(option, words, own.kinds[question])
 
@@ -153,6 +202,13 @@ class AxisTold:
             self.insist_on_kind()
         except UsageError:
             self.words.pop(KIND.option)
+            raise
+
+    def _read_motors(self) -> None:
+        try:
+            _ = self.is_dual  # it refuses what makes no sense
+        except UsageError:
+            self.words.pop(MOTORS.option)
             raise
 
     def _turn(self) -> float | None:
@@ -208,6 +264,23 @@ class AxisTold:
             inertia_said=inertia_said,
             said=tuple(said),
             units=self.units,
+            second=self._second(homing),
+        )
+
+    def _second(self, homing: HomingMethod) -> SecondEnd | None:
+        if not self.is_dual:
+            return None
+        offset = self.words.get(SQUARE_OFFSET.option)
+        if offset is not None and homing == "absolute":
+            raise UsageError(
+                f"--square-offset {offset}: axis {self.name} is homed by no switch or mark: with "
+                "absolute encoders a beam is square where both positions agree"
+            )
+        assert self.second_channel is not None  # channels were numbered
+        return SecondEnd(
+            self.second_channel,
+            q.positive("--skew-limit", self.words[SKEW_LIMIT.option], q.LENGTH),
+            None if offset is None else q.quantity("--square-offset", offset, q.LENGTH)[0],
         )
 
     def _optional(self, option: str, kind: q.Kind) -> float | None:
@@ -250,6 +323,9 @@ class AxisTold:
                 )
             force *= gain
             said.append(f"the amplifier gives {gain:g} A/V: {force:.4g} {self.units.force}/V")
+        if self.is_dual:
+            said.append(f"two motors of {force:.4g} N/V: {2.0 * force:.4g} N/V")
+            force *= 2.0
         mass = q.positive(f"--{own.mass.option}", self.words[own.mass.option], own.inertia)
         rotor = self._optional("rotor-inertia", q.ROTARY_INERTIA)
         if rotor is not None:
@@ -311,6 +387,7 @@ def axes_told(
     for option, given in words.items():
         for name, value in _by_axis(option, given, names).items():
             next(axis for axis in axes if axis.name == name).words[option] = value
+    number_channels(axes)
     return axes
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motorctl.config import load
+from motorctl.config.dual_drive_keys import SECOND_END
 from motorctl.errors import ConfigError, UsageError
 from motorctl.hal import FirstAxis
 from motorctl.identify.refine.written_beside import put_in_place, written_beside
@@ -102,12 +103,14 @@ def stand_in(known: MachineKnown, written: Written) -> tuple[MachineKnown, dict[
     written
         What was written of it.
     """
-    axes = tuple(
-        replace(axis, driver=SIMULATION, channel=number) for number, axis in enumerate(known.axes)
-    )
+    axes, free = [], 0
+    for axis in known.axes:
+        second = axis.second and replace(axis.second, channel=free + 1)
+        axes.append(replace(axis, driver=SIMULATION, channel=free, second=second))
+        free += 2 if second else 1
     slowest_hz = min(1.0 / numbers.period_s for numbers in written.axes.values())
     delays_s = {name: numbers.delay_s for name, numbers in written.axes.items()}
-    simulated = MachineKnown(f"{known.name}-simulated", axes, slowest_hz)
+    simulated = MachineKnown(f"{known.name}-simulated", tuple(axes), slowest_hz)
     return simulated, delays_s
 
 
@@ -122,11 +125,28 @@ def _served(
 ) -> dict[str, tuple[FirstAxis, ...]]:
     return {
         driver: tuple(
-            _first(axis, 0.0 if delays_s is None else delays_s[axis.name])
+            end
             for axis in known.axes_of(driver)
+            for end in _ends(axis, 0.0 if delays_s is None else delays_s[axis.name])
         )
         for driver in known.drivers
     }
+
+
+def _ends(axis: AxisKnown, delay_s: float) -> list[FirstAxis]:
+    """Return what a driver serves of an axis: two ends where it has two motors."""
+    first = _first(axis, delay_s)
+    if axis.second is None:
+        return [first]
+    first = replace(first, end_of=axis.name)
+    behind_m = axis.second.square_offset_m or 0.0
+    second = replace(
+        first,
+        name=axis.name + SECOND_END,
+        channel=axis.second.channel,
+        home_position_m=first.home_position_m - 0.5 * behind_m,
+    )
+    return [replace(first, home_position_m=first.home_position_m + 0.5 * behind_m), second]
 
 
 def _first(axis: AxisKnown, delay_s: float) -> FirstAxis:
@@ -169,6 +189,29 @@ def _open_questions(known: MachineKnown, drivers: Mapping[str, FirstDriver]) -> 
         for axis in known.axes
         if axis.homing != "absolute" and axis.home_position_m is None
     ]
+    for axis in known.axes:
+        if axis.second is not None:
+            questions += _of_second_end(axis, simulated=drivers[axis.driver].cls.simulated)
+    return questions
+
+
+def _of_second_end(axis: AxisKnown, *, simulated: bool) -> list[str]:
+    assert axis.second is not None
+    dual = f"axes.{axis.name}.dual_drive"
+    questions = [
+        f"{dual}.skew.inertia_v_s2_m: what resists skew, of carriages, beam and load "
+        "(docs/dual_drive.md); the skew loop's gains follow from it"
+    ]
+    if not simulated:
+        questions.append(
+            f"{dual}.encoder_direction, motor_direction: -1 where the second end's counts or force "
+            "go the other way: with the wrong one the ends pull against each other"
+        )
+    if axis.homing != "absolute" and axis.second.square_offset_m is None:
+        questions.append(
+            f"{dual}.square_offset_m: how far the first end's switch or mark is ahead of the "
+            "second's, with the beam square"
+        )
     return questions
 
 

@@ -13,9 +13,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-NICENESS = 10
-"""How far it stands back where CPUs are few: who waits for the start goes first. Larger is more
-polite; smaller slows down the process that it shall help. By hand."""
 GONE_S = 5.0
 """How long an ended process may take to go [s]: one that a disk holds cannot. Larger keeps a start
 waiting, smaller leaves a zombie. By hand."""
@@ -26,6 +23,9 @@ PR_SET_PDEATHSIG = 1
 
 class CompilingBeside:
     """A copy of this process that does some work and ends.
+
+    It has the same priority: on a busy computer one that stands back gets no time, and leaves its
+    work to the other one.
 
     It must be made while no other thread of Python runs. With a single CPU, or where no process can
     be had, nothing is done beside.
@@ -70,8 +70,6 @@ def _work_and_end(work: Callable[[], None], parent: int) -> None:
             return
         for stream in (1, 2):
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream)  # the other process tells
-        with suppress(OSError):
-            os.nice(NICENESS)
         with suppress(Exception):
             work()
     finally:

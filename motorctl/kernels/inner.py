@@ -23,6 +23,9 @@ from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
 
 from motorctl.kernels.inner_files import Entry, InnerLibrary, files_of
+from motorctl.kernels.seldom import collect_seldom_while_compiling
+
+collect_seldom_while_compiling()
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

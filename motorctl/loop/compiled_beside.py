@@ -7,6 +7,7 @@ from contextlib import suppress
 from functools import partial
 
 from motorctl.config.machine import Machine
+from motorctl.garbage import collecting_seldom
 from motorctl.kernels import CompilingBeside
 from motorctl.loop.tick import make_drivers
 from motorctl.loop.warm_up import analyse_steps, warm_up
@@ -17,11 +18,12 @@ def compile_beside(machine: Machine) -> None:
 
     What fails is told by the process that needs it.
     """
-    with suppress(Exception):
-        analyse_steps(machine)
-    for driver in make_drivers(machine).values():
+    with collecting_seldom():
         with suppress(Exception):
-            driver.prepare()
+            analyse_steps(machine)
+        for driver in make_drivers(machine).values():
+            with suppress(Exception):
+                driver.prepare()
 
 
 def compile_machine(machine: Machine) -> float:
@@ -37,9 +39,10 @@ def compile_machine(machine: Machine) -> float:
     began_s = time.monotonic()
     beside = CompilingBeside(partial(compile_beside, machine))
     try:
-        warm_up(machine)
-        for driver in make_drivers(machine).values():
-            driver.prepare()
+        with collecting_seldom():
+            warm_up(machine)
+            for driver in make_drivers(machine).values():
+                driver.prepare()
     finally:
         beside.end()
     return time.monotonic() - began_s

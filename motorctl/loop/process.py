@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import pickle
 import signal
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from motorctl.config.machine import Machine
 from motorctl.errors import MotorctlError, RunError
+from motorctl.garbage import SELDOM
 from motorctl.loop.clock import WallClock
 from motorctl.loop.model_thread import ModelThread
 from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
@@ -113,6 +115,7 @@ def main() -> int:
     # Ctrl-C and systemd's SIGTERM go to the whole group: the supervisor decides what they mean.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
+    gc.set_threshold(*SELDOM)  # until the first tick, from which on it is not looked for at all
     sys.path[:] = pickle.load(sys.stdin.buffer)
     orders: Orders = pickle.load(sys.stdin.buffer)
     memory = LoopMemory.attach(orders.memory_fd)

@@ -11,6 +11,7 @@ import real_time
 from typer.testing import CliRunner
 
 from motorctl.config import load
+from motorctl.errors import UsageError
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl_benchmarks.buses.transports import transports
@@ -25,9 +26,9 @@ from motorctl_benchmarks.safety.bus_expectations import (
     promise,
     ramp_s,
 )
-from motorctl_benchmarks.safety.bus_faults import COMPUTER, KILLS, NOT_ORDERED, WIRE
+from motorctl_benchmarks.safety.bus_faults import COMPUTER, ENDS, KILLS, NOT_ORDERED, ORDERS, WIRE
 from motorctl_benchmarks.safety.bus_kills import kill_judged
-from motorctl_benchmarks.safety.bus_lines import LINES, STOP, device_file, host_file
+from motorctl_benchmarks.safety.bus_lines import BEAM_LINES, LINES, STOP, device_file, host_file
 from motorctl_benchmarks.safety.bus_run import sessions_of
 from motorctl_benchmarks.safety.bus_session import Kept, Spell
 from motorctl_benchmarks.safety.findings import findings_of
@@ -233,7 +234,8 @@ def test_whatever_an_axis_does_under_power_the_guards_of_the_wire_see_the_same()
 
 @pytest.mark.parametrize("seed", range(1, 60))
 def test_a_draw_brings_each_line_into_each_state_and_each_state_each_fault(seed):
-    full = bus_keys("full", seed)
+    every = bus_keys("full", seed)
+    full = [key for key in every if key.line in LINES]
     possible = [
         (line, state, fault)
         for line in LINES
@@ -247,7 +249,7 @@ def test_a_draw_brings_each_line_into_each_state_and_each_state_each_fault(seed)
     assert {case[1:] for case in drawn if case[2] not in KILLS} == {p[1:] for p in possible}
     assert set(drawn) - {case for case in drawn if case[2] in KILLS} <= set(possible)
     assert {key.line for key in full if key.fault in KILLS} == set(LINES)
-    assert set(bus_keys("small", seed)) < set(full)
+    assert set(bus_keys("small", seed)) < set(every)
 
 
 def test_what_is_not_tried_in_a_state_has_a_reason_and_the_draw_depends_on_the_seed():
@@ -267,9 +269,10 @@ def test_a_session_has_one_bus_controller_and_setup_and_no_case_is_left():
 
 
 def test_every_fault_of_the_wire_is_tried_on_every_bus_or_it_is_written_why_not():
-    moving = [key for key in bus_keys("full", 1) if key.state == "shuttle" and key.fault in WIRE]
+    moving = [key for key in bus_keys("full", 1) if key.state == "shuttle" and key.fault in ORDERS]
     tried = {(key.line, key.fault) for key in moving}
     pairs = {(line, fault) for line in LINES for fault in WIRE}
+    pairs |= {(line, fault) for line in BEAM_LINES for fault in ENDS}
     assert pairs - tried == set(NOT_TRIED)
     assert all(len(why.split()) > 3 for why in NOT_TRIED.values())
     both = [key for key in pairs if key in tried]
@@ -287,7 +290,7 @@ def test_every_bus_that_there_is_belongs_to_the_campaign():
 
 
 def test_every_order_of_a_device_is_a_fault_of_the_wire_or_it_is_written_why_not():
-    ordered = {order["kind"] for _, order in WIRE.values()}
+    ordered = {order["kind"] for _, order in ORDERS.values()}
     assert not ordered & set(NOT_ORDERED)
     assert ordered | set(NOT_ORDERED) == set(get_args(FaultKind))
 
@@ -300,6 +303,37 @@ def test_a_bus_that_falls_silent_is_as_promised_in_real_time():
     result = _command(*(word for key in keys for word in ("--only", key)))
     assert result.exit_code == 0, result.stdout
     assert "| nothing passes | 3     | no_new_sample |" in result.stdout
+
+
+def test_a_beam_meets_what_its_ends_may_do_apart_and_nothing_that_is_of_a_whole_wire():
+    for line in BEAM_LINES:
+        assert not any(is_possible(line, state, fault) for state in STATES for fault in WIRE)
+    assert not any(is_possible(line, s, fault) for line in LINES for s in STATES for fault in ENDS)
+    slipped, lost, broken, silent = (promise("can-beam", "shuttle", fault) for fault in ENDS)
+    assert [p.guard for p in (slipped, lost, broken, silent)] == [
+        "skew", "encoder_lost", "amplifier", "no_new_sample",
+    ]  # fmt: skip
+    for key in (
+        "bus:can-beam:C2:shuttle:loss:default:1",
+        "bus:can-udp:C2:shuttle:silent_end:default:1",
+        "bus:serial-beam:C2:shuttle:silent_end:default:1",
+        "bus:can-beam:C2:shuttle:loop_killed:default:1",
+        "bus:can-beam:C2:cruise:host_pause:quick_stop:1",
+    ):
+        with pytest.raises(UsageError, match="no case on a bus"):
+            parse_bus(key)
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.wall_clock
+def test_whatever_one_end_of_a_beam_does_alone_is_as_promised_in_real_time():
+    real_time.begins()
+    result = _command(
+        *(w for f in ENDS for w in ("--only", f"bus:can-beam:C2:shuttle:{f}:default:1"))
+    )
+    assert result.exit_code == 0, result.stdout
+    assert "| all     | 4 of 4   |" in result.stdout
 
 
 @pytest.mark.slow

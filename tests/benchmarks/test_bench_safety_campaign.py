@@ -15,7 +15,8 @@ from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.safety import expectations, expected, fault_free, findings, kinds
 from motorctl_benchmarks.safety.bus_cases import bus_keys
 from motorctl_benchmarks.safety.bus_faults import COMPUTER, TITLES, WIRE
-from motorctl_benchmarks.safety.bus_tables import KILL_TITLE, WIRE_TITLE
+from motorctl_benchmarks.safety.bus_lines import BEAM_LINES, LINES
+from motorctl_benchmarks.safety.bus_tables import END_TITLE, KILL_TITLE, WIRE_TITLE
 from motorctl_benchmarks.safety.bus_tables import STATE_TITLE as BUS_STATES
 from motorctl_benchmarks.safety.cases import CaseKey, keys, parse_case
 from motorctl_benchmarks.safety.end_kinds import END_FAULTS
@@ -112,10 +113,10 @@ def test_every_fault_has_an_expectation_and_every_expectation_a_fault():
     assert set(FAULTS) == set(EXPECTED)
 
 
-def tables_of_the_page():
+def tables_of_the_page(which):
     """Return the page's header, and each table by its title: its rows as cells, columns first."""
     page = (Path(__file__).parents[2] / "docs/campaign.md").read_text()
-    text = page.partition("<!-- tables")[2].partition("-->")[2].partition("<!-- end of tables")[0]
+    text = page.partition(f"<!-- {which}")[2].partition("-->")[2].partition("<!-- end of tables")[0]
     tables, title = [], ""
     for line in text.splitlines():
         if line.startswith("**") and line.endswith("**"):
@@ -126,7 +127,9 @@ def tables_of_the_page():
     return text.strip().partition("\n")[0], tables
 
 
-HEAD, TABLES = tables_of_the_page()
+HEAD, TABLES = tables_of_the_page("tables:")
+END_HEAD, END_TABLES = tables_of_the_page("ends:")
+"""Of a beam behind a bus, which were run apart: until the next full run."""
 RUN = re.search(r"^Commit .*, size (\w+), seed (\d+): ", HEAD)
 SIZE, SEED = RUN.groups() if RUN else ("full", "1")
 of_one_run = pytest.mark.skipif(
@@ -134,7 +137,7 @@ of_one_run = pytest.mark.skipif(
 )
 
 
-@pytest.mark.parametrize(("title", "rows"), TABLES, ids=[title for title, _ in TABLES])
+@pytest.mark.parametrize(("title", "rows"), [*TABLES, *END_TABLES])
 def test_every_line_of_every_table_on_the_page_is_as_promised(title, rows):
     columns, *lines = rows
     for line in lines:
@@ -159,7 +162,10 @@ def test_the_page_has_every_table_once_with_a_line_or_column_for_all_that_was_ru
         QUIET_TITLE,
     ]
     found = dict(TABLES)
-    virtual, buses = keys(SIZE, int(SEED)), bus_keys(SIZE, int(SEED))
+    virtual, buses = (
+        keys(SIZE, int(SEED)),
+        [k for k in bus_keys(SIZE, int(SEED)) if k.line in LINES],
+    )
     first = {title: [row[0] for row in rows[1:]] for title, rows in found.items()}
     in_motion = [key for key in buses if key.fault in (*WIRE, *COMPUTER)]
     assert first[FAULT_TITLE] == list(dict.fromkeys(key.kind.title for key in virtual))
@@ -177,7 +183,10 @@ def test_the_page_has_every_table_once_with_a_line_or_column_for_all_that_was_ru
 @of_one_run
 def test_the_pages_numbers_of_cases_are_those_of_its_tables():
     found = dict(TABLES)
-    virtual, buses = keys(SIZE, int(SEED)), bus_keys(SIZE, int(SEED))
+    virtual, buses = (
+        keys(SIZE, int(SEED)),
+        [k for k in bus_keys(SIZE, int(SEED)) if k.line in LINES],
+    )
     column = found[FAULT_TITLE][0].index("cases")
     assert sum(int(row[column]) for row in found[FAULT_TITLE][1:]) == len(virtual)
     wires = sum(int(row[column]) for row in found[WIRE_TITLE][1:])
@@ -185,6 +194,15 @@ def test_the_pages_numbers_of_cases_are_those_of_its_tables():
     assert wires + kills == len(buses)
     assert f"{len(virtual) + len(buses)} fault cases, {len(buses)} of them over buses" in HEAD
     assert "all as promised" in HEAD
+
+
+def test_the_page_has_every_fault_of_one_end_of_a_beam_on_every_bus_that_was_run():
+    ends = [key for key in bus_keys("full", 1) if key.line in BEAM_LINES]
+    assert f"chosen cases: {len(ends)} fault cases, {len(ends)} of them over buses, all" in END_HEAD
+    ((title, (columns, *rows)),) = END_TABLES
+    assert title == END_TITLE
+    assert {(row[0], row[1]) for row in rows} == {(TITLES[key.fault], key.line) for key in ends}
+    assert sum(int(row[columns.index("cases")]) for row in rows) == len(ends)
 
 
 def test_the_full_campaign_has_more_than_five_hundred_cases_over_every_bus():

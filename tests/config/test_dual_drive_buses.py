@@ -4,10 +4,10 @@ import copy
 
 import pytest
 import yaml
-from beam_buses import BEAM_BUSES, beam_host, can_frames
 
 from motorctl.config import load
 from motorctl.errors import ConfigError
+from motorctl_benchmarks.buses.beams import BEAM_BUSES, beam_host, can_frames
 
 ENDPOINTS = {"modbus tcp": "127.0.0.1:1502"}
 

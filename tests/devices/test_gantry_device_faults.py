@@ -17,12 +17,16 @@ from gantry_device_bench import (
     running,
     state_of,
     until,
+    write_device,
 )
 from gantry_device_frames import CHANNELS, FRAMES, STATE_ID, SYNC_ID, CanPeer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from motorctl.errors import ConfigError
+from motorctl_benchmarks.buses.beams import can_frames
 from motorctl_devices.line import Line, flip_bits
+from motorctl_devices.load import load_device
 from motorctl_devices.orders import FaultOrder
 from motorctl_devices.schedule import Schedule
 
@@ -252,6 +256,75 @@ def test_a_broken_amplifier_says_so_and_gives_nothing_until_it_is_mended(tmp_pat
         until(lambda: not told(), 1.0)
         assert device.machine.enabled == [True, True]
         assert _fired(device) == [1]
+
+
+def test_a_lost_encoder_says_so_and_its_count_stands_still_until_it_is_back(tmp_path) -> None:
+    data = _with(TCP, {"kind": "encoder_lost", "at_s": 0.1, "duration_s": 0.2, "channel": 1})
+    lost_x, lost_y = 1 << 0, 1 << 6
+    with running(tmp_path, data) as device, TcpPeer(device.endpoint.address) as peer:
+        exchange = lambda: peer.exchange((2.0, 2.0))  # noqa: E731
+        told = lambda: exchange()["status"] & (lost_x | lost_y)  # noqa: E731
+        assert told() == 0
+        until(told, 1.0)
+        assert told() == lost_y
+        before = exchange()["counts"]
+        time.sleep(0.05)
+        after = exchange()["counts"]
+        assert after[0] != before[0]  # the other end moves on
+        assert after[1] == before[1]
+        until(lambda: not told(), 1.0)
+        assert exchange()["counts"][1] != before[1]
+        assert _fired(device) == [1]
+
+
+BEAM_ENDS = [dict(CHANNELS[0], axis=end, counter_bits=32) for end in ("x", "x.2")]
+
+
+def _beam_on_can(*faults: dict[str, Any], channel: str) -> dict[str, Any]:
+    bus = {"interface": "virtual", "channel": channel, "sync": {"id": SYNC_ID}}
+    serve = {"can": {**bus, "frames": can_frames()}}
+    return _with(serve, *faults, channels=BEAM_ENDS)
+
+
+def test_one_of_two_drives_is_silent_while_the_other_answers(tmp_path) -> None:
+    order = {"kind": "drive_silent", "at_s": 0.1, "duration_s": 0.2, "channel": 1}
+    data = _beam_on_can(order, channel="silent")
+    with (
+        running(tmp_path, data) as device,
+        can.Bus("silent", interface="virtual") as peer,
+    ):
+        frame = can_frames()["command"]
+
+        def heard() -> set[int]:
+            for identifier, content in ((frame["id"], bytes(4) + b"\x03\xff\0"), (SYNC_ID, b"")):
+                peer.send(
+                    can.Message(arbitration_id=identifier, data=content, is_extended_id=False)
+                )
+            time.sleep(0.01)
+            found = set()
+            while (message := peer.recv(0)) is not None:
+                found.add(message.arbitration_id)
+            return found
+
+        both = {0x181, 0x182}
+        assert heard() == both
+        until(lambda: heard() == {0x181}, 1.0)
+        until(lambda: heard() == both, 1.0)
+        assert device.machine.enabled == [True, True]  # it heard all the while
+        assert _fired(device) == [1]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        _can({"kind": "drive_silent", "at_s": 0.1, "channel": 1}, channel="together"),
+        _with(TCP, {"kind": "drive_silent", "at_s": 0.1, "channel": 1}),
+    ],
+    ids=["one frame for both", "one reply for both"],
+)
+def test_a_drive_without_a_message_of_its_own_cannot_be_silent_alone(tmp_path, data) -> None:
+    with pytest.raises(ConfigError, match="where one message tells of all channels, order silence"):
+        load_device(write_device(tmp_path, data))
 
 
 def test_a_counter_jumps_once_for_good(tmp_path) -> None:

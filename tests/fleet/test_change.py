@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from motorctl.fleet.change import FEWEST_POINTS, change_in, scatter_of
 from motorctl.fleet.changes import LEAST_SIZE, judged
@@ -44,6 +46,36 @@ def test_a_step_of_five_times_the_scatter_is_seen_after_two_days_of_three_points
         found = change_in(value)
         seen += found is not None and found.first == 174 and found.p_value < 0.0027 / 800
     assert seen >= 34
+
+
+def alike(points: int, correlated: float, seed: int) -> np.ndarray:
+    """Return noise whose neighbours are correlated."""
+    fresh = math.sqrt(1.0 - correlated**2) * noise(points + 100, seed)
+    return np.asarray(lfilter([1.0], [1.0, -correlated], fresh))[100:]
+
+
+def test_a_large_step_of_a_young_machine_is_told_within_two_days_though_neighbours_are_alike() -> (
+    None
+):
+    seen = 0
+    for seed in range(30):
+        value = alike(32, 0.5, seed)
+        value[-4:] += 15.0  # a third of a friction that is known to two per cent
+        found = change_in(value)
+        seen += found is not None and found.first == 28 and found.p_value < 0.0027 / 200
+    assert seen >= 28
+
+
+@pytest.mark.parametrize("correlated", [0.3, 0.6])
+def test_of_series_whose_neighbours_are_alike_no_more_are_told_than_is_stated(
+    correlated: float,
+) -> None:
+    level, series = 0.01, 300
+    told = sum(
+        found is not None and found.p_value <= level and found.size >= LEAST_SIZE
+        for found in (change_in(alike(30, correlated, 10**6 + k)) for k in range(series))
+    )
+    assert told <= level * series + 3.0 * math.sqrt(level * series)
 
 
 def test_a_slow_drift_is_told_as_one_and_not_as_steps() -> None:

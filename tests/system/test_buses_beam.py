@@ -8,12 +8,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from beam_buses import BEAM_BUSES, beam_device, beam_host
 from buses_bench import DeviceProcess, free_port
 from daemon_rig import Daemon, wait_until
 
 from motorctl.hal import Status
 from motorctl.log.sample import AxisState
+from motorctl_benchmarks.buses.beams import BEAM_BUSES, beam_device, beam_host
 
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
-from motorctl_benchmarks.buses.transports import AXES
 from motorctl_benchmarks.safety.bus_cases import BusKey
 from motorctl_benchmarks.safety.bus_expectations import Promise, command_s, promise, ramp_s
-from motorctl_benchmarks.safety.bus_lines import LINES, STOP
+from motorctl_benchmarks.safety.bus_lines import EVERY_LINE, STOP
 from motorctl_benchmarks.safety.bus_session import Kept, Spell
 
 SLACK_S = 0.02
@@ -27,7 +26,7 @@ MEETS = {
     "homing": AxisState.HOMING,
 }
 """What an axis tells in the states of the campaign."""
-LOST_PLACE = ("short_reset", "long_reset", "shifted_count")
+LOST_PLACE = ("short_reset", "long_reset", "shifted_count", "slipped_end", "lost_end")
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ def _judge(kept: Kept, spell: Spell, rows: slice, began_s: float) -> BusOutcome:
     key = spell.key
     wanted = promise(key.line, key.state, key.fault)
     assert wanted is not None
-    log, line = kept.log, LINES[key.line]
+    log, line = kept.log, EVERY_LINE[key.line]
     assert log.lateness_s is not None
     steps_s = np.diff(log.time_s[rows])
     skipped_s = float(steps_s.max(initial=0.0)) - log.period_s
@@ -125,7 +124,7 @@ def _judge(kept: Kept, spell: Spell, rows: slice, began_s: float) -> BusOutcome:
     lost = kept.rows_lost + _gaps(log.axes["x"], rows, steps_s, log.period_s)
     if lost:
         seen.failures.append(f"{lost} rows lost")
-    for name in AXES:
+    for name in line.axes:
         if wanted.guard:
             _look_at_trip(kept, spell, wanted, name, rows, pause_s, began_s, seen)
         else:
@@ -177,7 +176,7 @@ def _look_at_trip(
     seen: _Seen,
 ) -> None:
     """Note an axis' cause, whether it came in the state and in its time, and what came after."""
-    log, line = kept.log, LINES[spell.key.line]
+    log, line = kept.log, EVERY_LINE[spell.key.line]
     axis, why = log.axes[name], seen.failures
     row = _tripped(axis, rows)
     if row is None:
@@ -280,10 +279,10 @@ def _look_at_device(
         if trips != should and wanted.off_by in ("command", "watchdog"):
             why.append(f"the device's watchdog tripped {trips} times, should be {should}")
     command_ms = None
-    if wanted.off_by in ("command", "ramp") and len(seen.trips) == len(AXES):
+    if wanted.off_by in ("command", "ramp") and len(seen.trips) == len(log.axes):
         row = max(seen.trips)
         if wanted.off_by == "ramp":
-            states = log.axes["x"].state, log.axes["y"].state
+            states = [axis.state for axis in log.axes.values()]
             ends = [np.flatnonzero(s[row:] == AxisState.FAULT) for s in states if s is not None]
             row += max(int(end[0]) if len(end) else 0 for end in ends)
         since_s = kept.origin_s + float(log.time_s[row])

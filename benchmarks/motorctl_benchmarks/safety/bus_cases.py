@@ -9,8 +9,8 @@ import numpy as np
 
 from motorctl.errors import UsageError
 from motorctl_benchmarks.safety.bus_expectations import STATES, is_possible
-from motorctl_benchmarks.safety.bus_faults import KILLS, PAUSE, WIRE
-from motorctl_benchmarks.safety.bus_lines import LINES, SMALL, Setup
+from motorctl_benchmarks.safety.bus_faults import ENDS, KILLS, ORDERS, PAUSE, WIRE
+from motorctl_benchmarks.safety.bus_lines import BEAM_LINES, EVERY_LINE, LINES, SMALL, Setup
 from motorctl_benchmarks.safety.cases import Size
 
 BUS = "bus"
@@ -53,7 +53,8 @@ class BusKey:
 def bus_keys(size: Size, seed: int) -> list[BusKey]:
     """Return every case on a bus.
 
-    full: every fault of the wire in motion, on every line and with both controllers; and a draw of
+    full: every fault of the wire in motion, on every line and with both controllers; every fault of
+    one end of a beam, on those that have one; and a draw of
     the other states, so that each line meets each state, and each state each fault, where this is
     possible. small: of these some lines with C2, a state at rest each, and a line with ramps.
     """
@@ -65,6 +66,10 @@ def _in_motion(seed: int) -> Iterator[BusKey]:
     for law in LAWS:
         for line in LINES:
             for fault in WIRE:
+                if is_possible(line, SHUTTLE, fault):
+                    yield BusKey(line, law, SHUTTLE, fault, "", seed)
+        for line in BEAM_LINES:
+            for fault in ENDS:
                 if is_possible(line, SHUTTLE, fault):
                     yield BusKey(line, law, SHUTTLE, fault, "", seed)
 
@@ -112,7 +117,7 @@ def _few(every: Sequence[BusKey]) -> list[BusKey]:
     small, met = [], set()
     for key in every:
         resting = key.state in RESTING and (key.line, key.state) not in met
-        plain = key.state == SHUTTLE and key.fault in WIRE
+        plain = key.state == SHUTTLE and key.fault in ORDERS
         apart = key.line == SMALL[0] and key.state not in RESTING and not plain
         if apart or (key.line in SMALL and key.controller == "C2" and (plain or resting)):
             small.append(key)
@@ -133,11 +138,11 @@ def parse_bus(text: str) -> BusKey:
 
 
 def _is_a_case(key: BusKey) -> bool:
-    if key.line not in LINES or key.controller not in LAWS or key.state not in STATES:
+    if key.line not in EVERY_LINE or key.controller not in LAWS or key.state not in STATES:
         return False
     if key.fault in KILLS:
-        return (key.state, key.reaction) == (SHUTTLE, "")
+        return key.line in LINES and (key.state, key.reaction) == (SHUTTLE, "")
     if key.fault == PAUSE:
-        return (key.state, key.reaction) == (CRUISE, "quick_stop")
-    possible = key.fault in WIRE and is_possible(key.line, key.state, key.fault)
+        return key.line in LINES and (key.state, key.reaction) == (CRUISE, "quick_stop")
+    possible = key.fault in ORDERS and is_possible(key.line, key.state, key.fault)
     return possible and key.reaction == ""

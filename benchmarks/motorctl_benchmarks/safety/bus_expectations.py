@@ -9,7 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from motorctl_benchmarks.safety.bus_faults import HOLD_S, LATE_S, PAUSE, RESET_S, WATCHDOG_S, WIRE
+from motorctl_benchmarks.safety.bus_faults import (
+    ENDS,
+    HOLD_S,
+    LATE_S,
+    ORDERS,
+    PAUSE,
+    RESET_S,
+    WATCHDOG_S,
+)
 
 OffBy = Literal["command", "watchdog", "device", "ramp"]
 """Who takes the volts away: the loop's command, the device's watchdog, the device as it fails or
@@ -18,6 +26,9 @@ was off before, or the loop's command at the end of a ramp."""
 CANOPEN = "canopen-udp"
 TCP, RTU = "modbus-tcp", "modbus-rtu"
 CAN = ("can-udp", "can-slcan")
+SERIAL_BEAM, CAN_BEAM = "serial-beam", "can-beam"
+BEAMS = (SERIAL_BEAM, CAN_BEAM)
+"""Lines with a beam that two motors drive at their other end."""
 STATES = ("shuttle", "hold", "off", "stop", "homing", "cruise")
 """What both axes do when the fault comes: move back and forth, rest under power, rest without,
 ramp down as they were told to, look for their home switch, move at a constant speed."""
@@ -33,6 +44,7 @@ NOT_TRIED: Mapping[tuple[str, str], str] = {
     (TCP, "bit_errors"): _CHECKSUM,
     (TCP, "wrong_length"): "it may cost the stream its step, or not: there are two promises",
     (CANOPEN, "stuck_sequence"): "a PDO has no number that could stand still",
+    (SERIAL_BEAM, "silent_end"): "one STATE of the box has both ends",
     (RTU, "shifted_count"): (
         "in a period of 8 ms a jump of 30 mm may be motion, for all that a guard knows"
     ),
@@ -41,7 +53,13 @@ NOT_TRIED: Mapping[tuple[str, str], str] = {
 _IN_VIRTUAL_TIME = "a ramp has its length from a constant speed; virtual time has every state"
 NOT_MET: Mapping[tuple[str, str], str] = {
     **{(PAUSE, state): _IN_VIRTUAL_TIME for state in STATES if state != "cruise"},
-    **{(fault, "cruise"): "shuttle has most of its way at a constant speed" for fault in WIRE},
+    **{(fault, "cruise"): "shuttle has most of its way at a constant speed" for fault in ORDERS},
+    **{
+        (fault, state): "virtual time has every state of a beam"
+        for fault in ENDS
+        for state in STATES
+        if state not in ("shuttle", "cruise")
+    },
 }
 """Why a fault is not tried in a state, on any line."""
 
@@ -83,7 +101,12 @@ class Promise:
 
 
 def is_possible(line: str, state: str, fault: str) -> bool:
-    """Return whether a case is tried: there is no reason against it."""
+    """Return whether a case is tried: there is no reason against it.
+
+    A beam meets what its two ends may do apart; what a whole wire may do the gantry has met.
+    """
+    if (line in BEAMS) is not (fault in ENDS):
+        return False
     return (line, fault) not in NOT_TRIED and (fault, state) not in NOT_MET
 
 
@@ -108,6 +131,8 @@ def _powered(line: str, fault: str) -> Promise:
         # The drives of CANopen are reset, and fail again: a fault that ends meanwhile is gone.
         asked = line != CANOPEN
         return Promise("amplifier", 0.0, held=False, asked=asked, off_by="device")
+    if fault in ENDS:
+        return _one_end(fault)
     if fault == "shifted_count":
         return Promise("encoder_jump", 0.0, held=False)
     if fault in ("silence", "unplug"):
@@ -126,6 +151,17 @@ def _powered(line: str, fault: str) -> Promise:
     late_s = LATE_S if fault == "late_answers" else 0.0
     asked = not _passes(line, fault) and line != CANOPEN
     return Promise("no_new_sample", HOLD_S + late_s, asked=asked, passes=_passes(line, fault))
+
+
+def _one_end(fault: str) -> Promise:
+    """Both motors are let go, whichever end it came from."""
+    if fault == "slipped_end":
+        return Promise("skew", 0.0, held=False)
+    if fault == "lost_end":
+        return Promise("encoder_lost", 0.0, held=False, asked=True)
+    if fault == "broken_end":  # the other motor is the loop's to switch off
+        return Promise("amplifier", 0.0, held=False, asked=True)
+    return Promise("no_new_sample", HOLD_S, asked=True)
 
 
 def _off(line: str, fault: str) -> Promise:

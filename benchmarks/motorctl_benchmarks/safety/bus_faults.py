@@ -45,6 +45,29 @@ WIRE: Mapping[str, tuple[str, Options]] = {
     ),
 }
 """Faults to order of the device at the other end: title and order."""
+SLIP_COUNTS = 6_000
+"""3 mm: further than a beam's ends may be apart, and no further than one may move in a period."""
+SECOND = 1
+ENDS: Mapping[str, tuple[str, Options]] = {
+    "slipped_end": (
+        "the count of one of a beam's two ends slips by 3 mm",
+        {"kind": "counter_jump", "channel": SECOND, "counts": SLIP_COUNTS},
+    ),
+    "lost_end": (
+        "one of a beam's two encoders is lost",
+        {"kind": "encoder_lost", "channel": SECOND},
+    ),
+    "broken_end": (
+        "one of a beam's two amplifiers breaks, and its drive says so",
+        {"kind": "amplifier_fault", "channel": SECOND},
+    ),
+    "silent_end": (
+        "one of a beam's two drives is silent",
+        {"kind": "drive_silent", "channel": SECOND},
+    ),
+}
+"""Faults to order of one end of a beam with two motors: title and order."""
+ORDERS: Mapping[str, tuple[str, Options]] = {**WIRE, **ENDS}
 PAUSE = "host_pause"
 COMPUTER: Mapping[str, str] = {PAUSE: "the computer pauses for 90 ms, and ticks are late"}
 """Faults at this end of the wire, by their titles: the loop's process is stopped for a while."""
@@ -55,7 +78,7 @@ KILLS: Mapping[str, str] = {
 }
 """Processes that are killed at this end, each in a session of its own."""
 TITLES: Mapping[str, str] = {
-    **{name: title for name, (title, _) in WIRE.items()},
+    **{name: title for name, (title, _) in ORDERS.items()},
     **COMPUTER,
     **KILLS,
 }

@@ -12,8 +12,16 @@ from typing import Any, Literal
 import yaml
 
 from motorctl.config import load
-from motorctl_benchmarks.buses.transports import merged
-from motorctl_benchmarks.safety.bus_expectations import CANOPEN, RTU, TCP
+from motorctl_benchmarks.buses.beams import (
+    BEAM_BUSES,
+    RATE_HZ,
+    SKEW_LIMIT_M,
+    BeamBus,
+    beam_device,
+    beam_host,
+)
+from motorctl_benchmarks.buses.transports import AXES, merged
+from motorctl_benchmarks.safety.bus_expectations import CAN_BEAM, CANOPEN, RTU, SERIAL_BEAM, TCP
 from motorctl_benchmarks.safety.bus_faults import HOLD_S, WATCHDOG_S, Options
 from motorctl_devices.load import SHIPPED
 
@@ -34,6 +42,13 @@ class Line:
     """Returns changes of the driver's options, for the endpoint and a free port."""
     serve: Callable[[int], Options]
     """Returns changes of the device's key `serve`, for a free port."""
+    beam: BeamBus | None = None
+    """A beam that two motors drive; None: the shipped gantry."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes at the other end."""
+        return AXES if self.beam is None else ("x",)
 
     @property
     def hold_ticks(self) -> int:
@@ -108,9 +123,20 @@ LINES: Mapping[str, Line] = {
         _rtu(),
     )
 }
-WITHOUT_PORT = (TCP, "can-udp", CANOPEN)
+
+
+def _beam(name: str, bus: BeamBus) -> Line:
+    return Line(name, "dual_serial_gantry", "dual_serial_box", RATE_HZ, bus.driver, bus.serve, bus)
+
+
+BEAM_LINES: Mapping[str, Line] = {
+    SERIAL_BEAM: _beam(SERIAL_BEAM, BEAM_BUSES["serial poll"]),
+    CAN_BEAM: _beam(CAN_BEAM, BEAM_BUSES["can"]),
+}
+EVERY_LINE: Mapping[str, Line] = {**LINES, **BEAM_LINES}
+WITHOUT_PORT = (TCP, "can-udp", CANOPEN, CAN_BEAM)
 """Their devices make no serial port that a link could point to."""
-SMALL = ("serial-poll", "can-udp", CANOPEN, TCP)
+SMALL = ("serial-poll", "can-udp", CANOPEN, TCP, CAN_BEAM)
 
 RAMPS_TOP_M_S = 0.3
 STOP = {"acceleration_m_s2": 0.15, "jerk_m_s3": 20.0}
@@ -131,6 +157,8 @@ def device_file(
     watchdog_s: float = WATCHDOG_S,
 ) -> str:
     """Return the device's file, with faults to order."""
+    if line.beam is not None:
+        return _beam_device_file(line.beam, port, faults)
     data = yaml.safe_load((SHIPPED / f"{line.device}.yaml").read_text())
     data |= {"rate_hz": 4 * line.rate_hz, "watchdog_s": watchdog_s, "faults": faults}
     (bus,) = data["serve"]
@@ -151,6 +179,8 @@ def host_file(
     watchdog_s: float = WATCHDOG_S,
 ) -> str:
     """Return the configuration at this end: slower than shipped, and on its way without a rest."""
+    if line.beam is not None:
+        return _beam_host_file(line, line.beam, controller, endpoint, port)
     data: Options = copy.deepcopy(dict(load(line.config).resolved))
     share = line.rate_hz / data["rate_hz"]
     data["rate_hz"] = line.rate_hz
@@ -189,6 +219,26 @@ def host_file(
         }
     data["loop"] |= {"overrun_policy": "count", "without_realtime": "degrade"}
     return yaml.safe_dump(_plain(_set_up(data, line, setup)))
+
+
+def _beam_device_file(bus: BeamBus, port: int, faults: list[Options]) -> str:
+    """Return a beam whose encoders know where they are: no fault has to wait for homing."""
+    data = beam_device(bus, port, faults)
+    for plant in data["gantry"]["plants"].values():
+        plant |= {"initial_position_m": 0.0, "encoder": {"absolute": True}}
+    return yaml.safe_dump(data)
+
+
+def _beam_host_file(line: Line, bus: BeamBus, controller: str, endpoint: str, port: int) -> str:
+    data = beam_host(bus, endpoint, port)
+    data["drivers"]["gantry"]["late"]["hold_ticks"] = line.hold_ticks
+    axis = data["axes"]["x"]
+    axis["controller"], axis["homing"] = controller, {"method": "absolute"}
+    # What has slipped may be led back to what its counts call square, and goes on.
+    del axis["dual_drive"]["square_offset_m"]
+    axis["dual_drive"]["max_out_of_square_m"] = 2.0 * SKEW_LIMIT_M
+    data["loop"] |= {"overrun_policy": "count", "without_realtime": "degrade"}
+    return yaml.safe_dump(_plain(data))
 
 
 def _set_up(data: Options, line: Line, setup: Setup) -> Options:

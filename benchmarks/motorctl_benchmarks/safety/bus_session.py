@@ -17,11 +17,10 @@ from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.errors import MotorctlError, RunError
 from motorctl.latency.progress import Progress
 from motorctl.log import Recording, read_recording
-from motorctl_benchmarks.buses.transports import AXES
 from motorctl_benchmarks.safety.bus_cases import BusKey
 from motorctl_benchmarks.safety.bus_expectations import promise
-from motorctl_benchmarks.safety.bus_faults import PAUSE_S, WIRE, Options
-from motorctl_benchmarks.safety.bus_lines import LINES, device_file, free_port, host_file
+from motorctl_benchmarks.safety.bus_faults import ORDERS, PAUSE_S, Options
+from motorctl_benchmarks.safety.bus_lines import EVERY_LINE, device_file, free_port, host_file
 from motorctl_benchmarks.safety.bus_process import (
     device_of,
     sleep_until,
@@ -108,7 +107,7 @@ class Kept:
 def run_session(session: Session, progress: Progress) -> Kept:
     """Run a session. Raises RunError or another MotorctlError where it cannot be run through."""
     key, port = session.first, free_port()
-    line = LINES[key.line]
+    line = EVERY_LINE[key.line]
     times, orders = _times_of(session.keys)
     with tempfile.TemporaryDirectory(prefix="motorctl-campaign-") as name:
         file = device_file(line, port, [order for order in orders if order])
@@ -144,7 +143,7 @@ def _times_of(keys: Sequence[BusKey]) -> tuple[list[float], list[Options | None]
         if k and key.state != "shuttle":
             at_s += AS_TOLD_S
         times.append(round(at_s, 3))
-        wire = WIRE.get(key.fault)
+        wire = ORDERS.get(key.fault)
         orders.append({"duration_s": LASTS_S, **wire[1], "at_s": times[-1]} if wire else None)
         at_s += _lasts_s(orders[-1]) + BETWEEN_S
     return times, orders
@@ -167,16 +166,17 @@ class _Through:
         keys = self._keys
         # The device's clock begins with the first power: by then no axis may be anywhere else.
         began = time.monotonic()
-        _each(client, "start", hold=keys[0].state != "shuttle")
+        axes = EVERY_LINE[keys[0].line].axes
+        _each(client, axes, "start", hold=keys[0].state != "shuttle")
         if keys[0].state == "off":
-            _each(client, "stop")
+            _each(client, axes, "stop")
         for k, key in enumerate(keys):
             wanted = promise(key.line, key.state, key.fault)
             assert wanted is not None
             spell = Spell(key, self._times[k])
             self.spells.append(spell)
             at = began + spell.at_s
-            _bring_to(client, key.state, at)
+            _bring_to(client, axes, key.state, at)
             if self._orders[k] is None:
                 sleep_until(at)
                 _pause(client)
@@ -190,29 +190,29 @@ class _Through:
             follows = "hold" if key.setup == "homes" else key.state if last else keys[k + 1].state
             hold = follows != "shuttle"
             spell.wanted = "idle" if hold else "running"
-            _again(client, spell, hold)
+            _again(client, axes, spell, hold)
             if follows == "off":
-                _each(client, "stop")
+                _each(client, axes, "stop")
             progress((k + 1) / len(keys))
         time.sleep(0.2)
 
 
-def _bring_to(client: Client, state: str, at: float) -> None:
+def _bring_to(client: Client, axes: Sequence[str], state: str, at: float) -> None:
     """Let both axes be in the state when the fault comes; they move, hold or are off already."""
     if state == "homing":
         sleep_until(at - HOMED_S)
-        for axis in AXES:
+        for axis in axes:
             client.ask("home", axis=axis)
     elif state in ("stop", "cruise"):
         sleep_until(at - MOVED_S)
-        for axis in AXES:
+        for axis in axes:
             here = float(client.axis(axis)["position_m"])
             there = here + (WAY_M if here < MIDDLE_M else -WAY_M)
             client.ask("move", axis=axis, position_m=there, velocity_m_s=SPEED_M_S,
                        acceleration_m_s2=ACCELERATION_M_S2)  # fmt: skip
         if state == "stop":
             sleep_until(at - STOPPED_S)
-            for axis in AXES:
+            for axis in axes:
                 client.ask("stop", axis=axis)
 
 
@@ -233,13 +233,13 @@ def _asked(client: Client, state: str) -> str:
     return _refused(lambda: client.ask("reset", axis="x"))
 
 
-def _again(client: Client, spell: Spell, hold: bool) -> None:
+def _again(client: Client, axes: Sequence[str], spell: Spell, hold: bool) -> None:
     """Reset and start both axes, as soon as the device is back.
 
     An axis that is off is started; where that is refused, it is reset and started.
     """
     try:
-        for axis in AXES:
+        for axis in axes:
             if spell.key.state == "off":
                 if not _soon(partial(client.ask, "start", axis=axis, hold=True), START_SOON_S):
                     continue
@@ -247,11 +247,11 @@ def _again(client: Client, spell: Spell, hold: bool) -> None:
             elif client.axis(axis)["state"] != "fault":
                 continue
             spell.reset = spell.reset or _soon(partial(client.ask, "reset", axis=axis), SOON_S)
-        _each(client, "start", hold=hold)
+        _each(client, axes, "start", hold=hold)
     except MotorctlError as error:
         spell.reset = spell.reset or str(error)
     states = client.ask("status")["axes"]
-    spell.started = {axis: states[axis]["state"] for axis in AXES}
+    spell.started = {axis: states[axis]["state"] for axis in axes}
 
 
 def _soon(do: Callable[[], object], soon_s: float) -> str:
@@ -262,8 +262,8 @@ def _soon(do: Callable[[], object], soon_s: float) -> str:
     return code
 
 
-def _each(client: Client, do: str, **arguments: Any) -> None:
-    for axis in AXES:
+def _each(client: Client, axes: Sequence[str], do: str, **arguments: Any) -> None:
+    for axis in axes:
         client.ask_when_ready(do, lambda _: None, axis=axis, **arguments)
 
 

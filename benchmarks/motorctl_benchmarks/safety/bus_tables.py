@@ -12,30 +12,42 @@ from motorctl_benchmarks.safety.bus_kills import KillOutcome
 
 NONE = "-"
 WIRE_TITLE = "Faults of the wire, in real time, over the states that they were tried in"
+END_TITLE = "Faults of one end of a beam behind a bus, in real time"
 STATE_TITLE = "As promised on the buses, by the state that the fault found"
+COLUMNS = (
+    "cases",
+    "detected by",
+    "ticks beyond those held",
+    "amplifiers off, ms",
+    "from detection to 0 V there at most, ms",
+    "ramp, ms",
+    "travel, mm",
+    "rows lost",
+    "reset refused",
+    "restart clean",
+    "longest pause here, ms",
+    "as promised",
+)
+"""What is told of a fault."""
 KILL_TITLE = "The loop is killed: until the device's amplifiers are off"
 
 
 def bus_table(outcomes: Sequence[BusOutcome]) -> TextTable:
     """Return a line for each fault of the wire, over all buses."""
-    columns = (
-        "fault",
-        "cases",
-        "detected by",
-        "ticks beyond those held",
-        "amplifiers off, ms",
-        "from detection to 0 V there at most, ms",
-        "ramp, ms",
-        "travel, mm",
-        "rows lost",
-        "reset refused",
-        "restart clean",
-        "longest pause here, ms",
-        "as promised",
-    )
     faults = dict.fromkeys(outcome.key.fault for outcome in outcomes)
     rows = tuple(_line(fault, [o for o in outcomes if o.key.fault == fault]) for fault in faults)
-    return TextTable(WIRE_TITLE, columns, rows)
+    return TextTable(WIRE_TITLE, ("fault", *COLUMNS), rows)
+
+
+def end_table(outcomes: Sequence[BusOutcome]) -> TextTable:
+    """Return a line for each fault of one end of a beam, and each bus."""
+    rows = []
+    for fault, bus in dict.fromkeys((o.key.fault, o.key.line) for o in outcomes):
+        title, *rest = _line(
+            fault, [o for o in outcomes if (o.key.fault, o.key.line) == (fault, bus)]
+        )
+        rows.append((title, bus, *rest))
+    return TextTable(END_TITLE, ("fault", "bus", *COLUMNS), tuple(rows))
 
 
 def _line(fault: str, cases: Sequence[BusOutcome]) -> tuple[str, ...]:

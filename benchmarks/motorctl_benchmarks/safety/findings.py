@@ -12,12 +12,12 @@ from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.findings import Findings, TextTable
 from motorctl_benchmarks.safety.bus_case import BusOutcome
 from motorctl_benchmarks.safety.bus_cases import BUS, BusKey, bus_keys, parse_bus
-from motorctl_benchmarks.safety.bus_faults import TITLES
+from motorctl_benchmarks.safety.bus_faults import ENDS, TITLES
 from motorctl_benchmarks.safety.bus_kills import KillOutcome
-from motorctl_benchmarks.safety.bus_lines import LINES
+from motorctl_benchmarks.safety.bus_lines import EVERY_LINE
 from motorctl_benchmarks.safety.bus_run import Outcome as RealOutcome
 from motorctl_benchmarks.safety.bus_run import run_bus_cases
-from motorctl_benchmarks.safety.bus_tables import bus_state_table, bus_table, kill_table
+from motorctl_benchmarks.safety.bus_tables import bus_state_table, bus_table, end_table, kill_table
 from motorctl_benchmarks.safety.cases import CaseKey, Size, keys, parse_case
 from motorctl_benchmarks.safety.fault_free import Quiet, Spell, run_spell, spells
 from motorctl_benchmarks.safety.machines import KINDS
@@ -66,7 +66,7 @@ def parse_task(text: str) -> Task | BusKey:
 def parse_tasks(text: str) -> tuple[Task | BusKey, ...]:
     """Read a key, or all cases of a bus or a machine: bus:can-udp, dual. Raises UsageError."""
     bus, _, line = text.partition(":")
-    if bus == BUS and line in LINES:
+    if bus == BUS and line in EVERY_LINE:
         return tuple(key for key in bus_keys("full", 1) if key.line == line)
     if text in KINDS:
         return tuple(key for key in keys("full", 1) if key.machine == text)
@@ -132,8 +132,11 @@ def findings_of(
     kills = [o for o in on_buses if isinstance(o, KillOutcome)]
     if outcomes:
         tables += [fault_table(outcomes), state_table(outcomes)]
-    if wires:
+    ends = [o for o in wires if o.key.fault in ENDS]
+    if wires := [o for o in wires if o.key.fault not in ENDS]:
         tables += [bus_table(wires), bus_state_table(wires)]
+    if ends:
+        tables.append(end_table(ends))
     if kills:
         tables.append(kill_table(kills))
     if quiet:

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+import pyarrow.dataset as ds
+
 from motorctl.fleet.changes import (
     Alarm,
     Explained,
@@ -23,7 +25,7 @@ from motorctl.fleet.changes import (
 from motorctl.fleet.covariates import Covariates
 from motorctl.fleet.report.machines import UNNAMED, MachineSeen, machines_in
 from motorctl.fleet.report.trend import HEIGHT, SMALL_HEIGHT, SMALL_WIDTH, WIDTH, small, trend_of
-from motorctl.fleet.series import Seen, Series, newest_rows, series_from
+from motorctl.fleet.series import COLUMNS, Seen, Series, newest_rows, series_from
 from motorctl.fleet.siblings import latest_level
 from motorctl.fleet.store import Store
 from motorctl.html_pages import write_page
@@ -37,6 +39,7 @@ CLEAR = 3.0
 SILENT = timedelta(days=2)
 """How old a machine's last log is where that is pointed out; how young a step is that is called
 new."""
+PAGE_COLUMNS = (*COLUMNS, "kind", "text", "confidence")
 PORT = 8765
 """Where the page's links expect the scope, unless another one is asked for."""
 
@@ -97,8 +100,8 @@ def write_fleet_page(
         Where the store is damaged.
     """
     level = level_of(false_alarms_a_year, looks_a_day)
-    rows = newest_rows(store)
-    parameters = [row for row in rows if row["kind"] == "parameter"]
+    rows = newest_rows(store, list(PAGE_COLUMNS))
+    parameters = rows.filter(ds.field("kind") == "parameter")
     found = judged(series_from(parameters), level, false_alarms_a_year, covariates)
     machines = machines_in(rows, store.passing())
     links = _Links(scope_port)

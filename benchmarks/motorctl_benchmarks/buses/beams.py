@@ -16,7 +16,10 @@ ENDS = ("x", "x.2")
 WATCHDOG_S = 0.25
 RATE_HZ = 250.0
 HOLD_TICKS = 40
+"""As the loop's rate, far below what the buses carry: a busy computer is not what is tried. By
+hand."""
 MULTICAST = "239.74.163.9"
+SKEW_LIMIT_M = 2e-3
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ def beam_host(bus: BeamBus, endpoint: str, port: int, **driver: Any) -> Options:
     axis["limits"]["following_error"] = {
         "minimum_m": 0.02, "per_velocity_s": 0.1, "filter_time_s": 0.1,
     }  # fmt: skip
-    axis["guards"]["skew"]["limit_m"] = 2e-3
+    axis["guards"]["skew"]["limit_m"] = SKEW_LIMIT_M
     data["loop"]["supervisor_timeout_s"] = 5.0  # a busy computer is not what is tried here
     axis["dual_drive"]["max_out_of_square_m"] = 3e-3
     data["programs"]["shuttle"] |= {
