@@ -23,13 +23,13 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist loadfile -m 'not slow and not wall_clock'
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow and wall_clock(lanes=2)'
-	$(BIN)/python -m pytest -m 'not slow and wall_clock and not wall_clock(lanes=2)' || test $$? -eq 5  # 5: there is none
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m 'not slow and wall_clock(lanes=3)'
+	$(BIN)/python -m pytest -m 'not slow and wall_clock and not wall_clock(lanes=3)' || test $$? -eq 5  # 5: there is none
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock and not long'
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'slow and wall_clock(lanes=2) and not long'
-	$(BIN)/python -m pytest -m 'slow and wall_clock and not wall_clock(lanes=2) and not long'
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m 'slow and wall_clock(lanes=3) and not long'
+	$(BIN)/python -m pytest -m 'slow and wall_clock and not wall_clock(lanes=3) and not long'
 
 # What `test-slow` promises, over every machine, kind and number that there is: before a release.
 test-long: $(STAMP)

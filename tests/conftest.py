@@ -27,12 +27,12 @@ settings.register_profile(
 settings.load_profile("same")
 
 
-TWO_LANES = "wall_clock(lanes=2)"
+IN_LANES = "wall_clock(lanes=3)"
 RARE = {
     "slow": ("slow",),
     "long": ("long", "few_of"),
     "wall_clock": ("wall_clock",),
-    TWO_LANES: (TWO_LANES,),
+    IN_LANES: (IN_LANES,),
 }
 """Marks that few files give, and the words that give them: to import all the others takes longer
 than what is asked of them."""
@@ -45,8 +45,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not wanted or collection_path.suffix != ".py" or collection_path.name == "conftest.py":
         return None
     text = collection_path.read_text(encoding="utf-8")
-    if f"not {TWO_LANES}" in asked:
-        text = text.replace(TWO_LANES, "")
+    if f"not {IN_LANES}" in asked:
+        text = text.replace(IN_LANES, "")
     given = (any(word in text for word in RARE[mark]) for mark in wanted)
     return None if all(given) else True
 

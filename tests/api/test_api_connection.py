@@ -23,7 +23,7 @@ from motorctl.daemon.protocol import (
     StatusCommand,
 )
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 
 @pytest.fixture(scope="module")

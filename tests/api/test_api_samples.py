@@ -27,7 +27,7 @@ from motorctl.daemon.client import Client
 from motorctl.daemon.protocol import Request
 from motorctl.loop.layout import signature
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 
 
 class Stage:

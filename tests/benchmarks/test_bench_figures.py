@@ -139,7 +139,6 @@ def test_the_parts_of_every_tick_lie_within_it():
     [
         (["diagnosi"], "No such command 'diagnosi'. Did you mean 'diagnosis'?"),
         (["speed", "--cases", "2"], "No such option: --cases"),
-        (["--json", "machines"], "--json comes after the subject: motorctl bench machines --json"),
     ],
 )
 def test_a_subject_or_option_that_is_not_there_is_refused(words, told):
@@ -160,6 +159,9 @@ def test_names_of_others_are_written_out_wherever_the_command_prints_them(monkey
     monkeypatch.setattr(
         "motorctl_benchmarks.real_machines.findings.recordings_findings", lambda *_, **__: found
     )
+    for words in (["--json", "recordings"], ["recordings", "--json"]):
+        document = json.loads(CliRunner().invoke(bench, words).stdout)
+        assert document["subject"] == "recordings"
     answer = CliRunner().invoke(bench, ["recordings"])
     assert answer.exit_code == 0
     assert all(c.isprintable() or c == "\n" for c in answer.stdout)

@@ -24,7 +24,7 @@ from motorctl.experiment.session import Experiment, Standing
 from motorctl.identify.diagnose.report.motion_advice import Stroke
 from motorctl.log import read_recording
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

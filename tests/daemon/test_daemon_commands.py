@@ -22,7 +22,7 @@ from motorctl.daemon.client import Client, DaemonRefusedError
 from motorctl.daemon.program_transfer import packed
 from motorctl.daemon.supervisor import NICENESS
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 
 @pytest.fixture(scope="module")

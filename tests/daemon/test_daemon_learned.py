@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from motorctl.config import Machine, load
 from motorctl.daemon.learned import save, take_up
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.bears_pauses]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.bears_pauses]
 
 THETA = {
     "x": np.array([0.2, 0.3, 0.1, 0.05, -0.004, -0.0004]),

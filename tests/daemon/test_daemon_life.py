@@ -22,7 +22,7 @@ from motorctl.flight import list_records
 from motorctl.log import recover
 from motorctl.log.sample import AxisState, FaultCause
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 
 TESTS = Path(__file__).parent
 

@@ -14,7 +14,7 @@ from recorded_ring import metadata_of, ticks_of
 from motorctl.log.folder import in_use, stored_logs
 from motorctl.log.sample import AxisState
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 ROTATING = "recording: {rotate: {max_duration_h: 0.016667}}\n"
 PAUSING = "recording: {while_off: pause}\n"

@@ -11,7 +11,7 @@ from daemon_rig import Daemon, bench_config, raw_status
 from motorctl.loop import LoopMemory
 from motorctl_sim import SimDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 HERE = Path(__file__).parent
 SUPPORT = HERE.parent / "support"

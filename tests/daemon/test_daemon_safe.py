@@ -19,7 +19,7 @@ from motorctl.config import load
 from motorctl.daemon.loop_process import LoopProcess
 from motorctl_sim import SimDriver
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.bears_pauses, pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.bears_pauses, pytest.mark.slow]
 
 released = threading.Event()
 

@@ -22,7 +22,7 @@ from motorctl.daemon.notify import ServiceNotifier
 from motorctl.errors import RunError
 from motorctl.log import recover
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.bears_pauses, pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.bears_pauses, pytest.mark.slow]
 
 HANGS = (
     "import threading; from motorctl.daemon import ending, rotating_log;"

@@ -73,7 +73,7 @@ def test_the_end_waits_for_a_reader_but_not_for_long(
     read_until(pipe[0], b"message 199")  # the thread ends
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_axes_stay_enabled_while_nobody_reads_standard_error(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "stderr.txt")
     unread = os.open(tmp_path / "stderr.txt", os.O_RDWR | os.O_NONBLOCK)

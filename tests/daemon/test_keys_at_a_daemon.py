@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from daemon_rig import Daemon, command, wait_until
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 PATIENCE_S = 30.0
 

@@ -16,7 +16,7 @@ from daemon_rig import Daemon, bench_config, wait_until
 import motorctl
 from motorctl.daemon.client import DaemonRefusedError
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

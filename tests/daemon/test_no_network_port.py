@@ -64,7 +64,7 @@ def test_a_port_that_is_open_is_found(family: int, kind: int) -> None:
         assert len(network_sockets(os.getpid())) == before + 1
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 @pytest.mark.bears_pauses
 def test_a_running_daemon_of_a_shipped_gantry_has_no_port_open(tmp_path: Path) -> None:
     with Daemon(tmp_path, shipped_config("published_gantry").read_text()) as daemon:

@@ -25,7 +25,7 @@ from motorctl.daemon.paths import client_socket, daemon_socket, state_file
 from motorctl.daemon.server import ControlServer
 from motorctl.errors import RunError, UsageError
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.bears_pauses]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.bears_pauses]
 
 ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become somebody else")
 NOBODY = 65534

@@ -21,7 +21,7 @@ from gantry_device_frames import (
 from motorctl.errors import ConfigError
 from motorctl_devices import load_device
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 _NAMES = iter(range(10**6))
 

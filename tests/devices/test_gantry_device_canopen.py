@@ -21,7 +21,7 @@ from motorctl.hal import Channel, Inputs, Outputs, error_code
 from motorctl_canopen import CanopenDriver, CanopenOptions
 from motorctl_devices import load_device
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 _NAMES = iter(range(10**6))
 NODES = [{"node": 1, "rated_torque_v": 10.0}, {"node": 2, "rated_torque_v": 10.0}]

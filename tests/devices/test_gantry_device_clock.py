@@ -10,7 +10,7 @@ import pytest
 from motorctl.hal import Driver, DriverOptions, RateBudget
 from motorctl_devices.machine import PHASE, Machine
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 PERIOD_S = 1e-3
 PERIOD_NS = 1_000_000

@@ -20,7 +20,7 @@ from motorctl.errors import ConfigError, RunError, UsageError
 from motorctl_devices import load_device
 from motorctl_devices.orders import KEYS
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 

@@ -30,7 +30,7 @@ from motorctl_devices.load import load_device
 from motorctl_devices.orders import FaultOrder
 from motorctl_devices.schedule import Schedule
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 SERIAL: dict[str, Any] = {"serial": {}}

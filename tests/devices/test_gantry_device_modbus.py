@@ -18,7 +18,7 @@ from gantry_device_bench import (
     until,
 )
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TCP = {"modbus": {"tcp": {"port": 0}, **MODBUS}}
 RTU = {"modbus": {"rtu": {}, **MODBUS}}

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from motorctl_devices.serial_codec import from_wire, to_wire
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 SERIAL: dict = {"serial": {}}
 PAGE = Path(__file__).parents[2] / "docs" / "drivers" / "serial.md"

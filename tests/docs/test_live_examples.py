@@ -21,7 +21,7 @@ SHOWN_SOCKET = "/tmp/m.sock"
 INTERACTIVE = ("motorctl jog", "motorctl status --watch")
 """Commands that wait for keys."""
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 
 def shown(page: str) -> tuple[str, list[str]]:

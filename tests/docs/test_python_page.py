@@ -29,7 +29,7 @@ def daemon(tmp_path: Path) -> Iterator[Daemon]:
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_the_examples_of_the_page_run_one_after_the_other(
     daemon: Daemon,
     tmp_path: Path,

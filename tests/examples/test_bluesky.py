@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from daemon_rig import Daemon
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

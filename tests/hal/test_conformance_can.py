@@ -13,7 +13,7 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance
 from motorctl_can import CanDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 NUMBERS = itertools.count()
 

@@ -14,7 +14,7 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance, Received, Rig
 from motorctl_canopen import CanopenDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 NUMBERS = itertools.count()
 

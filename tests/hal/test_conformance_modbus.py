@@ -16,7 +16,7 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance
 from motorctl_modbus import ModbusDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 
 class ModbusRig(PeerRig):

@@ -15,7 +15,7 @@ from motorctl.hal import Channel, Driver
 from motorctl.hal.conformance import DriverConformance
 from motorctl_serial import SerialDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 
 class SerialRig(PeerRig):

@@ -69,7 +69,7 @@ class TestInVirtualTime(DriverConformance):
             yield rig
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 class TestOnTheWallClock(DriverConformance):
     @pytest.fixture
     def rig(self):

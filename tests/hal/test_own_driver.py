@@ -161,7 +161,7 @@ def test_its_example_does_not_take_a_full_queue_for_a_lost_box(at_hand):
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_box_that_is_not_there_is_named(installed, tmp_path):
     daemon = Daemon(tmp_path, box_config(9), PYTHONPATH=str(installed))
     assert daemon.process.wait(120) == 1
@@ -170,7 +170,7 @@ def test_a_box_that_is_not_there_is_named(installed, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_c2_follows_a_circle_through_it_in_real_time(installed, box, tmp_path):
     environment = {"PYTHONPATH": str(installed)}
     with Daemon(tmp_path, box_config(box), **environment) as daemon:
@@ -191,7 +191,7 @@ def test_c2_follows_a_circle_through_it_in_real_time(installed, box, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_it_passes_the_conformance_suite_with_its_own_rig(installed):
     told = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",

@@ -50,7 +50,7 @@ def _command(*arguments: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_two_seconds_give_a_log_with_every_tick_and_a_verdict(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))  # no cyclictest
     log, out = tmp_path / "ticks.parquet", tmp_path / "out"
@@ -89,7 +89,7 @@ def test_two_seconds_give_a_log_with_every_tick_and_a_verdict(tmp_path, monkeypa
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_the_terminal_shows_verdict_histograms_and_whether_every_tick_is_there(monkeypatch):
     monkeypatch.setenv("PATH", os.devnull)
     monkeypatch.setenv("COLUMNS", "120")
@@ -102,7 +102,7 @@ def test_the_terminal_shows_verdict_histograms_and_whether_every_tick_is_there(m
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_machine_that_needs_homing_is_homed_first():
     options = LatencyOptions(duration_s=1.0, beside_cyclictest=False)
     latency = measure_latency(load("small_stage"), options, _ignore)
@@ -125,7 +125,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_runs(tmp_
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 @pytest.mark.parametrize("move", [False, True])
 def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, monkeypatch, move):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
@@ -143,7 +143,7 @@ def test_axes_of_a_real_device_stay_off_unless_they_are_told_to_move(tmp_path, m
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     fault = {"kind": "amplifier_fault", "at_s": 2.0, "channel": 1, "duration_s": 0.01}
@@ -164,7 +164,7 @@ def test_a_trip_of_a_real_axis_stops_every_axis_and_is_told(tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_trip_of_a_simulated_axis_is_told_and_the_measurement_goes_on(tmp_path):
     fault = {"kind": "amplifier_fault", "at_s": 1.0, "channel": 1, "duration_s": 0.01}
     options = LatencyOptions(3.0, tmp_path / "ticks.parquet", beside_cyclictest=False)

@@ -15,7 +15,7 @@ from motorctl.cli import make_app
 from motorctl.config import load
 from motorctl.errors import UsageError
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 
 
 def config() -> dict[str, Any]:

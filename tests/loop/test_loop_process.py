@@ -16,7 +16,7 @@ from motorctl.config.machine import DriverSetup
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import LoopMemory, Phase, Reply, Verb, spawn
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TIMEOUT_S = 200.0
 """Compiling on a busy machine takes its time."""

@@ -49,7 +49,7 @@ def nicenesses(process: subprocess.Popen[str]) -> set[int]:
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_every_panel_has_a_value_and_every_message_its_time_until_the_daemon_ends(
     tmp_path: Path,
 ) -> None:

@@ -191,7 +191,7 @@ def asked(port: int, path: str = "/metrics", **headers: str) -> tuple[int, str]:
             return error.code, error.read().decode()
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_daemon_that_is_away_is_down_until_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,7 +221,7 @@ def test_a_daemon_that_is_away_is_down_until_it_is_back(
     ]
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_daemon_that_hangs_is_down_for_every_scrape_in_time_and_up_when_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -257,7 +257,7 @@ def test_a_daemon_that_hangs_is_down_for_every_scrape_in_time_and_up_when_it_goe
     assert "the daemon did not answer within 0.15 s" in told[0]
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_it_leaves_the_loop_s_cpu_before_any_thread_serves_and_that_of_the_next_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,7 +278,7 @@ def test_it_leaves_the_loop_s_cpu_before_any_thread_serves_and_that_of_the_next_
     assert kept_off == [2**22 + 1, 2**22 + 2]
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_scrape_may_name_metrics_and_a_head_has_no_body(tmp_path: Path) -> None:
     with serving(tmp_path / "none", Access("127.0.0.1", None), []) as port:
         code, text = asked(port, "/metrics?name[]=motorctl_up&name[]=motorctl_loop_ticks_total")
@@ -296,7 +296,7 @@ def test_a_scrape_may_name_metrics_and_a_head_has_no_body(tmp_path: Path) -> Non
             assert body == b""
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_only_metrics_are_read_and_only_under_the_server_s_own_name(tmp_path: Path) -> None:
     with serving(tmp_path / "none", Access("127.0.0.1", None), []) as port:
         assert asked(port)[0] == asked(port, Host=f"localhost:{port}")[0] == 200
@@ -310,7 +310,7 @@ def test_only_metrics_are_read_and_only_under_the_server_s_own_name(tmp_path: Pa
             urllib.request.urlopen(request, timeout=20)
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_with_a_token_only_who_sends_it_reads(tmp_path: Path) -> None:
     with serving(tmp_path / "none", Access("127.0.0.1", TOKEN), []) as port:
         for wrong in ({}, {"Authorization": f"Bearer {TOKEN}x"}, {"Authorization": "Bearer é"}):

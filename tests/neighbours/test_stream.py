@@ -80,7 +80,7 @@ def test_a_message_has_the_time_under_timestamp_and_an_object_an_axis() -> None:
     }
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_a_log_is_sent_in_its_own_time_with_every_peak(tmp_path: Path) -> None:
     rows = make_rows(1000)
     rows[1]["following_error_m"][437, 0] = 0.02  # one row at 1 kHz, of messages at 100 Hz
@@ -98,7 +98,7 @@ def test_a_log_is_sent_in_its_own_time_with_every_peak(tmp_path: Path) -> None:
     assert all(message.keys() == {"timestamp", "turnaround_s", "x"} for message in received)
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_rows_of_a_machine_are_joined_over_looks_and_none_is_left(tmp_path: Path) -> None:
     received: list[dict[str, Any]] = []
     with ring() as filled, listening(received) as url, Destination(url) as destination:
@@ -140,7 +140,7 @@ def test_a_row_that_no_datagram_holds_is_refused_and_a_host_that_is_none_told() 
         Destination("udp://no-such-host.invalid")
 
 
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 def test_where_nobody_listens_that_is_told(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

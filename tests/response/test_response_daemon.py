@@ -19,7 +19,7 @@ from motorctl.daemon.client import Client
 from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.response import rigs
 
-pytestmark = [pytest.mark.wall_clock(lanes=2), pytest.mark.slow]
+pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
 WAVE = [0.1 * math.sin(2.0 * math.pi * k / 200.0) for k in range(200)]
 QUICK = ("--band", "4,60", "--amplitude", "1.5", "--yes")
 

@@ -25,7 +25,7 @@ from motorctl.scope.live_machine import LiveMachine
 from motorctl.scope.signals import signals
 from motorctl.scope.trigger import Trigger
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 METADATA = {"rate_hz": 1000.0, "machine": "bench", "config": {"name": "bench"}}
 WAIT_S = 20.0

@@ -30,7 +30,7 @@ from motorctl.daemon.client import DaemonRefusedError
 from motorctl.log import Recording, read_recording
 from motorctl.log.sample import AxisState
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 SERIAL = BUSES["serial exchange"]
 CONNECT_S = 1.0

@@ -15,7 +15,7 @@ from motorctl.hal import Status
 from motorctl.log.sample import AxisState
 from motorctl_benchmarks.buses.beams import BEAM_BUSES, beam_device, beam_host
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 FEW = ("serial poll", "can")
 """Buses of which a beam is tried each time, the others before a release: of each kind one, a bus

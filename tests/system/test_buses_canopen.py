@@ -12,7 +12,7 @@ from daemon_rig import Daemon, bench_config, wait_until
 
 from motorctl.daemon.client import DaemonRefusedError
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 RATE_HZ = 200.0
 HOST_WATCHDOG_S, DEAF_AT_S, DEAF_S, HOLD_S = 0.15, 12.0, 0.25, 0.5

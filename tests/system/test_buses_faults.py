@@ -24,7 +24,7 @@ from fault_sequence import Spell, run_through
 
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 REFUSED = "a message was refused"
 GONE = "the bus or the port is gone"

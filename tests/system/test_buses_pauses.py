@@ -31,7 +31,7 @@ from motorctl.daemon.client import DaemonRefusedError
 from motorctl.log import read_recording
 from motorctl.log.sample import AxisState, FaultCause
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 PAUSE_S = 0.3
 assert PAUSE_S > WATCHDOG_S

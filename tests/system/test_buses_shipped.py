@@ -42,7 +42,7 @@ def _files(bus: str, device: str, folder: Path) -> tuple[dict[str, Any], dict[st
 
 
 @pytest.mark.slow
-@pytest.mark.wall_clock(lanes=2)
+@pytest.mark.wall_clock(lanes=3)
 @pytest.mark.parametrize(
     ("bus", "device"),
     [

@@ -19,7 +19,7 @@ from gantry_device_bench import from_wire, to_wire
 from motorctl.hal import Status
 from motorctl.loop.faults import device_message
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 NOBODY = "/dev/nothing-here"
 ABSENT = {

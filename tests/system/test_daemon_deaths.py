@@ -27,7 +27,7 @@ from motorctl.log import background
 from motorctl.log.folder import stored_logs
 from motorctl.log.sample import AxisState, SampleFlag
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 RATE_HZ = 400
 FEW = ("serial exchange", "canopen")

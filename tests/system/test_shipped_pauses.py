@@ -15,7 +15,7 @@ from motorctl.config import load
 from motorctl.config.shipped import shipped_config, shipped_configs
 from motorctl.daemon.client import DaemonRefusedError
 
-pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=2)]
+pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
 PAUSE_S, EVERY_S = 8e-3, 1.0
 MINUTES_S = 180.0

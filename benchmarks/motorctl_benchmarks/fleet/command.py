@@ -12,8 +12,8 @@ from motorctl_benchmarks.command_options import AsJson, EachCase, Seed, Workers,
 
 
 def fleet(
-    machines: Annotated[int | None, typer.Option(min=1, help="Default 12.")] = None,
-    days: Annotated[int | None, typer.Option(min=1, help="Default 20.")] = None,
+    machines: Annotated[int | None, typer.Option(min=1, help="Default 12; fifty in full.")] = None,
+    days: Annotated[int | None, typer.Option(min=1, help="Default 20; sixty in full.")] = None,
     logs_a_day: Annotated[
         int | None, typer.Option(min=1, max=24, help="Logs of each machine a day; default 3.")
     ] = None,

@@ -2,9 +2,9 @@
 
 A fit may say more than its recording showed: an input map that is sound over the commands that
 were used may turn back before the voltage limit, and then it has no inverse (Chen, Yao, Wang
-2013, Assumption 2). So the start values of the input map are drawn towards zero until it is
-monotonic up to the limit and the programs can be run, and bounds are narrowed until the
-projection can keep it so.
+2013, Assumption 2). So the start values of the input map are drawn towards those that the
+configuration had until it is monotonic up to the limit and the programs can be run, what was
+fitted together with it follows, and bounds are narrowed until the projection can keep it so.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from motorctl.config.analysis import required_command, smallest_slope
 from motorctl.config.machine import Axis, Estimate
 from motorctl.control import input_indices, monotonicity_half_planes
 from motorctl.errors import UsageError
-from motorctl.identify.refine.start_values import rounded
-from motorctl.model import EffectList
+from motorctl.identify.refine.start_values import moved, rounded
+from motorctl.model import EffectList, Parameter
 from motorctl.motion import AxisLimits, Program, check_program
 
 Array = NDArray[np.float64]
@@ -42,12 +42,33 @@ input map stays monotonic within them. Chosen by hand."""
 
 
 def admissible(
-    axis: Axis, model: EffectList, estimates: Sequence[Estimate], programs: Sequence[Program]
+    axis: Axis,
+    model: EffectList,
+    estimates: Sequence[Estimate],
+    before: Sequence[Estimate | None],
+    programs: Sequence[Program],
+    made_up: Callable[[Array], Array] = np.asarray,
 ) -> tuple[list[Estimate], list[str]]:
     """Return estimates that the axis can start with, and in words what had to be changed.
 
-    estimates: one for each parameter of `model`. What the input map cannot mend, such as a
-    program that needs too much voltage for its inertia, is left for the configuration to refuse.
+    What the input map cannot mend, such as a program that needs too much voltage for its inertia,
+    is left for the configuration to refuse.
+
+    Parameters
+    ----------
+    axis
+        Its limits and margins.
+    model
+        Its effects, with n parameters.
+    estimates
+        What was fitted, n of them.
+    before
+        What the configuration had, n of them; None: nothing.
+    programs
+        Those that it follows.
+    made_up
+        Given a change of the input map's parameters, (n,), returns that of all, (n,): the others
+        may make up for it. By default they stay.
     """
     notes: list[str] = []
     found = list(estimates)
@@ -68,10 +89,26 @@ def admissible(
         (monotonic, f"the fitted input map is not monotonic up to {u_max:g} V"),
         (can_run, f"a program would need more than {u_max:g} V"),
     ):
-        share = _largest_share(sound, np.array([e.initial for e in found]), indices)
-        if share is not None and share < 1.0:
-            found = [_drawn(e, share) if i in indices else e for i, e in enumerate(found)]
-            notes.append(f"{why}: its parameters start at {100.0 * share:.0f} % of their estimates")
+        theta = np.array([e.initial for e in found])
+        if sound(theta):
+            continue
+        back = np.zeros_like(theta)
+        back[indices] = [(e.initial if (e := before[i]) else 0.0) - theta[i] for i in indices]
+        for change, made in ((made_up(back), ", and the others make up for it"), (back, "")):
+            share = _largest_share(sound, theta, change)
+            if share is None:
+                continue
+            own = [before[i] if i in indices else e for i, e in enumerate(found)]
+            found = [
+                _drawn(e, p, float((1.0 - share) * change[i]), own[i])
+                for i, (e, p) in enumerate(zip(found, model.parameters, strict=True))
+            ]
+            origin = "those of the configuration" if np.any((theta + back)[indices]) else "zero"
+            notes.append(
+                f"{why}: its parameters start at {100.0 * share:.0f} % of the way from {origin} to "
+                f"their estimates{made}"
+            )
+            break
     for _ in range(HALVINGS):
         if _can_be_kept(model, found, u_max, axis.adaptation.monotonicity_margin, travel):
             break
@@ -81,18 +118,22 @@ def admissible(
     return found, notes
 
 
-def _largest_share(
-    sound: Callable[[Array], bool], theta: Array, indices: Sequence[int]
-) -> float | None:
-    """Find which part of the input map's parameters is still sound; None where none is."""
+def _largest_share(sound: Callable[[Array], bool], theta: Array, back: Array) -> float | None:
+    """Find which part of the way is still sound; None where not even its beginning is.
+
+    Parameters
+    ----------
+    sound
+        Judges parameters, (n,).
+    theta
+        Where the way ends, (n,): not sound.
+    back
+        From there to its beginning, (n,).
+    """
 
     def at(share: float) -> Array:
-        drawn = theta.copy()
-        drawn[list(indices)] *= share
-        return drawn
+        return np.asarray(theta + (1.0 - share) * back)
 
-    if sound(theta):
-        return 1.0
     if not sound(at(0.0)):
         return None
     low, high = 0.0, 1.0
@@ -134,10 +175,15 @@ def _can_be_kept(
     return bool(np.all(normals @ theta >= offsets))
 
 
-def _drawn(estimate: Estimate, share: float) -> Estimate:
-    initial = rounded(share * estimate.initial)
-    lower, upper = min(estimate.lower, initial), max(estimate.upper, initial)
-    return replace(estimate, initial=initial, lower=lower, upper=upper)
+def _drawn(
+    estimate: Estimate, parameter: Parameter, change: float, before: Estimate | None
+) -> Estimate:
+    """Return an estimate that was changed; its bounds go along, and hold what was before."""
+    drawn = moved(estimate, parameter, change)
+    if before is None or before is estimate:
+        return drawn
+    lower, upper = min(before.lower, drawn.initial), max(before.upper, drawn.initial)
+    return replace(drawn, lower=lower, upper=upper)
 
 
 def _narrowed(estimate: Estimate) -> Estimate:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.config.freeze import decode
 from motorctl.config.machine import MOST_PARAMETERS, Axis, Estimate, Machine
+from motorctl.control import input_indices
 from motorctl.errors import DataError
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
@@ -18,7 +20,7 @@ from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.admissible import admissible
 from motorctl.identify.refine.carry_over import CarriedModel, carry_over
 from motorctl.identify.refine.header import found_words
-from motorctl.identify.refine.model_error import force_error_rms
+from motorctl.identify.refine.model_error import force_error_rms, made_up_for
 from motorctl.identify.refine.model_text import WantedEffect
 from motorctl.identify.refine.start_values import (
     estimates_of,
@@ -26,6 +28,9 @@ from motorctl.identify.refine.start_values import (
     with_rounded_options,
 )
 from motorctl.model import Effect, EffectList, known_effects
+from motorctl.motion import Program
+
+Array = NDArray[np.float64]
 
 COMMENT_WIDTH = 90
 """Width of a comment in the written file [characters]. Only looks depend on it. Convention."""
@@ -101,9 +106,7 @@ def refine_axis(
     fitted = estimates_of(model, carried.theta, carried.std_error, sizes_of(model, signals))
     wanted = _wanted(axis, current, found, model, fitted)
     programs = [p for p in machine.programs.values() if name in p.axes]
-    whole = EffectList([part.effect for part in wanted])
-    sound, notes = admissible(axis, whole, [e for part in wanted for e in part.estimates], programs)
-    wanted = _with_estimates(wanted, sound)
+    wanted, notes = _sound(axis, found, current, wanted, programs)
     if not new and [part.data() for part in wanted] == [part.data() for part in current]:
         return unchanged(*carried.notes, "unchanged: the configuration has these values already")
     after = _error_of(wanted, found)
@@ -125,6 +128,33 @@ def refine_axis(
         )
     done = (*_done(found, added, carried, before, after), *notes)
     return AxisRefinement(name, found.verdict, True, added, wanted, done, delay_s, before, after)
+
+
+def _sound(
+    axis: Axis,
+    found: AxisDiagnosis,
+    current: Sequence[WantedEffect],
+    wanted: tuple[WantedEffect, ...],
+    programs: Sequence[Program],
+) -> tuple[tuple[WantedEffect, ...], list[str]]:
+    """Return the model with an input map that the axis can run with, and what had to be changed."""
+    model = EffectList([part.effect for part in wanted])
+    declared = {part.effect.name: part.estimates for part in current}
+    before = [e for part in wanted for e in declared.get(part.effect.name, _none_of(part))]
+    names = [part.effect.name for part in wanted for _ in part.estimates]
+    own = input_indices(model)
+    free = [i for i, n in enumerate(names) if i not in own and n in found.model.names]
+
+    def made_up(change: Array) -> Array:
+        return made_up_for(found.data, model, change, free, found.declared.names)
+
+    estimates = [e for part in wanted for e in part.estimates]
+    sound, notes = admissible(axis, model, estimates, before, programs, made_up)
+    return _with_estimates(wanted, sound), notes
+
+
+def _none_of(part: WantedEffect) -> tuple[None, ...]:
+    return (None,) * len(part.estimates)
 
 
 def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> list[str]:

@@ -1,8 +1,8 @@
-"""What a model with given parameters leaves of the command on a recording it was not fitted to."""
+"""What a model leaves of the command, and how parameters make up for one that changes."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,13 +30,63 @@ def force_error_rms(
     of the measurement that the recorded position is free of already. Raises DataError where the
     recording is too short.
     """
-    data = corrected(data, model, corrected_by)
+    psi, command = _columns(corrected(data, model, corrected_by), model)
+    return float(np.sqrt(np.mean((command - theta @ psi) ** 2)))
+
+
+def made_up_for(
+    data: Measured,
+    model: EffectList,
+    change: Array,
+    free: Sequence[int],
+    corrected_by: Collection[str] = (),
+) -> Array:
+    """Return how much free parameters change to explain what a change of others no longer does.
+
+    Parameters that were fitted together belong together: where some of them cannot stay, as those
+    of an input map that turns back before the voltage limit, the rest moves along what the
+    recording cannot tell apart.
+
+    Parameters
+    ----------
+    data
+        The recording that they were fitted to.
+    model
+        Its effects, with n parameters.
+    change
+        Of each parameter, (n,), in its own unit; zero where there is none.
+    free
+        Which parameters make up for it.
+    corrected_by
+        As of `force_error_rms`.
+
+    Returns
+    -------
+    ndarray
+        Change of every parameter, (n,): the given one, and that of the free ones.
+
+    Raises
+    ------
+    DataError
+        Where the recording is too short.
+    """
+    psi, _ = _columns(corrected(data, model, corrected_by), model)
+    scale = np.linalg.norm(psi, axis=1)
+    able = [k for k in free if scale[k] > 0.0]
+    unit = (psi[able].T / scale[able]) if able else np.zeros((psi.shape[1], 0))
+    moved = np.linalg.lstsq(unit, -(change @ psi), rcond=None)[0]
+    found = change.astype(float)
+    found[able] += moved / scale[able]
+    return found
+
+
+def _columns(data: Measured, model: EffectList) -> tuple[Array, Array]:
+    """Return psi (n, m) of the model and the command (m,), over the moving rows."""
     signals = make_signals(data, choose_band_hz(data))
     path = CommandPath(model.delay_s, model.lag_s)
     # at the full rate: the raw second difference has noise far above the band
     acceleration = [second_difference(s.position, signals.period_s) for s in signals.stretches]
-    psi, command = signals.regression(model, path, acceleration)
-    return float(np.sqrt(np.mean((command - theta @ psi) ** 2)))
+    return signals.regression(model, path, acceleration)
 
 
 def corrected(data: Measured, model: EffectList, corrected_by: Collection[str] = ()) -> Measured:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,14 @@ def bounds_within(parameter: Parameter, initial: float, width: float) -> tuple[f
     upper = rounded_within(parameter, rounded(initial + width, BOUND_DIGITS))
     # Rounding must not cut off the start value.
     return min(lower, initial), max(upper, initial)
+
+
+def moved(estimate: Estimate, parameter: Parameter, change: float) -> Estimate:
+    """Return an estimate whose start value is another, and whose bounds went along."""
+    initial = rounded_within(parameter, estimate.initial + change)
+    width = max(estimate.initial - estimate.lower, estimate.upper - estimate.initial)
+    lower, upper = bounds_within(parameter, initial, width)
+    return replace(estimate, initial=initial, lower=lower, upper=upper)
 
 
 def with_rounded_options(effect: Effect) -> Effect:

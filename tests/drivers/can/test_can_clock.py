@@ -12,7 +12,7 @@ from slcan_peer import SlcanPeer
 from motorctl.hal import RunError
 from motorctl_can.link import Link
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 BACK_S = 2.0
 WAIT_S = 0.05

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from motorctl.hal import Channel, Inputs, Outputs, Status
 from motorctl_can import CanDriver, CanOptions
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 LENGTHS = (*range(1, 9), 12, 16, 20, 24, 32, 48, 64)
 NAMES = {"x": "X", "y": "Y"}

@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 COMMUNICATION_LOST = int(Status.COMMUNICATION_LOST)

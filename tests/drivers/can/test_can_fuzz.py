@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from motorctl.hal import Inputs, Status
 from motorctl_can import CanDriver, CanOptions, kernels
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE = int(Status.STALE)
 

@@ -17,7 +17,7 @@ from slcan_peer import SlcanPeer
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_can import CanDriver, bus_driver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE = int(Status.STALE)
 WAIT_S = 0.2

@@ -18,7 +18,7 @@ from can_bench import (
 
 from motorctl.hal import Status
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE, CORRUPT = int(Status.STALE), int(Status.CORRUPT)
 

@@ -8,7 +8,7 @@ from canopen_bench import data, peer_of
 from motorctl.errors import RunError
 from motorctl_canopen import CanopenDriver
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TWO = {
     "x": {"node": 5, "rated_torque_v": 10.0},

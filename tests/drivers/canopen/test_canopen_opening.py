@@ -10,7 +10,7 @@ from canopen_peer import Drive
 
 from motorctl.errors import RunError
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TWO = {
     "x": {"node": 5, "rated_torque_v": 10.0},

@@ -12,7 +12,7 @@ from canopen_peer import RATED_V
 from motorctl.hal import Status, error_words
 from motorctl.loop.faults import device_message
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 LOST, RESTARTED = Status.COMMUNICATION_LOST, Status.DEVICE_RESTARTED | Status.ENCODER_LOST
 

@@ -7,7 +7,7 @@ from modbus_bench import Bench, TcpPeer, make, packed, registers_of, reply_pdu, 
 
 from motorctl.hal import RunError, Status
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 TRIPPED = Status.COMMUNICATION_LOST | Status.STALE | Status.CORRUPT
 

@@ -14,7 +14,7 @@ from modbus_bench import PymodbusServer, make
 
 from motorctl.hal import Inputs, Outputs, RunError
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 SOURCE = Path(__file__).parent / "modbus_server" / "gantry.c"
 

@@ -5,7 +5,7 @@ from modbus_bench import TcpPeer, make, registers_of, reply_pdu, tcp_bench, tcp_
 
 from motorctl.hal import RunError
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 
 def refusal(answer, **changes):

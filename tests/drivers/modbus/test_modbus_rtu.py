@@ -7,7 +7,7 @@ from modbus_bench import RtuPeer, make, registers_of, reply_pdu, rtu_bench, rtu_
 
 from motorctl.hal import RunError, Status
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE = Status.STALE
 CORRUPT = Status.STALE | Status.CORRUPT

@@ -10,7 +10,7 @@ from modbus_bench import CHANNELS, make, registers_of, reply_pdu, tcp_bench, tcp
 
 from motorctl.hal import Inputs, RunError, Status
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 STALE = Status.STALE
 CORRUPT = Status.STALE | Status.CORRUPT

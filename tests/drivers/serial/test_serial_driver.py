@@ -28,7 +28,7 @@ import motorctl_serial
 from motorctl.hal import Inputs, Outputs, RunError, Status
 from motorctl_serial import SerialDriver, SerialOptions
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 MODES = ["poll", "exchange", "stream"]
 

@@ -18,7 +18,7 @@ from serial_bench import (
 
 from motorctl.hal import Inputs, Status
 
-pytestmark = pytest.mark.wall_clock(lanes=2)
+pytestmark = pytest.mark.wall_clock(lanes=3)
 
 MODES = ["poll", "exchange", "stream"]
 GONE = Status.BUS_OFF | Status.COMMUNICATION_LOST

@@ -23,6 +23,7 @@ from motorctl.config.shipped import shipped_config
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.result import RecordingDiagnosis, UnknownStructure
+from motorctl.identify.refine.model_error import made_up_for
 from motorctl.identify.refine.refinement import refine_config
 from motorctl.identify.same_axis import require_same_machine
 from motorctl.log import read_recording
@@ -204,6 +205,28 @@ def test_an_input_map_that_turns_back_is_drawn_in_until_it_can_be_inverted(log, 
     start = np.array([estimate.initial for estimate in axis.estimates])
     assert smallest_slope(axis.model, start, 10.0, axis.limits.travel_m)[0] >= 0.05
     assert "not monotonic" in refined.text
+    # It is drawn towards what was declared, and may go on in either direction.
+    for name, estimate in estimates(refined.machine, "x").items():
+        if name.startswith("em_"):
+            assert estimate.lower < estimate.initial < estimate.upper
+
+
+@pytest.mark.slow
+def test_what_was_fitted_with_an_input_map_follows_it_where_that_is_drawn_in(log, tmp_path):
+    data = measured(read_recording(log), "y")
+    machine = load(SHIPPED)
+    declared = machine.axes["y"].declared
+    true = np.array(THETA["y"])
+    change = np.array([0.0, 0.0, 0.0, 0.0, -0.022, -0.0019]) - [0.0, 0.0, 0.0, 0.0, *true[4:]]
+    # As a fit does whose recording hardly tells the input map: the others make up for it.
+    fitted = true + made_up_for(data, declared, change, range(4))
+    bent = RecordingDiagnosis(
+        "run", 5000.0, 5.0, {"y": axis_diagnosis(data, declared, true_effects("y"), fitted)}
+    )
+    refined = refine_config(bent, SHIPPED, tmp_path / "n.yaml")
+    start = np.array([e.initial for e in refined.machine.axes["y"].estimates])
+    assert (np.abs(start[:3] - true[:3]) < 0.5 * np.abs(fitted[:3] - true[:3])).all()
+    assert "and the others make up for it" in " ".join(refined.text.split())
 
 
 @pytest.mark.slow
