@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from motorctl.close_loop.judge import AxisJudgement, judge, without_gain
+from motorctl.close_loop.run_folder import CONFIG
 from motorctl.close_loop.trial import Trial
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.refine.refinement import Refinement, refine_config
@@ -21,7 +22,6 @@ MOST_ATTEMPTS = 6
 """Within a round. More move a machine for longer, fewer leave untried what may help. By hand: two
 axes together, each by itself, half of what was found for each, and once more."""
 MOST_REASONS = 2
-CONFIG = "config.yaml"
 
 Run = Callable[[Path, Path], Trial]
 """Tries a configuration out; the logs go into a folder."""
