@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
@@ -40,7 +40,7 @@ class Round:
     diagnosis: RecordingDiagnosis
     before: Trial
     attempts: Attempts
-    """None where there was nothing to change."""
+    """With none tried where there was nothing to change."""
     telling: Telling | None = None
     """Which motions were chosen, where they were."""
 
@@ -53,6 +53,12 @@ class Round:
     def added(self, axis: str) -> tuple[str, ...]:
         """Name the effects that an axis has gained in it."""
         return () if self.accepted is None else self.accepted.added(axis)
+
+    def without_recordings(self) -> Round:
+        """Return it without its attempts' rows, which are large; what was measured stays."""
+        tried = tuple(attempt.without_recordings() for attempt in self.attempts.tried)
+        attempts = replace(self.attempts, tried=tried)
+        return replace(self, before=self.before.without_recordings(), attempts=attempts)
 
 
 @dataclass(frozen=True)
@@ -140,27 +146,38 @@ def close_loop(
         if rounds == 1
         else f"the limit of {rounds} rounds is reached"
     )
-    current, done, ended = first, [], used_up
+    current, ended = first, used_up
+    done: list[Round] = []
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
         folder.mkdir(exist_ok=True)
-        recording, motions, telling = _recorded(current, folder, chosen, motions, rig, progress)
-        models = declared_models(recording)
-        held_out = current.recordings["unused"]
-        further = list(machine.further_effects.values())
-        inertia = declared_inertias(recording, machine, models)
-        diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
+        earlier = done[-1] if done and done[-1].accepted is None else None
+        telling = None
+        if earlier is not None:
+            diagnosis = earlier.diagnosis
+        else:
+            recording, motions, telling = _recorded(current, folder, chosen, motions, rig, progress)
+            models = declared_models(recording)
+            held_out = current.recordings["unused"]
+            further = list(machine.further_effects.values())
+            inertia = declared_inertias(recording, machine, models)
+            diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
         run = partial(
             try_out, names=names, motions=motions, duration_s=duration_s, rig=rig, progress=progress
         )
-        attempts = try_found(diagnosis, current, first, folder, run)
+        after = None if earlier is None else earlier.attempts
+        attempts = try_found(diagnosis, current, first, folder, run, after)
         done.append(Round(number, folder, chosen, diagnosis, current, attempts, telling))
         accepted = done[-1].accepted
-        if accepted is None:
+        if accepted is not None:
+            current = accepted.trial
+            earlier_rounds = (part.without_recordings() for part in done[:-1])
+            before = done[-1].before.without_recordings()
+            done = [*earlier_rounds, replace(done[-1], before=before)]
+            rig.keep(current.machine)
+        elif not attempts.waiting:  # else the next round tries that: nothing else has changed
             ended = _why_no_further(done[-1])
             break
-        current = accepted.trial
-        rig.keep(current.machine)
     last = out / MATCHED
     velocity = match_velocity(current, first, last, names, motions, duration_s, rig, progress)
     if velocity is not None:
