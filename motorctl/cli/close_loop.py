@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from motorctl.cli.config_argument import ConfigArgument
-from motorctl.cli.force_option import ForceOption
 from motorctl.cli.say import say
 
 if TYPE_CHECKING:  # takes long to import: the command does so when it runs
@@ -69,7 +68,14 @@ def _close_loop(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with what --out holds of a run that broke off.")
     ] = False,
-    force: ForceOption = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Begin anew where --out holds recordings of a machine: all that an earlier run "
+            "left there is removed, these recordings too.",
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Go round: run, diagnose, refine, run again, compare, until nothing more is found.
@@ -83,7 +89,8 @@ def _close_loop(
     from motorctl.cli.progress import showing_stages
     from motorctl.close_loop.json_document import closed_loop_document, effects_added
     from motorctl.close_loop.report import write_reports
-    from motorctl.close_loop.rounds import close_loop, refuse_recordings_of_a_machine
+    from motorctl.close_loop.rounds import close_loop
+    from motorctl.close_loop.run_folder import refuse_recordings_of_a_machine
     from motorctl.close_loop.tables import (
         error_row,
         share_words,

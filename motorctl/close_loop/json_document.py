@@ -85,6 +85,8 @@ def _inseparable(telling: Telling) -> list[str]:
 def _attempt(attempt: Attempt) -> dict[str, Any]:
     return {
         "config": str(attempt.refinement.out),
+        "beside": None if attempt.beside is None else str(attempt.beside),
+        "tried": list(attempt.tried),
         "accepted": attempt.accepted,
         "axes": {
             name: {

@@ -10,6 +10,7 @@ from typing import Any
 from motorctl.close_loop.json_document import effects_added
 from motorctl.close_loop.judge import MOTION_WORDS, AxisJudgement
 from motorctl.close_loop.rounds import ClosedLoop, Round
+from motorctl.close_loop.run_folder import PAGE, PICTURE
 from motorctl.close_loop.tables import attempt_words, error_row, telling_words, tracking_table
 from motorctl.errors import UsageError
 from motorctl.html_pages import Figure, figure, write_page
@@ -17,8 +18,6 @@ from motorctl.identify.compare.measures import EXPLAINED, table_headings
 from motorctl.identify.compare.pictures import plot_tracking_error
 from motorctl.identify.compare.runs import Comparison, compare
 from motorctl.identify.diagnose.report.page import TrackedAxis, TrackingComparison, write_report
-
-PAGE = "report.html"
 
 
 def write_reports(loop: ClosedLoop) -> Path:
@@ -90,7 +89,7 @@ def _pictures(loop: ClosedLoop) -> Iterator[Figure]:
         for axis in comparison.axes:
             if axis not in loop.first.measures[motion]:
                 continue
-            file = loop.folder / f"tracking_error_{axis}_{motion}.png"
+            file = loop.folder / PICTURE.format(axis=axis, motion=motion)
             plot_tracking_error(comparison, axis, file)
             title = f"Tracking error of axis {axis} on {MOTION_WORDS[motion]}"
             yield figure(file, title=title)

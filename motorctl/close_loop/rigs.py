@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from motorctl.config import Machine
-from motorctl.errors import MotorctlError
+from motorctl.errors import DataError, MotorctlError
 from motorctl.log.columns import METADATA_KEY
 from motorctl.log.folder import StoredLog, in_use
 from motorctl.loop.simulation import simulate
@@ -135,12 +135,12 @@ class ResumedRig:
 
 
 def in_virtual_time(log: Path) -> bool:
-    """Return whether a log was simulated; one that cannot be read may have been recorded."""
+    """Return whether a log was simulated. Raises DataError where it cannot be read."""
     try:
         metadata = pq.read_schema(log).metadata or {}
         return "virtual_time" in json.loads(metadata.get(METADATA_KEY, b"{}"))
-    except (pa.ArrowException, OSError, ValueError):
-        return False
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise DataError(f"{log}: cannot be read: {error}") from error
 
 
 def _remove_unfinished(log: Path) -> None:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
-from motorctl.close_loop.attempts import CONFIG, Attempt, Attempts, try_found
+from motorctl.close_loop.attempts import Attempt, Attempts, try_found
 from motorctl.close_loop.judge import AxisJudgement, judge
 from motorctl.close_loop.matched_velocity import VelocityStep, match_velocity
 from motorctl.close_loop.motion import MotionName, Motions, moves_by_itself
-from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig, in_virtual_time
+from motorctl.close_loop.rigs import ResumedRig, Rig, SimulatedRig
+from motorctl.close_loop.run_folder import CONFIG, MATCHED, REFINED, prepared
 from motorctl.close_loop.telling import Telling, record_telling
 from motorctl.close_loop.trial import Progress, Trial, first_trial, record_rich, try_out
 from motorctl.config import Machine, load
@@ -40,7 +40,7 @@ class Round:
     diagnosis: RecordingDiagnosis
     before: Trial
     attempts: Attempts
-    """None where there was nothing to change."""
+    """With none tried where there was nothing to change."""
     telling: Telling | None = None
     """Which motions were chosen, where they were."""
 
@@ -53,6 +53,12 @@ class Round:
     def added(self, axis: str) -> tuple[str, ...]:
         """Name the effects that an axis has gained in it."""
         return () if self.accepted is None else self.accepted.added(axis)
+
+    def without_recordings(self) -> Round:
+        """Return it without its attempts' rows, which are large; what was measured stays."""
+        tried = tuple(attempt.without_recordings() for attempt in self.attempts.tried)
+        attempts = replace(self.attempts, tried=tried)
+        return replace(self, before=self.before.without_recordings(), attempts=attempts)
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ class ClosedLoop:
     @property
     def refined(self) -> Path:
         """The configuration that came out."""
-        return _refined(self.folder)
+        return self.folder / REFINED
 
 
 def close_loop(
@@ -130,7 +136,7 @@ def close_loop(
         )
     names: tuple[MotionName, ...] = ("own", "unused") if own else ("unused",)
     motions = Motions() if duration_s is None else Motions(duration_s, duration_s)
-    folder = _prepared(out, resume)
+    folder = prepared(out, machine.source, resume)
     start = folder / CONFIG
     start.write_text(moved_text(machine, start), encoding="utf-8", newline="")
     first, motions = first_trial(start, folder, names, motions, duration_s, rig, progress)
@@ -140,57 +146,46 @@ def close_loop(
         if rounds == 1
         else f"the limit of {rounds} rounds is reached"
     )
-    current, done, ended = first, [], used_up
+    current, ended = first, used_up
+    done: list[Round] = []
     for number in range(1, rounds + 1):
         folder = out / f"round_{number}"
         folder.mkdir(exist_ok=True)
-        recording, motions, telling = _recorded(current, folder, chosen, motions, rig, progress)
-        models = declared_models(recording)
-        held_out = current.recordings["unused"]
-        further = list(machine.further_effects.values())
-        inertia = declared_inertias(recording, machine, models)
-        diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
+        earlier = done[-1] if done and done[-1].accepted is None else None
+        telling = None
+        if earlier is not None:
+            diagnosis = earlier.diagnosis
+        else:
+            recording, motions, telling = _recorded(current, folder, chosen, motions, rig, progress)
+            models = declared_models(recording)
+            held_out = current.recordings["unused"]
+            further = list(machine.further_effects.values())
+            inertia = declared_inertias(recording, machine, models)
+            diagnosis = diagnose_recording(recording, models, progress, held_out, further, inertia)
         run = partial(
             try_out, names=names, motions=motions, duration_s=duration_s, rig=rig, progress=progress
         )
-        attempts = try_found(diagnosis, current, first, folder, run)
+        after = None if earlier is None else earlier.attempts
+        attempts = try_found(diagnosis, current, first, folder, run, after)
         done.append(Round(number, folder, chosen, diagnosis, current, attempts, telling))
         accepted = done[-1].accepted
-        if accepted is None:
+        if accepted is not None:
+            current = accepted.trial
+            earlier_rounds = (part.without_recordings() for part in done[:-1])
+            before = done[-1].before.without_recordings()
+            done = [*earlier_rounds, replace(done[-1], before=before)]
+            rig.keep(current.machine)
+        elif not attempts.waiting:  # else the next round tries that: nothing else has changed
             ended = _why_no_further(done[-1])
             break
-        current = accepted.trial
-        rig.keep(current.machine)
-    last = out / "matched_velocity"
+    last = out / MATCHED
     velocity = match_velocity(current, first, last, names, motions, duration_s, rig, progress)
     if velocity is not None:
         current = velocity.trial
         rig.keep(current.machine)
-    refined = _refined(out)
+    refined = out / REFINED
     refined.write_text(moved_text(current.machine, refined), encoding="utf-8", newline="")
     return ClosedLoop(Path(config), out, first, current, tuple(done), ended, motions, velocity)
-
-
-def refuse_recordings_of_a_machine(out: Path) -> None:
-    """Raise UsageError where a folder holds recordings of a machine, which a new run would remove.
-
-    What was simulated can be had again: it is replaced.
-    """
-    logs = sorted(out.glob("round_[0-9]*/**/*.parquet"))
-    moved = next((log for log in logs if not in_virtual_time(log)), None)
-    if moved is not None:
-        raise UsageError(
-            f"{moved}: an earlier run recorded it on a machine; --resume goes on with what {out} "
-            "holds, --force replaces it"
-        )
-
-
-def _refined(out: Path) -> Path:
-    return out / "refined.yaml"
-
-
-def _start(out: Path) -> Path:
-    return out / "round_0"
 
 
 def _why_no_further(last: Round) -> str:
@@ -227,17 +222,3 @@ def _require_rig(rig: Rig, machine: Machine, config: str | Path) -> None:
             f"{error}, so the loop cannot be closed by simulation. On the machine, while its "
             f"daemon runs: motorctl close-loop {name} --socket SOCKET"
         ) from error
-
-
-def _prepared(out: Path, resume: bool) -> Path:
-    """Return the folder of the start; rounds of an earlier time are removed unless it resumes."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        folder = _start(out)
-        if (folder / CONFIG).is_file() and not resume:
-            for old in out.glob("round_[0-9]*"):
-                shutil.rmtree(old)
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror}") from error
-    return folder

@@ -45,13 +45,17 @@ def telling_words(telling: Telling) -> list[str]:
 def attempt_words(attempt: Attempt) -> str:
     """Return in words what an attempt added to each axis, and which errors became larger."""
     changed = [name for name, axis in attempt.refinement.axes.items() if axis.changed]
-    with_what = (f"{n} with {', '.join(attempt.added(n)) or 'new start values'}" for n in changed)
+    told = {n: f"{n} with {', '.join(attempt.added(n)) or 'new start values'}" for n in changed}
+    with_what = "; ".join(told[name] for name in attempt.tried)
+    kept = "; ".join(told[name] for name in changed if name not in attempt.tried)
+    if kept:
+        with_what += f" (beside {kept}, kept)"
     against = [
         f"{name}: {why}"
         for name, judgement in attempt.judgements.items()
         for why in judgement.against
     ]
-    return f"{'; '.join(with_what)}: {'; '.join(against) or 'no error became larger'}"
+    return f"{with_what}: {'; '.join(against) or 'no error became larger'}"
 
 
 def share_words(added: Sequence[str], judgement: AxisJudgement) -> str:

@@ -44,6 +44,10 @@ class Trial:
     disturbed: float = 0.0
     """Part of the rows that count for nothing, as samples were missing, of the worst axis."""
 
+    def without_recordings(self) -> Trial:
+        """Return it without its runs' rows, which are large; what was measured stays."""
+        return replace(self, recordings={})
+
 
 def try_out(
     config: Path,

@@ -111,7 +111,8 @@ def simulate(
         raise UsageError(f"duration {duration_s:g} s: must be finite and above 0")
     require_virtual_time(machine)
     axes = log_axes(machine)
-    writer = LogWriter(log, log_metadata(machine), axes)
+    # said before the first row: what ends early was simulated as well
+    writer = LogWriter(log, {**log_metadata(machine), "virtual_time": {}}, axes)
     extra: dict[str, Any] = {}
     try:
         with VirtualMachine(machine, writer.append) as virtual:

@@ -12,9 +12,11 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.close_loop import rigs
 from motorctl.close_loop.rigs import ResumedRig
+from motorctl.close_loop.run_folder import prepared, refuse_recordings_of_a_machine
 from motorctl.config import Machine, load
 from motorctl.errors import RunError, UsageError
 from motorctl.log import LogWriter
+from motorctl.log.info import describe
 
 
 class CountedRig:
@@ -129,6 +131,83 @@ def test_recordings_of_a_machine_go_only_where_somebody_says_so(
         assert "--resume goes on" in told
         assert "--force replaces" in told
         assert log.is_file()
+
+
+@pytest.mark.parametrize("ends_with", [KeyboardInterrupt, RunError])
+def test_what_was_simulated_is_replaced_however_it_ended(
+    tmp_path: Path, ends_with: type[BaseException]
+) -> None:
+    machine, log = load("published_gantry"), tmp_path / "round_0" / "own.parquet"
+    log.parent.mkdir()
+
+    def ended(_share: float) -> None:
+        raise ends_with
+
+    with pytest.raises(ends_with):
+        rigs.simulate(machine, log, duration_s=60.0, progress=ended)
+    assert log.is_file()
+    refuse_recordings_of_a_machine(tmp_path)
+    assert "virtual time" in " ".join(describe(log).notes)
+
+
+def test_a_log_that_cannot_be_read_is_not_said_to_be_a_machines(tmp_path: Path) -> None:
+    log = tmp_path / "round_1" / "rich.parquet"
+    log.parent.mkdir()
+    log.write_bytes(b"PAR1 and no more")
+    with pytest.raises(UsageError) as refused:
+        refuse_recordings_of_a_machine(tmp_path)
+    assert str(refused.value).startswith(f"{log}: cannot be read")
+    assert "may be an earlier run's" in str(refused.value)
+    assert "--force replaces" in str(refused.value)
+
+
+def test_a_new_run_leaves_nothing_of_an_earlier_one(tmp_path: Path) -> None:
+    config = tmp_path / "own.yaml"
+    kept = tmp_path / "out" / "moved_minutes.json"
+    names = ("round_0/own", "round_1/attempt_1/own", "matched_velocity/own")
+    logs = [tmp_path / "out" / f"{name}.parquet" for name in names]  # no configuration beside
+    pages = [tmp_path / "out" / name for name in ("refined.yaml", "report.html")]
+    picture = tmp_path / "out" / "tracking_error_x_own.png"
+    for file in (config, kept, *logs, *pages, picture):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("an earlier one's")
+    prepared(tmp_path / "out", config, resume=True)
+    assert all(file.is_file() for file in (*logs, *pages, picture))
+    folder = prepared(tmp_path / "out", config, resume=False)
+    assert sorted((tmp_path / "out").iterdir()) == [kept, folder]
+    assert not any(folder.iterdir())
+
+
+def test_recordings_with_a_matched_velocity_are_guarded_as_well(tmp_path: Path) -> None:
+    log = tmp_path / "matched_velocity" / "own.parquet"
+    log.parent.mkdir()
+    LogWriter(log, {}, []).close()
+    with pytest.raises(UsageError, match="an earlier run recorded it on a machine"):
+        refuse_recordings_of_a_machine(tmp_path)
+
+
+def test_a_folder_that_no_run_made_keeps_its_files(tmp_path: Path) -> None:
+    notes = tmp_path / "round_1" / "notes.txt"
+    own = tmp_path / "refined.yaml"
+    notes.parent.mkdir()
+    for file in (notes, own):
+        file.write_text("somebody's own")
+    prepared(tmp_path, tmp_path / "own.yaml", resume=False)
+    assert notes.is_file()
+    assert own.is_file()
+
+
+@pytest.mark.parametrize("name", ["refined.yaml", "round_1/attempt_1/config.yaml"])
+def test_a_configuration_that_would_be_removed_is_not_begun_with(tmp_path: Path, name: str) -> None:
+    (tmp_path / "round_0").mkdir()
+    (tmp_path / "round_0" / "config.yaml").write_text("an earlier one's")
+    config = tmp_path / name
+    config.parent.mkdir(parents=True, exist_ok=True)
+    config.write_text("what came out of it")
+    with pytest.raises(UsageError, match="choose another --out"):
+        prepared(tmp_path, config, resume=False)
+    assert config.is_file()
+    prepared(tmp_path, config, resume=True)
 
 
 @pytest.mark.slow

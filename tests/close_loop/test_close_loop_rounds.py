@@ -11,6 +11,7 @@ import pytest
 from refine_bench import axis_diagnosis, effect, found
 
 from motorctl.close_loop import rounds as rounds_module
+from motorctl.close_loop.attempts import Attempts, Proposal
 from motorctl.close_loop.json_document import closed_loop_document, effects_added
 from motorctl.close_loop.report import write_reports
 from motorctl.close_loop.rounds import close_loop
@@ -119,6 +120,9 @@ def test_no_accepted_round_makes_an_error_larger(given, tmp_path):
     for motion in ("own", "unused"):
         errors = [(t.measures[motion]["x"].eF_m, t.measures[motion]["x"].L2_m) for t in trials]
         assert np.all(np.diff(errors, axis=0) <= 0.0)
+    # rows are large: those that no later round asks for are given up
+    assert [bool(r.before.recordings) for r in loop.rounds if r.accepted] == [False, False]
+    assert [bool(t.recordings) for t in trials] == [True, False, True]
 
 
 @pytest.mark.slow
@@ -185,6 +189,8 @@ def test_every_round_is_kept_and_reported(given, tmp_path):
     assert document["axes"]["x"]["effects"] == ["cogging"]
     assert document["rounds"][0]["accepted"].endswith("round_1/attempt_1/config.yaml")
     assert document["rounds"][1]["left_out"]["x"]
+    attempt = document["rounds"][0]["attempts"][0]
+    assert (attempt["tried"], attempt["beside"]) == (["x"], None)
     share = document["rounds"][0]["shares"]["x"]
     assert share["added"] == ["cogging"]
     assert share["tracking"]["own"]["ratio"]["eF"] == pytest.approx(2.0)
@@ -211,6 +217,31 @@ def test_what_the_gantry_lacks_is_found_and_its_error_falls(tmp_path):
             assert overall[axis]["tracking"][motion]["ratio"]["eF"] >= least
         error = overall[axis]["model_error"]
         assert error["after_rms"] < 0.2 * error["before_rms"]
+
+
+def test_a_round_goes_on_with_what_the_one_before_had_no_attempt_left_for(
+    given, tmp_path, monkeypatch
+):
+    given((DRAG,), (COGGING,))
+    full = Attempts((), {}, {}, waiting=(Proposal({"x": ()}),))
+    left, seen = [full, full, Attempts((), {}, {})], []
+
+    def try_found(diagnosis, before, first, folder, run, after):
+        seen.append((diagnosis, folder.name, after))
+        return left.pop(0)
+
+    monkeypatch.setattr(rounds_module, "try_found", try_found)
+    monkeypatch.setattr(rounds_module, "match_velocity", lambda *_: None)
+    loop = closed(tmp_path / "out", rounds=2)
+    assert loop.ended == "the limit of 2 rounds is reached"
+    assert [place for _, place, _ in seen] == ["round_1", "round_2"]
+    assert [after for *_, after in seen] == [None, full]
+    assert seen[0][0] is seen[1][0]  # nothing was changed: it would be found again
+
+    left, seen = [full, Attempts((), {}, {})], []
+    loop = closed(tmp_path / "out", rounds=4)
+    assert len(loop.rounds) == 2
+    assert "limit" not in loop.ended
 
 
 def test_without_virtual_time_it_says_how_the_machine_itself_is_taken(monkeypatch, tmp_path):

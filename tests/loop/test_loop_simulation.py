@@ -49,6 +49,7 @@ def test_the_log_of_an_axis_that_trips_ends_there_and_is_complete(tmp_path):
     recording = read_recording(log)
     assert recording.axes["y"].state[-1] == AxisState.FAULT
     assert recording.axes["y"].command[-1] == 0.0
+    assert "virtual_time" in recording.metadata
 
 
 def test_without_programs_a_machine_holds_its_position(tmp_path):
