@@ -371,13 +371,12 @@ def main(arguments: list[str]) -> int:
     behind = []
     for place, text in pages().items():
         path = ROOT / place
-        if path.exists() and _same(path.read_text(encoding="utf-8"), text):
-            continue
-        behind.append(place)
         if "--check" not in arguments:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-    if behind and "--check" in arguments:
+        elif not path.exists() or not _same(path.read_text(encoding="utf-8"), text):
+            behind.append(place)
+    if behind:
         print(f"{' and '.join(map(str, behind))}: behind: python tools/reference.py")
         return 1
     return 0

@@ -62,7 +62,7 @@ def cut_rows(partial: Path, first_tick: int, log: Path, last_tick: int | None = 
             raise RunError(f"{partial}: {missing}: the disk does not keep up")
         time.sleep(LOOK_S)
     table = pa.Table.from_batches(kept).replace_schema_metadata(metadata)
-    pq.write_table(table, log)
+    pq.write_table(table, log, write_page_checksum=True)
     return log
 
 

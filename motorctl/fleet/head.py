@@ -112,7 +112,7 @@ def read_head(source: str, declared: Declared) -> LogHead:
         Where it is damaged, not of motorctl, empty, or of more than one recording.
     """
     with opened(source) as file:
-        told = load_metadata(file.schema_arrow)
+        told = load_metadata(file.schema)
         config = told.get("config")
         machine, began = told.get("machine"), told.get("started_utc")
         if not isinstance(machine, str) or not isinstance(config, Mapping):
@@ -121,15 +121,14 @@ def read_head(source: str, declared: Declared) -> LogHead:
                 "`motorctl diagnose` reads other recordings"
             )
         begin_utc = _moment(source, began)
-        names = file.schema_arrow.names
+        names = file.schema.names
         axes = [n.removesuffix(_POSITION) for n in names if n.endswith(_POSITION)]
-        if not file.metadata.num_rows or not axes or "time_s" not in names:
+        if not sum(file.group_rows) or not axes or "time_s" not in names:
             raise DataError(f"{source}: has no rows of an axis")
         pieces = ParquetPieces(source, file)
         first_s, last_s = _times(source, pieces)
         moved = {axis: _moved(pieces, axis) for axis in axes}
-        groups = range(file.num_row_groups)
-        group_rows = tuple(file.metadata.row_group(k).num_rows for k in groups)
+        group_rows = file.group_rows
     meant = declared.machine(config, source)
     described = config.get("axes")
     own = described if isinstance(described, Mapping) else {}

@@ -9,14 +9,12 @@ from typing import Any
 
 import fsspec
 import pyarrow as pa
-import pyarrow.parquet as pq
 from fsspec.implementations.local import LocalFileSystem
 
 from motorctl.errors import DataError, UsageError
 from motorctl.log.folder import EXPORT_SUFFIX
 from motorctl.log.open_table import open_table
-from motorctl.log.row_groups import is_passing
-from motorctl.log.table_parquet import damaged
+from motorctl.log.opened_parquet import OpenedParquet, damaged, is_passing
 
 MARK = "store.json"
 """The file that makes a folder a store of findings."""
@@ -90,14 +88,11 @@ def logs_of(patterns: Sequence[str], not_read: dict[str, str] | None = None) -> 
 
 
 @contextmanager
-def opened(source: str) -> Iterator[pq.ParquetFile]:
+def opened(source: str) -> Iterator[OpenedParquet]:
     """Open a log to be read row group by row group. Raises DataError where it is none."""
     files, address = _file_system(source)
     try:
-        with (
-            files.open(address, "rb") as raw,
-            pq.ParquetFile(raw, page_checksum_verification=True) as file,
-        ):
+        with files.open(address, "rb") as raw, _parquet(source, raw, files, address) as file:
             yield file
     except FileNotFoundError as error:
         raise DataError(f"{source}: no such file") from error
@@ -105,8 +100,17 @@ def opened(source: str) -> Iterator[pq.ParquetFile]:
         if is_passing(error) and not isinstance(error, _REFUSED):
             raise
         if isinstance(files, LocalFileSystem):
-            open_table(Path(address))  # says what it is, where it is no Parquet file
+            open_table(Path(address))  # says what it is, where it is no file
         raise damaged(source, error) from error
+
+
+def _parquet(source: str, raw: Any, files: Any, address: str) -> OpenedParquet:
+    try:
+        return OpenedParquet(source, raw)
+    except DataError:
+        if isinstance(files, LocalFileSystem):
+            open_table(Path(address))  # says what it is, where it is no Parquet file
+        raise
 
 
 def is_there(source: str) -> bool:

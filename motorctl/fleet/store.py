@@ -23,6 +23,9 @@ from motorctl.version import VERSION
 
 _DRAFT = ".draft-"
 _UNDATED = "undated"
+_FORMAT = ds.ParquetFileFormat(
+    default_fragment_scan_options=ds.ParquetFragmentScanOptions(page_checksum_verification=True)
+)
 LAST_RUN = "last_run.json"
 """The file of a store that tells which logs could not be used the last time, though that does not
 lie in them alone."""
@@ -59,7 +62,7 @@ class Store:
         draft = month / f"{_DRAFT}{target.stem}"
         try:
             month.mkdir(parents=True, exist_ok=True)
-            pq.write_table(table, draft, compression="zstd")
+            pq.write_table(table, draft, compression="zstd", write_page_checksum=True)
             sync(draft)
             draft.replace(target)
             sync(month)
@@ -75,7 +78,7 @@ class Store:
     def moved(self, key: str, source: str) -> None:
         """Keep where a log is now. Raises RunError where that cannot be written."""
         for file in (self.folder / FINDINGS).glob(f"*/{key}.parquet"):
-            table = pq.read_table(file, schema=SCHEMA)
+            table = pq.read_table(file, schema=SCHEMA, page_checksum_verification=True)
             place = SCHEMA.get_field_index("source")
             column = pa.array([whole_text(source)] * table.num_rows, pa.string())
             self._write(file, table.set_column(place, SCHEMA.field(place), column))
@@ -155,7 +158,7 @@ class Store:
         """Return findings of all logs, in no order. Raises DataError where a file is damaged."""
         files = sorted(map(str, (self.folder / FINDINGS).glob("*/*.parquet")))
         try:
-            return ds.dataset(files, schema=SCHEMA, format="parquet").to_table(columns, where)
+            return ds.dataset(files, schema=SCHEMA, format=_FORMAT).to_table(columns, where)
         except (pa.ArrowException, OSError) as error:
             raise DataError(
                 f"{self.folder}: a damaged file of the store: {error}; remove it, and its log is "

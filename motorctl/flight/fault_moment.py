@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.flight.records import FlightRecord
+from motorctl.log.opened_parquet import OpenedParquet
 
 SHOWN = ("reference_m", "position_m", "velocity_m_s", "following_error_m", "command_v")
 """Signals of an axis that say what it did."""
@@ -41,10 +41,8 @@ class FaultMoment:
 
 def read_rows(record: FlightRecord) -> pa.Table:
     """Return every row of a record. Raises DataError where the file cannot be read."""
-    try:
-        return pq.read_table(record.path)
-    except (pa.ArrowException, OSError) as error:
-        raise DataError(f"{record.path}: cannot be read: {error}") from error
+    with OpenedParquet(record.path) as file:
+        return file.table()
 
 
 def axes_of(record: FlightRecord) -> list[str]:

@@ -116,7 +116,7 @@ def axis_numbers(known: AxisKnown, period_s: float, delay_s: float) -> AxisNumbe
     jerk = _rounded(acceleration / (JERK_SHARE * speed_up_s))
     _insist_on_room(known, acceleration, jerk)
     gains = first_gains(
-        inertia, inertia_bounds, viscous, known.resolution_m, full, period_s, delay_s
+        inertia, inertia_bounds, viscous, known.resolution_m, full, period_s, delay_s, known.name
     )
     return AxisNumbers(
         known=known,

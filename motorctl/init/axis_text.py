@@ -124,11 +124,9 @@ def _acceleration_words(numbers: AxisNumbers) -> str:
 
 def _gains_words(numbers: AxisNumbers) -> str:
     gains = numbers.gains
-    margins = gains.margins
     delay = f" and {numbers.delay_s * 1e3:g} ms of delay" if numbers.delay_s else ""
-    gain_db = 20.0 * math.log10(margins.gain_margin) if margins.gain_margin else math.inf
     return (
-        f"phase margin {margins.phase_margin_deg or 0.0:.0f} degrees, gain margin {gain_db:.0f} dB "
+        f"{gains.margins_in_words} "
         f"at {1.0 / numbers.period_s:g} Hz{delay}; k1 is no higher as {gains.bound_by}. "
         "`motorctl tune` chooses them anew from a log"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,6 +72,7 @@ def skew_numbers(
         known.max_voltage_v,
         period_s,
         delay_s,
+        known.name,
     )
     apart = _rounded(OUT_OF_SQUARE * second.skew_limit_m)
     numbers = SkewNumbers(
@@ -99,8 +99,7 @@ def dual_drive_keys(
     """Return the keys that an axis with two motors has besides, and comments by their paths."""
     second = known.second
     assert second is not None  # who has numbers of its skew has a second end
-    gains, margins = numbers.gains, numbers.gains.margins
-    gain_db = 20.0 * math.log10(margins.gain_margin) if margins.gain_margin else math.inf
+    gains = numbers.gains
     keys = {
         "dual_drive": _dual_keys(known, numbers),
         "guards": {"skew": {"limit_m": second.skew_limit_m, "reaction": "disable"}},
@@ -111,8 +110,10 @@ def dual_drive_keys(
         "end's",
         ("dual_drive", "encoder_direction"): "1 where the second's counts rise with the position",
         ("dual_drive", "motor_direction"): "-1 where it is mounted the other way round",
-        ("dual_drive", "skew"): f"phase margin {margins.phase_margin_deg or 0.0:.0f} degrees, "
-        f"gain margin {gain_db:.0f} dB; k1 is no higher as {gains.bound_by}; inertia: a third "
+        (
+            "dual_drive",
+            "skew",
+        ): f"{gains.margins_in_words}; k1 is no higher as {gains.bound_by}; inertia: a third "
         "of that of the motion, a guess: half of the mass in the carriages, half along the beam",
         ("dual_drive", "square_offset_m"): "the first end's switch or mark is so far ahead, with "
         "the beam square",

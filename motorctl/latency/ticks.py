@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from motorctl.latency.durations import Array, Durations
 from motorctl.latency.loop_run import LoopRun
+from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.sample import SampleFlag
 
 PARTS = ("turnaround", "read", "compute", "write")
@@ -50,8 +50,8 @@ def read_ticks(run: LoopRun, axis: str, limits_s: Sequence[float]) -> TickTimes:
     """Go through a log in constant memory. `axis` is any axis of it."""
     times = TickTimes(Durations(limits_s))
     columns = ["tick", "time_s", "lateness_s", f"{axis}.flags", *(f"{p}_s" for p in PARTS)]
-    with pq.ParquetFile(run.log) as file:
-        for batch in file.iter_batches(BATCH_ROWS, columns=columns):
+    with OpenedParquet(run.log) as file:
+        for batch in file.batches(BATCH_ROWS, columns):
             values = {name: batch.column(name).to_numpy() for name in columns}
             _take(times, values, axis, run)
     return times

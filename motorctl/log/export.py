@@ -20,6 +20,7 @@ from motorctl.extras import require
 from motorctl.log.columns import METADATA_KEY
 from motorctl.log.export_mcap import write_mcap
 from motorctl.log.folder import EXPORT_SUFFIX
+from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
 from motorctl.log.table import Table
@@ -125,12 +126,12 @@ def _in_batches(
     if to == "csv":
         writer = pa.csv.CSVWriter(str(draft), schema)
     else:
-        writer = pq.ParquetWriter(draft, schema, compression="snappy")
+        writer = pq.ParquetWriter(draft, schema, compression="snappy", write_page_checksum=True)
     done = 0
     with writer:
         for part in parts:
-            with pq.ParquetFile(part.path, page_checksum_verification=True) as log:
-                for batch in log.iter_batches(batch_size=_BATCH_ROWS):
+            with OpenedParquet(part.path) as log:
+                for batch in log.batches(_BATCH_ROWS):
                     writer.write_batch(batch.cast(schema))
                     done += batch.num_rows
                     progress(done / rows)

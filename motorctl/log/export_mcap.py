@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from motorctl.errors import DataError
+from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.table import Table
 from motorctl.log.table_parquet import ParquetTable, require_numbers
 from motorctl.printable import one_line
@@ -91,8 +91,8 @@ def write_mcap(
             channels.append(writer.register_channel(f"/{topic.name}", "json", number))
         names = {key: _names(table, where) for key, where in NAMED.items()}
         for part in parts:
-            with pq.ParquetFile(part.path, page_checksum_verification=True) as log:
-                for batch in log.iter_batches(batch_size=BATCH_ROWS):
+            with OpenedParquet(part.path) as log:
+                for batch in log.batches(BATCH_ROWS):
                     times = _times_ns(table, batch, done)
                     for topic, channel in zip(topics, channels, strict=True):
                         for t, message in zip(times, _messages(topic, batch, names), strict=True):

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from motorctl.errors import DataError
-from motorctl.log.convert import load_metadata
+from motorctl.log.convert import ROW_GROUP_ROWS, load_metadata
 from motorctl.log.open_table import is_unfinished, open_table
+from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.partial import PartialFile
 from motorctl.log.read import read_recording
 from motorctl.log.run_parts import open_recorded
@@ -130,11 +129,8 @@ def _scan_logs(paths: Iterable[Path], names: Iterable[str], statuses: Mapping[in
 
 
 def _batches(path: Path, columns: list[str]) -> Iterator[pa.RecordBatch]:
-    try:
-        with pq.ParquetFile(path) as log:
-            yield from log.iter_batches(columns=columns)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise DataError(f"{path}: a damaged log: {error}") from error
+    with OpenedParquet(path) as log:
+        yield from log.batches(ROW_GROUP_ROWS, columns)
 
 
 def _scan(

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
-from motorctl.log.table_parquet import damaged
+from motorctl.log.opened_parquet import OpenedParquet
 
 
 class ParquetPieces:
@@ -32,30 +31,25 @@ class ParquetPieces:
     """
 
     def __init__(
-        self, path: Path | str, file: pq.ParquetFile | None = None, *, held: bool = True
+        self, path: Path | str, file: OpenedParquet | None = None, *, held: bool = True
     ) -> None:
         self.path = path
-        self._file: pq.ParquetFile | None = None
-        try:
-            if file is None:
-                self._mark = _mark(path)
-                file = pq.ParquetFile(path, page_checksum_verification=True)
-            else:
-                held = True
-            self._metadata = file.metadata
-            groups = range(self._metadata.num_row_groups)
-            counts = [self._metadata.row_group(k).num_rows for k in groups]
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise damaged(path, error) from error
+        self._file: OpenedParquet | None = None
+        if file is None:
+            self._mark = _mark(path)
+            file = OpenedParquet(path)
+        else:
+            held = True
+        self._metadata = file.metadata
         if held:
             self._file = file
         else:
             file.close()
         self.begins: NDArray[np.int64] = np.concatenate(
-            ([0], np.cumsum(np.array(counts, np.int64)))
+            ([0], np.cumsum(np.array(file.group_rows, np.int64)))
         )[:-1]
         """First row of each row group, shape (K,)."""
-        self.rows = sum(counts)
+        self.rows = sum(file.group_rows)
 
     @cached_property
     def _places(self) -> dict[str, int]:
@@ -89,27 +83,25 @@ class ParquetPieces:
         """Return the rows from `first` to before `last` of a column. Raises DataError."""
         from_group = max(0, int(np.searchsorted(self.begins, first, side="right")) - 1)
         to_group = int(np.searchsorted(self.begins, last, side="left"))
-        groups = [*range(from_group, to_group)]
-        try:
-            if self._file is not None:
-                table = self._file.read_row_groups(groups, columns=[name])
-            else:
-                table = self._read_anew(groups, name)
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise damaged(self.path, error) from error
+        groups = range(from_group, to_group)
+        if self._file is not None:
+            column = self._file.column(name, groups)
+        else:
+            column = self._read_anew(groups, name)
         begin = first - int(self.begins[from_group]) if len(self.begins) else 0
-        return np.asarray(table.column(name).slice(begin, last - first).to_numpy())
+        return np.asarray(column.slice(begin, last - first).to_numpy())
 
-    def _read_anew(self, groups: list[int], name: str) -> pa.Table:
+    def _read_anew(self, groups: range, name: str) -> pa.ChunkedArray[Any]:
         if _mark(self.path) != self._mark:
             raise DataError(f"{self.path}: is another file than when it was opened: open it anew")
-        with pq.ParquetFile(
-            self.path, metadata=self._metadata, page_checksum_verification=True
-        ) as file:
-            return file.read_row_groups(groups, columns=[name])
+        with OpenedParquet(self.path, metadata=self._metadata) as file:
+            return file.column(name, groups)
 
 
 def _mark(path: Path | str) -> tuple[int, int, int]:
-    """Return what tells a file from one that was put in its place."""
-    found = Path(path).stat()
+    """Return what tells a file from one that was put in its place. Raises DataError."""
+    try:
+        found = Path(path).stat()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     return found.st_ino, found.st_size, found.st_mtime_ns

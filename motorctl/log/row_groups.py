@@ -6,18 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from motorctl.log.convert import load_metadata
+from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.table import Array, Table
-from motorctl.log.table_parquet import damaged, floats_of, require_numbers
-
-
-def is_passing(error: Exception) -> bool:
-    """Tell whether a disk or a network failed, and not the file; pyarrow calls both OSError."""
-    from_outside = isinstance(error, TimeoutError | ConnectionError)
-    return from_outside or (isinstance(error, OSError) and error.errno is not None)
+from motorctl.log.table_parquet import floats_of, require_numbers
 
 
 class RowGroupTable(Table):
@@ -35,12 +28,12 @@ class RowGroupTable(Table):
 
     kind = "Parquet"
 
-    def __init__(self, source: str, file: pq.ParquetFile, groups: Sequence[int]) -> None:
+    def __init__(self, source: str, file: OpenedParquet, groups: Sequence[int]) -> None:
         self._file, self._groups = file, list(groups)
-        counts = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+        counts = file.group_rows
         self._begins = np.concatenate(([0], np.cumsum(np.array(counts, np.int64))))
         self._ends = np.cumsum([counts[k] for k in self._groups])
-        super().__init__(Path(source), file.schema_arrow.names, load_metadata(file.schema_arrow))
+        super().__init__(Path(source), file.schema.names, load_metadata(file.schema))
         self.called = source  # a path makes one slash of the two of an address
 
     def _row_in_file(self, index: int) -> str:
@@ -50,11 +43,6 @@ class RowGroupTable(Table):
         return super()._row_in_file(int(self._begins[self._groups[k]]) + index - before)
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
-        require_numbers(self.called, self._file.schema_arrow, names)
-        try:
-            read = self._file.read_row_groups(self._groups, columns=list(names))
-        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
-            if is_passing(error):
-                raise
-            raise damaged(self.called, error) from error
+        require_numbers(self.called, self._file.schema, names)
+        read = self._file.table(names, self._groups)
         return {name: floats_of(read.column(name)) for name in names}

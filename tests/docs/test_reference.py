@@ -3,10 +3,11 @@
 import re
 from enum import IntEnum
 
+import curve_picture
 import numpy as np
 import pytest
 import reference
-from curve_picture import same_picture
+from curve_picture import picture, same_picture
 from effect_curves import curves_of
 from formula_tex import formula_tex
 from latex2mathml.converter import convert
@@ -120,3 +121,35 @@ def test_pictures_are_the_same_to_a_quarter_of_a_pixel_and_word_for_word():
     assert not same_picture(one, one.replace("4.0", "4.5"))
     assert not same_picture(one, one.replace("at most", "at least"))
     assert not same_picture(one, one.replace(" 3.0,4.0", ""))
+    assert not same_picture(one, one.replace("3 V", "3.1 V"))
+    assert same_picture(
+        one.replace("<text", '<text x="1.0"'), one.replace("<text", '<text x="1.1"')
+    )
+
+
+def test_a_number_that_was_read_wrongly_is_written_anew(tmp_path, monkeypatch):
+    place = EFFECTS.with_suffix("") / "inertia.svg"
+    monkeypatch.setattr(reference, "ROOT", tmp_path)
+    monkeypatch.setattr(
+        reference, "pages", lambda: {place: '<svg><path d="M1.0 2V3"/><text>3 V</text></svg>'}
+    )
+    assert main([]) == 0
+    right = (tmp_path / place).read_text()
+    (tmp_path / place).write_text(right.replace("3 V", "3.2 V"))
+    assert main(["--check"]) == 1
+    (tmp_path / place).write_text(right.replace("M1.0", "M1.1"))
+    assert main(["--check"]) == 0
+    assert main([]) == 0
+    assert (tmp_path / place).read_text() == right
+
+
+def test_the_last_digits_of_a_curve_add_no_point_to_its_picture(monkeypatch):
+    effect = built_in_effects()["drive_hysteresis"]
+    drawn = curves_of(effect)
+    thinned, one = curve_picture._thinned, picture("", drawn)
+    for seed in range(60):
+        noise = np.random.default_rng(seed).standard_normal
+        monkeypatch.setattr(
+            curve_picture, "_thinned", lambda at, of=noise: thinned(at * (1 + 1e-15 * of(at.shape)))
+        )
+        assert same_picture(picture("", drawn), one)

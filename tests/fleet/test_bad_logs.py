@@ -37,7 +37,7 @@ def reason_of(log: Path, declared: Declared | None = None) -> str:
 def test_a_truncated_log_is_told(good_log: Path, tmp_path: Path) -> None:
     log = tmp_path / "truncated.parquet"
     log.write_bytes(good_log.read_bytes()[:-5000])
-    assert "its end is missing; copied incompletely?" in reason_of(log)
+    assert "its end is missing; copy it anew" in reason_of(log)
 
 
 def test_a_log_damaged_in_its_middle_is_told(good_log: Path, tmp_path: Path) -> None:

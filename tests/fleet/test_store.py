@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,6 +86,18 @@ def test_what_a_run_left_unfinished_is_cleared_away_and_never_read(store: Store)
     assert open_store(store.folder).read().num_rows == rows
     with store.locked():
         assert not draft.exists()
+
+
+def test_a_bit_of_the_store_that_changed_is_told_and_never_taken_for_a_finding(
+    store: Store,
+) -> None:
+    (file,) = store.folder.glob("findings/*/*.parquet")
+    whole = file.read_bytes()
+    number = struct.pack("<d", store.read(["value"]).column("value")[0].as_py())
+    at = whole.index(number)  # as it is: no compression makes measured numbers shorter
+    file.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+    with pytest.raises(DataError, match=r"a damaged file of the store: .*CRC checksum"):
+        store.read(["value"])
 
 
 def test_a_damaged_file_of_the_store_is_told(store: Store) -> None:

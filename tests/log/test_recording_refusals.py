@@ -224,30 +224,3 @@ def test_damaged_files_are_refused_or_read_and_never_a_traceback(
     message = read_or_refuse(path)
     assert str(path) in message
     assert len(message) < 3000
-
-
-@pytest.fixture(scope="module")
-def whole_log(tmp_path_factory):
-    """A log, its bytes before the footer, and what it holds."""
-    path = write_log(tmp_path_factory.mktemp("whole") / "a.parquet", make_rows(500))
-    whole = path.read_bytes()
-    footer = len(whole) - 8 - struct.unpack("<I", whole[-8:-4])[0]
-    return path, whole, footer, read_recording(path)
-
-
-@settings(max_examples=40)
-@given(part=st.floats(0.0, 1.0), bit=st.integers(0, 7))
-def test_a_bit_that_changed_on_the_disk_is_told_and_never_taken_for_data(whole_log, part, bit):
-    path, whole, footer, truth = whole_log
-    at = 4 + int(part * (footer - 5))
-    spoilt = path.with_name("spoilt.parquet")
-    spoilt.write_bytes(whole[:at] + bytes([whole[at] ^ (1 << bit)]) + whole[at + 1 :])
-    found, told = truth, ""
-    try:
-        found = read_recording(spoilt)
-    except DataError as error:
-        told = str(error)
-    assert not told or "a damaged Parquet file" in told
-    for name, axis in truth.axes.items():
-        np.testing.assert_array_equal(found.axes[name].position, axis.position)
-        np.testing.assert_array_equal(found.axes[name].command, axis.command)
