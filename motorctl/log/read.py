@@ -215,6 +215,11 @@ def _read_described(path: Path, description: Description) -> Recording:
                     f"{path}: axes.{name}.{signal}.column: column '{column}' of {file} has times "
                     "where numbers are needed"
                 )
+    if clock and clock.column in table.in_seconds and "scale" in clock.model_fields_set:
+        raise DataError(
+            f"{path}: time.scale: column '{clock.column}' of {file} has dates or times, which "
+            "become seconds; leave scale out"
+        )
     if clock is not None:  # without one, the rows are the clock
         read = table.without_empty_rows(read, clock.column)
     columns, together = brought_together(read, description)
