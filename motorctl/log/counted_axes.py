@@ -18,7 +18,9 @@ from motorctl.log.description import AxisDescription, Description, PositionColum
 from motorctl.log.table import Table
 from motorctl.log.turns import (
     BEYOND,
+    NEAR_TURN,
     TURN_RAD,
+    WRAPS,
     Jumps,
     counted_on,
     is_centred,
@@ -30,6 +32,9 @@ from motorctl.log.turns import (
 
 Array = NDArray[np.float64]
 
+NEARER = 0.5
+"""Part of a period from which a step is a jump where the period is told. Arithmetic: a larger step
+is nearer to one."""
 FOLLOWS = 0.5
 """Part of a period that a position which is counted on stays near a reference that goes on: then it
 is a counter. Arithmetic: further off it is nearer to another period."""
@@ -160,15 +165,19 @@ def _why_not(given: _Given, reference: _Given | None, jumps: Jumps, period: floa
         return ""
     if not is_sure(jumps):
         return "what it would begin anew after is not sure"
-    if jumps.both_ways:
-        return ""
+    if given.turn is not None and not given.counts and period < (1.0 - NEAR_TURN) * given.turn:
+        return "that is less than a turn"
+    speaks_for_it = [
+        jumps.both_ways,  # what flies back does so one way
+        power_of_two(given.values, jumps, given.counts) is not None,
+        given.turn is not None and period > given.turn and is_centred(given.values, period),
+    ]
     if reference is not None and _jumps_along(given, jumps, reference):
-        return "the reference jumps with it, as in a motion that flies back"
-    if power_of_two(given.values, jumps, given.counts) is not None:
-        return ""
-    if given.turn is not None and period > given.turn and is_centred(given.values, period):
-        return ""
-    return "a motion that flies back within a sample does the same"
+        if sum(speaks_for_it) < 2:
+            return "the reference jumps with it, as in a motion that flies back"
+    elif not any(speaks_for_it):
+        return "a motion that flies back within a sample does the same"
+    return ""
 
 
 def _jumps_along(given: _Given, jumps: Jumps, reference: _Given) -> bool:
@@ -231,10 +240,10 @@ def _as_it_is(given: _Given) -> _Counted:
 def _counted(given: _Given, period: float) -> _Counted:
     if period == 0.0:
         return _as_it_is(given)
-    values, jumps = counted_on(given.values, period)
+    told = given.described.period is not None
+    values, jumps = counted_on(given.values, period, NEARER if told else WRAPS)
     if not jumps:
         return _Counted(values, period)
-    told = given.described.period is not None
     a_turn = given.turn is not None and period == given.turn and not told
     note = (
         f"begins anew after {'a turn' if a_turn else f'{period:.10g} {given.described.unit}'}, "

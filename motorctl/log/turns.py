@@ -147,15 +147,15 @@ def is_centred(position: Array, period: float) -> bool:
     return abs(middle) <= CENTRED * period
 
 
-def counted_on(position: Array, period: float) -> tuple[Array, int]:
+def counted_on(position: Array, period: float, wraps: float = WRAPS) -> tuple[Array, int]:
     """Return a position that goes on where it jumps by a period, and how often it does.
 
-    A step of less than `WRAPS` of a period is a motion.
+    A step of less than `wraps` of a period is a motion.
     """
     if len(position) < FEWEST:
         return position, 0
     steps = np.diff(position)
-    whole = np.where(np.abs(steps) > WRAPS * period, np.rint(steps / period), 0.0)
+    whole = np.where(np.abs(steps) > wraps * period, np.rint(steps / period), 0.0)
     on = position - period * np.concatenate([[0.0], np.cumsum(whole)])
     return on, int(np.count_nonzero(whole))
 

@@ -107,6 +107,21 @@ def test_a_motion_that_flies_back_within_a_sample_stays_one_and_is_told(
     assert "axes.x.position.period should be what it begins anew after; 0" in notes[0]
 
 
+def test_a_motion_that_flies_back_both_ways_stays_where_the_reference_jumps_with_it(tmp_path):
+    motion = np.concatenate([FEED, FEED[::-1]])
+    axis, notes = read(tmp_path, motion, "unit: mm", motion)
+    np.testing.assert_allclose(axis.position, 1e-3 * motion)
+    assert "the reference jumps with it" in notes[0]
+
+
+def test_an_angle_that_begins_anew_after_less_than_a_turn_stays_and_is_told(tmp_path):
+    """A motor's turn before its gear, or a sensor that is blind for most of one: who knows."""
+    place = (3000.0 * np.sin(np.arange(2000) / 300.0)) % 200.0
+    axis, notes = read(tmp_path, place, "unit: deg")
+    np.testing.assert_allclose(np.rad2deg(axis.position), place, atol=1e-6)
+    assert "that is less than a turn" in notes[0]
+
+
 def test_a_motion_over_all_counts_stays_where_the_reference_jumps_with_it(tmp_path):
     motion = (64.0 * np.arange(2000)) % 4096
     axis, notes = read(tmp_path, motion, "unit: count, resolution: 1e-6", motion)
@@ -124,6 +139,9 @@ def test_the_description_tells_what_a_column_begins_anew_after(tmp_path):
     np.testing.assert_allclose(np.diff(axis.position) / RESOLUTION_RAD, np.diff(whole), atol=0.5)
     np.testing.assert_allclose(axis.reference, axis.position)
     assert "begins anew after 10000 count, 14 times: it is counted on" in notes[0]
+    fast = np.floor(0.45 * 10_000 * np.arange(2000))
+    axis, _ = read(tmp_path, fast % 10_000, GEARED, more=", period: 10000")
+    np.testing.assert_allclose(np.diff(axis.position) / RESOLUTION_RAD, 4500, atol=0.5)
     turns = np.arange(2000) / 300.0
     axis, _ = read(tmp_path, turns % 1.0, "unit: turns", turns % 1.0, ", period: 0", ", period: 1")
     np.testing.assert_allclose(np.diff(axis.reference), 2.0 * np.pi / 300.0, atol=1e-7)
