@@ -23,7 +23,7 @@ from motorctl.log.turns import (
     WRAPS,
     Jumps,
     counted_on,
-    is_centred,
+    is_of_a_bus,
     is_sure,
     jumps_of,
     period_of,
@@ -170,7 +170,7 @@ def _why_not(given: _Given, reference: _Given | None, jumps: Jumps, period: floa
     speaks_for_it = [
         jumps.both_ways,  # what flies back does so one way
         power_of_two(given.values, jumps, given.counts) is not None,
-        given.turn is not None and period > given.turn and is_centred(given.values, period),
+        given.turn is not None and period > given.turn and is_of_a_bus(given.values, period),
     ]
     if reference is not None and _jumps_along(given, jumps, reference):
         if sum(speaks_for_it) < 2:
@@ -189,6 +189,8 @@ def _jumps_along(given: _Given, jumps: Jumps, reference: _Given) -> bool:
     if its is None:
         return False
     mine, sent = given.rows[jumps.rows], reference.rows[its.rows]
+    inside = (mine >= sent[0]) & (mine <= sent[-1])  # a recording may begin or end between two
+    mine = mine[inside] if inside.any() else mine
     behind = np.searchsorted(sent, mine)
     before, after = np.maximum(behind - 1, 0), np.minimum(behind, len(sent) - 1)
     lags = np.stack([mine - sent[before], mine - sent[after]])

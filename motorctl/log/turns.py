@@ -21,7 +21,7 @@ everywhere, smaller leaves fast motion as it is. Arithmetic."""
 BEYOND = 0.02
 """Part of a period by which a position may reach beyond one. Larger takes an axis that turns
 further for one, smaller misses sensors that read a little beyond, and noise. Chosen by hand."""
-NEAR_TURN = 0.15
+NEAR_TURN = 0.06
 """Part of a turn that a jump, with what the axis moved meanwhile, may lack or have more than one.
 Larger takes a motion over most of a turn and back within a sample for one, smaller misses sensors
 that are blind for a part of the turn. Chosen by hand."""
@@ -141,10 +141,10 @@ def is_sure(jumps: Jumps) -> bool:
     return jumps.unsure <= UNSURE * jumps.after
 
 
-def is_centred(position: Array, period: float) -> bool:
-    """Return whether a position goes as far below 0 as above, as those of a bus do."""
+def is_of_a_bus(position: Array, period: float) -> bool:
+    """Return whether a position goes as far below 0 as above, after a number of two digits."""
     middle = 0.5 * (float(position.max()) + float(position.min()))
-    return abs(middle) <= CENTRED * period
+    return abs(middle) <= CENTRED * period and period == _rounded(period, 2)
 
 
 def counted_on(position: Array, period: float, wraps: float = WRAPS) -> tuple[Array, int]:
@@ -182,13 +182,17 @@ def _motion_goes_on(steps: Array, jumps: NDArray[np.bool_]) -> bool:
     return bool(np.sum(both[both > 0.0]) > GOES_ON * np.sum(np.abs(both)))
 
 
+def _both_ways(steps: Array, jumps: NDArray[np.bool_]) -> bool:
+    """Tell whether it does so through the jumps up, and through those down."""
+    return all(_motion_goes_on(steps, jumps & way) for way in (steps > 0.0, steps < 0.0))
+
+
 def _told(steps: Array, jumps: NDArray[np.bool_], of_turn: bool) -> Jumps:
     before, after = _about(steps, jumps)
     each = np.abs(steps[jumps]) + 0.5 * (before + after)
     told = float(np.median(each))
     unsure = max(float(np.median(np.abs(before - after))), float(np.median(np.abs(each - told))))
-    both_ways = bool(np.ptp(np.sign(steps[jumps])) > 0.0)
-    return Jumps(np.flatnonzero(jumps) + 1, told, unsure, of_turn, both_ways)
+    return Jumps(np.flatnonzero(jumps) + 1, told, unsure, of_turn, _both_ways(steps, jumps))
 
 
 def _rounded(value: float, digits: int) -> float:

@@ -89,8 +89,10 @@ FEED = np.tile(np.linspace(0.0, 200.0, 20), 30)
         (SCAN, "unit: um"),
         (SCAN - 4.95, "unit: um"),
         (SCAN - 4.95, "unit: deg"),
-        (30.3 * SCAN, "unit: deg"),
+        (33.0 * SCAN, "unit: deg"),
+        (14.3 * (SCAN - 4.95), "unit: rad"),
         (FEED, "unit: mm"),
+        (np.concatenate([np.zeros(50), FEED[19:]]), "unit: mm"),  # from rest to the other end
         (40 * (np.arange(2000) % 100), "unit: count, resolution: 1e-6"),
     ],
 )
