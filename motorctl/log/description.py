@@ -86,6 +86,8 @@ class PositionColumn(_Signal):
     resolution: Positive | None = None
     """One count, in `resolution_unit`."""
     resolution_unit: Annotated[str, _unit(tuple(POSITION_UNITS))] = "m"
+    period: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    """After how many of its units the column begins anew; 0: it does not; None: it is found."""
 
     @model_validator(mode="before")
     @classmethod

@@ -15,6 +15,7 @@ from scipy.integrate import cumulative_trapezoid
 from motorctl.axis_units import units_of
 from motorctl.errors import DataError
 from motorctl.log.columns import THETA
+from motorctl.log.counted_axes import with_turns_counted
 from motorctl.log.description import (
     AxisDescription,
     CommandColumn,
@@ -30,7 +31,6 @@ from motorctl.log.run_parts import open_recorded
 from motorctl.log.table import Array, Table
 from motorctl.log.table_csv import CsvTable
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
-from motorctl.log.turns import TURN_RAD, counted_on
 from motorctl.log.wild_values import without_wild
 
 _POSITION = ".position_m"
@@ -215,12 +215,17 @@ def _read_described(path: Path, description: Description) -> Recording:
                     f"{path}: axes.{name}.{signal}.column: column '{column}' of {file} has times "
                     "where numbers are needed"
                 )
+    if clock and clock.column in table.in_seconds and "scale" in clock.model_fields_set:
+        raise DataError(
+            f"{path}: time.scale: column '{clock.column}' of {file} has dates or times, which "
+            "become seconds; leave scale out"
+        )
     if clock is not None:  # without one, the rows are the clock
         read = table.without_empty_rows(read, clock.column)
     columns, together = brought_together(read, description)
     described = [axis.motion.column for axis in description.axes.values()]
     sound, wild = _without_wild(table, columns, described)
-    sound, turns = _with_turns_counted(table, sound, description)
+    sound, turns = with_turns_counted(table, sound, description, path)
     if clock is None:
         assert description.sample_rate_hz is not None
         rows = len(columns[wanted[0]])
@@ -260,32 +265,6 @@ def _without_wild(
     for name in dict.fromkeys(names):
         out[name], told = without_wild(table, name, columns[name])
         notes += told
-    return out, notes
-
-
-def _with_turns_counted(
-    table: Table, columns: Mapping[str, Array], description: Description
-) -> tuple[dict[str, Array], list[str]]:
-    """Go on in positions that begin anew after a turn, or after a period; return columns, notes."""
-    out, notes = dict(columns), []
-    for name, axis in description.axes.items():
-        counts = False
-        for described in (axis.position, axis.reference):
-            if described is None:
-                continue
-            values, blank = table.without_blanks(described.column, columns[described.column])
-            turn = TURN_RAD / abs(described.factor) if described.base_unit == "rad" else None
-            position, jumps, period = counted_on(values, turn)
-            if not jumps or (period is not None and described is axis.reference and not counts):
-                continue  # a reference alone may be a saw's teeth
-            counts = True
-            out[described.column] = position if blank is None else np.where(blank, np.nan, position)
-            after = "a turn" if period is None else f"{period:.6g} {described.unit}"
-            notes.append(
-                f"axis {name}: column '{described.column}' begins anew after {after}, "
-                f"{'once' if jumps == 1 else f'{jumps} times'}: "
-                f"{'whole turns are' if period is None else 'it is'} counted on"
-            )
     return out, notes
 
 

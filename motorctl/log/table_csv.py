@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
+from array import array
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -14,16 +13,9 @@ import pyarrow.csv
 from motorctl.errors import DataError
 from motorctl.log.table import Array, Table
 from motorctl.log.text_head import read_head
-from motorctl.log.text_lines import (
-    BLANKS,
-    COMMENTS,
-    EMPTY,
-    all_cells,
-    first_lines,
-    is_number,
-    is_remark,
-)
-from motorctl.log.text_times import is_time, seconds_since_first
+from motorctl.log.text_lines import BLANKS, COMMENTS, EMPTY
+from motorctl.log.text_rows import lines_of_rows, read_rows
+from motorctl.log.text_times import seconds_since_first
 
 
 class CsvTable(Table):
@@ -53,11 +45,14 @@ class CsvTable(Table):
         self._head = read_head(path, header_line, wanted)
         super().__init__(path, self._head.names)
         self.notes = self._head.notes
-        self._remarks: list[str] = []
+        self._lines: array[int] | None = None
 
     def _row_in_file(self, index: int) -> str:
         """Return where a row stands, by its number and its line."""
-        return f"row {index + 1} (line {self._head.lines + index + 1})"
+        if self._lines is None:  # every line was a row or blank
+            self._lines = lines_of_rows(self.path, self._head)
+        line = f" (line {self._lines[index]})" if index < len(self._lines) else ""
+        return f"row {index + 1}{line}"
 
     def listing(self) -> str:
         """List the columns, and say where they have no names."""
@@ -66,108 +61,74 @@ class CsvTable(Table):
         return super().listing() + (told if self._head.headless else "")
 
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
-        if self._head.delimiter == BLANKS:
-            return self._between_blanks(names)
-        times: frozenset[str] = frozenset()
+        self._lines = None
+        read = self._between_blanks if self._head.delimiter == BLANKS else self._parsed
         try:
-            table = self._parse(names, threads=True)
-        except (pa.ArrowException, OSError, ValueError):
-            times = self._times_among(names)
-            try:  # the parser knows the row only where it works in one thread
-                table = self._parse(names, threads=False, times=times)
-            except (pa.ArrowException, OSError, ValueError) as error:
-                raise DataError(self._cause(str(error))) from error
-        if self._remarks:
-            first, count = sorted(self._remarks)[0][:40], len(self._remarks)
-            told = "a line of text" if count == 1 else f"{count} lines of text"
-            self.notes += (f"{told} among the rows left out, as '{first}'",)
+            return read(names)
+        except (pa.ArrowException, OSError, ValueError):  # some lines are no rows of numbers
+            return self._line_by_line(names)
+
+    def _line_by_line(self, names: Sequence[str]) -> dict[str, Array]:
+        rows = read_rows(self.path, self._head, names)
+        self._lines = rows.lines
+        if rows.remarks:
+            line, text = rows.first_remark
+            many = rows.remarks > 1
+            told = f"{rows.remarks} lines of text" if many else "a line of text"
+            first = f"the first line {line}" if many else f"line {line}"
+            note = f"{told} among the rows left out, {first}: '{text}'"
+            self.notes = tuple(dict.fromkeys((*self.notes, note)))
         return {
-            name: self._seconds(name, table.column(name).to_pylist())
-            if name in times
-            else np.array(table.column(name).to_numpy())
+            name: self._seconds(name, rows.times[name])
+            if name in rows.times
+            else rows.numbers[name]
             for name in names
         }
 
-    def _times_among(self, names: Sequence[str]) -> frozenset[str]:
-        """Return which columns have dates or times of day in the first row."""
-        lines = first_lines(self.path, self._head.lines + 1, self._head.encoding)
-        row = next((line for line in lines[self._head.lines :] if not is_remark(line)), "")
-        cells = dict(zip(self.names, all_cells(row, self._head.delimiter), strict=False))
-        return frozenset(name for name in names if is_time(cells.get(name, "")))
-
-    def _seconds(self, name: str, cells: list[str | None]) -> Array:
+    def _seconds(self, name: str, cells: Sequence[str]) -> Array:
         """Return the seconds of a column of times, and tell of it."""
         seconds, wrong = seconds_since_first(cells)
         if wrong is not None:
             raise DataError(
                 f"{self.path}: {self.row(wrong)}: column '{name}' is not a time like the first: "
-                f"'{str(cells[wrong])[:40]}'"
+                f"'{cells[wrong][:40]}'"
             )
         self.in_seconds |= {name}
-        self.notes += (f"column '{name}' has times, the first {cells[0]}: seconds from there",)
+        begin = next(cell for cell in cells if cell)
+        note = f"column '{name}' has times, the first {begin}: seconds from there"
+        self.notes = tuple(dict.fromkeys((*self.notes, note)))
         return seconds
 
-    def _parse(
-        self, names: Sequence[str], threads: bool, times: frozenset[str] = frozenset()
-    ) -> pa.Table:
-        self._remarks = []
-        return pa.csv.read_csv(
+    def _parsed(self, names: Sequence[str]) -> dict[str, Array]:
+        """Read by Arrow's parser, which is quick, and refuses what is no row of numbers.
+
+        What may be passed over is left to Python: a handler of ours would be called from Arrow's
+        threads.
+        """
+        table = pa.csv.read_csv(
             self.path,
             read_options=pa.csv.ReadOptions(
-                use_threads=threads,
                 column_names=list(self.names),
                 skip_rows=self._head.lines,
                 encoding=self._head.encoding.removesuffix("-sig"),
             ),
-            parse_options=pa.csv.ParseOptions(
-                delimiter=self._head.delimiter, invalid_row_handler=self._passed_over
-            ),
+            parse_options=pa.csv.ParseOptions(delimiter=self._head.delimiter),
             convert_options=pa.csv.ConvertOptions(
                 include_columns=list(names),
-                column_types={n: pa.string() if n in times else pa.float64() for n in names},
+                column_types={name: pa.float64() for name in names},
                 null_values=[*EMPTY, *(f" {empty}" for empty in EMPTY)],
                 decimal_point=self._head.decimal_point,
             ),
         )
-
-    def _passed_over(self, row: pa.csv.InvalidRow) -> Literal["skip", "error"]:
-        """Pass over a line without a number, and note its text; of too few cells it is an error."""
-        text = row.text.strip()
-        if any(
-            is_number(cell, self._head.delimiter) for cell in all_cells(text, self._head.delimiter)
-        ):
-            return "error"
-        if text:
-            self._remarks.append(text)
-        return "skip"
+        return {name: np.array(table.column(name).to_numpy()) for name in names}
 
     def _between_blanks(self, names: Sequence[str]) -> dict[str, Array]:
-        try:
-            rows = np.loadtxt(
-                self.path,
-                comments=list(COMMENTS),
-                skiprows=self._head.lines,
-                usecols=[self.names.index(name) for name in names],
-                ndmin=2,
-                encoding=self._head.encoding,
-            )
-        except (ValueError, OSError) as error:
-            raise DataError(f"{self.path}: {str(error).splitlines()[0]}") from error
+        rows = np.loadtxt(
+            self.path,
+            comments=list(COMMENTS),
+            skiprows=self._head.lines,
+            usecols=[self.names.index(name) for name in names],
+            ndmin=2,
+            encoding=self._head.encoding,
+        )
         return {name: rows[:, k].copy() for k, name in enumerate(names)}
-
-    def _cause(self, message: str) -> str:
-        """Return the parser's complaint in the file's own words: line, column, value."""
-        line = ""
-        if row := re.search(r"Row #(\d+): ?", message):
-            line = f"line {row[1]}: "
-        if value := re.search(r"In CSV column #(\d+): .*invalid value '(.*?)'", message, re.S):
-            column = self.names[int(value[1])]
-            return f"{self.path}: {line}column '{column}' is not a number: '{value[2][:40]}'"
-        if width := re.search(r"Expected (\d+) columns, got (\d+)", message):
-            return (
-                f"{self.path}: {line}{width[2]} values where the header has {width[1]} columns; "
-                "cut or damaged there?"
-            )
-        if "Empty CSV file" in message:
-            return f"{self.path}: a header, but no rows"
-        return f"{self.path}: not a readable CSV file: {message.splitlines()[0]}"

@@ -11,7 +11,7 @@ from motorctl.errors import DataError
 DELIMITERS = ",;\t"
 BLANKS = " "
 COMMENTS = ("#", "%")
-EMPTY = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "ovf")
+EMPTY = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "ovf", "-ovf")
 """What a cell holds where nothing was measured; a microcontroller prints `ovf` for too large."""
 UTF_8 = "utf-8-sig"
 WINDOWS = "cp1252"

@@ -167,7 +167,8 @@ def test_lines_of_a_serial_monitor_that_are_no_rows_are_left_out(tmp_path):
         "    position: {column: q, unit: mm}\n    command: {column: u, unit: A}\n"
     )
     recording = read_recording(tmp_path / "d.yaml")
-    assert "a line of text among the rows left out, as 'Secure Edge Active'" in recording.notes
+    told = "a line of text among the rows left out, line 153: 'Secure Edge Active'"
+    assert told in recording.notes
     axis = recording.axes["b"]
     np.testing.assert_allclose(axis.command, -np.arange(300.0))
     np.testing.assert_allclose(axis.position, 1e-4 * np.arange(300.0), atol=1e-12)

@@ -1,0 +1,106 @@
+"""Lines of a text file that are no rows are left out and told; messages name the right line."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from motorctl.errors import DataError
+from motorctl.log import read_recording
+
+SEPARATED = pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+ROWS = [(k / 100.0, round(np.sin(k / 20.0), 6), k % 7 - 3.0) for k in range(100)]
+AXES = "axes:\n  b:\n    position: {column: q, unit: mm}\n    command: {column: u, unit: A}\n"
+
+
+def lines_of(separator, rows=ROWS):
+    return [separator.join(f"{value:.6f}" for value in row) for row in rows]
+
+
+def read(folder, lines, separator=",", clock="time: {column: t}"):
+    (folder / "a.csv").write_text("\n".join([separator.join("tqu"), *lines]) + "\n")
+    (folder / "d.yaml").write_text(f"file: a.csv\n{clock}\n{AXES}")
+    return read_recording(folder / "d.yaml")
+
+
+def with_text(lines):
+    """Put lines that are no rows among them: the first text stands in line 52 of the file."""
+    return [*lines[:49], "", "WiFi lost", *lines[49:70], "hello there", *lines[70:]]
+
+
+@SEPARATED
+def test_lines_of_text_are_left_out_and_the_first_is_told_with_its_line(tmp_path, separator):
+    recording = read(tmp_path, with_text(lines_of(separator)), separator)
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS])
+    assert recording.notes == (
+        "2 lines of text among the rows left out, the first line 52: 'WiFi lost'",
+    )
+
+
+@SEPARATED
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0.1#0.2#0.3", r"row 81 \(line 85\): column 't' runs backwards"),
+        ("0.8#abc#0.3", r"line 85: column 'q' is not a number: 'abc'"),
+        ("0.8#inf#0.3", r"row 81 \(line 85\): column 'q' is infinite"),
+        ("0.8#0.2", r"line 85: 2 values where the header has 3 columns"),
+    ],
+)
+def test_a_damaged_row_behind_lines_of_text_is_told_by_its_line(tmp_path, separator, row, message):
+    lines = lines_of(separator)
+    lines[80] = row.replace("#", separator)
+    with pytest.raises(DataError, match=message):
+        read(tmp_path, with_text(lines), separator)
+
+
+def test_a_damaged_row_behind_blank_lines_is_told_by_its_line(tmp_path):
+    lines = lines_of(",")
+    lines[80] = "0.1,0.2,0.3"
+    lines.insert(50, "")
+    with pytest.raises(DataError, match=r"row 81 \(line 83\)"):
+        read(tmp_path, lines)
+
+
+def test_rows_without_a_value_are_told_by_their_line(tmp_path):
+    lines = lines_of(",")
+    lines.insert(80, "nan,nan,nan")
+    recording = read(tmp_path, with_text(lines))
+    assert "1 row without a value left out, the first: row 81 (line 85)" in recording.notes
+
+
+@SEPARATED
+@pytest.mark.parametrize("cell", ["ovf ", "-ovf", "   ovf", "nan   "])
+def test_what_cannot_be_printed_is_blank_with_blanks_about_it(tmp_path, separator, cell):
+    lines = lines_of(separator)
+    lines[30] = separator.join(["0.3", cell, "-1"])
+    recording = read(tmp_path, lines, separator)
+    assert recording.notes == (
+        "1 of 100 values of column 'q' are blank: left out of every judgement",
+    )
+
+
+@SEPARATED
+def test_a_file_of_text_alone_is_refused_with_its_first_line(tmp_path, separator):
+    with pytest.raises(DataError, match=r"none of the 20 lines .* line 2 is 'hello to you'"):
+        read(tmp_path, ["hello to you"] * 20, separator)
+
+
+@pytest.mark.parametrize("clock", ["time: {column: t}", "sample_rate_hz: 100"])
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+def test_a_file_without_rows_is_refused(tmp_path, clock, suffix):
+    empty = pa.table({name: pa.array([], pa.float64()) for name in "tqu"})
+    if suffix == "parquet":
+        pq.write_table(empty, tmp_path / "a.parquet")
+    else:
+        (tmp_path / "a.csv").write_text("t,q,u\n")
+    (tmp_path / "d.yaml").write_text(f"file: a.{suffix}\n{clock}\n{AXES}")
+    with pytest.raises(DataError, match="0 rows; at least 16"):
+        read_recording(tmp_path / "d.yaml")
+
+
+def test_times_have_no_scale(tmp_path):
+    lines = [f"2025-01-01 10:00:{row[0]:06.3f},{row[1]},{row[2]}" for row in ROWS]
+    assert read(tmp_path, lines).sample_rate_hz == pytest.approx(100.0)
+    with pytest.raises(DataError, match=r"d\.yaml: time\.scale: column 't' .* leave scale out"):
+        read(tmp_path, lines, clock="time: {column: t, scale: 0.001}")
