@@ -25,8 +25,9 @@ bench = typer.Typer(cls=WholeHelp, add_completion=False, rich_markup_mode=None)
 def _speed_unless_told(context: typer.Context, as_json: AsJson = False) -> None:
     """Measure how fast motorctl is here, how often its diagnoses are right, what guards detect.
 
-    Without a subject it measures speed; a subject's own options come after it. The exit status is 0 whether or not the targets are met:
-    what is not met is told. Where a subject says so it is 1 if something is not as promised.
+    Without a subject it measures speed; a subject's own options come after it. The exit status is 0
+    whether or not the targets are met: what is not met is told. Where a subject says so it is 1 if
+    something is not as promised.
 
     Example: motorctl bench --json
     """
