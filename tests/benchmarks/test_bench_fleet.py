@@ -201,6 +201,7 @@ def test_killed_workers_change_no_finding(whole: tuple[Path, Path], tmp_path: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_killed_scheduler_changes_no_finding(whole: tuple[Path, Path], tmp_path: Path) -> None:
     found = with_killed_scheduler(*whole, tmp_path / "store", kills=1, workers=1)
     assert (found.how_often, found.runs, found.other) == (1, 2, 0)

@@ -8,6 +8,7 @@ import sys
 import pytest
 import typer
 from config_bench import MACHINE, BenchDriver, machine, write
+from tiers import few_of
 from typer.testing import CliRunner
 
 from motorctl.cli import check, drivers
@@ -117,7 +118,7 @@ WITHOUT = "import sys; sys.modules['{0}'] = None; from motorctl.cli import main;
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("bus", "module"),
-    [("can", "can"), ("canopen", "can"), ("serial", "serial"), ("modbus", "pymodbus")],
+    few_of([("can", "can"), ("canopen", "can"), ("serial", "serial"), ("modbus", "pymodbus")], 2),
 )
 def test_a_bus_without_its_library_is_one_line_that_says_how_to_install_it(bus, module):
     command = [sys.executable, "-c", WITHOUT.format(module), "check", f"{bus}_gantry"]

@@ -12,6 +12,8 @@ from numba.core import caching
 from motorctl.kernels import inner_kernel
 from motorctl.kernels.checked_files import files_checked
 
+LONG = pytest.mark.long
+
 PACKAGE = {
     "inner.py": """
         from motorctl.kernels import inner_kernel
@@ -238,11 +240,11 @@ def test_two_kernels_of_one_name_from_two_processes_stay_two(go):
 @pytest.mark.parametrize(
     ("first", "then"),
     [
-        pytest.param("said(2)", "said(2.0)", id="an integer and a float"),
+        pytest.param("said(2)", "said(2.0)", id="an integer and a float", marks=LONG),
         pytest.param("scaled(0.0)", "scaled(-0.0)", id="zero and its negative"),
         pytest.param("scaled_as_second(1, 2)", "scaled_as_second(1, 3)", id="arrays"),
-        pytest.param("usual(3.0)", "usual(5.0)", id="defaults"),
-        pytest.param("over('numpy')", "over('python')", id="error models"),
+        pytest.param("usual(3.0)", "usual(5.0)", id="defaults", marks=LONG),
+        pytest.param("over('numpy')", "over('python')", id="error models", marks=LONG),
         pytest.param("through(3.0)", "through(5.0)", id="kernels within kernels"),
     ],
 )
