@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from motorctl.config import Machine
 from motorctl.errors import DataError, MotorctlError
-from motorctl.log.columns import METADATA_KEY
+from motorctl.log.convert import load_metadata
 from motorctl.log.folder import StoredLog, in_use
 from motorctl.loop.simulation import simulate
 from motorctl.loop.virtual import require_virtual_time
@@ -137,8 +137,7 @@ class ResumedRig:
 def in_virtual_time(log: Path) -> bool:
     """Return whether a log was simulated. Raises DataError where it cannot be read."""
     try:
-        metadata = pq.read_schema(log).metadata or {}
-        return "virtual_time" in json.loads(metadata.get(METADATA_KEY, b"{}"))
+        return "virtual_time" in load_metadata(pq.read_schema(log))
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DataError(f"{log}: cannot be read: {error}") from error
 

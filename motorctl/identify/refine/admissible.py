@@ -98,9 +98,11 @@ def admissible(
             share = _largest_share(sound, theta, change)
             if share is None:
                 continue
-            own = [before[i] if i in indices else e for i, e in enumerate(found)]
+            drawn = (1.0 - share) * change
             found = [
-                _drawn(e, p, float((1.0 - share) * change[i]), own[i])
+                _drawn(e, p, float(drawn[i]), before[i] if i in indices else None)
+                if i in indices or drawn[i]
+                else e
                 for i, (e, p) in enumerate(zip(found, model.parameters, strict=True))
             ]
             origin = "those of the configuration" if np.any((theta + back)[indices]) else "zero"
@@ -180,7 +182,7 @@ def _drawn(
 ) -> Estimate:
     """Return an estimate that was changed; its bounds go along, and hold what was before."""
     drawn = moved(estimate, parameter, change)
-    if before is None or before is estimate:
+    if before is None:
         return drawn
     lower, upper = min(before.lower, drawn.initial), max(before.upper, drawn.initial)
     return replace(drawn, lower=lower, upper=upper)

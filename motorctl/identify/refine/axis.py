@@ -140,7 +140,9 @@ def _sound(
     """Return the model with an input map that the axis can run with, and what had to be changed."""
     model = EffectList([part.effect for part in wanted])
     declared = {part.effect.name: part.estimates for part in current}
-    before = [e for part in wanted for e in declared.get(part.effect.name, _none_of(part))]
+    before = [
+        e for part in wanted for e in declared.get(part.effect.name, [None] * len(part.estimates))
+    ]
     names = [part.effect.name for part in wanted for _ in part.estimates]
     own = input_indices(model)
     free = [i for i, n in enumerate(names) if i not in own and n in found.model.names]
@@ -151,10 +153,6 @@ def _sound(
     estimates = [e for part in wanted for e in part.estimates]
     sound, notes = admissible(axis, model, estimates, before, programs, made_up)
     return _with_estimates(wanted, sound), notes
-
-
-def _none_of(part: WantedEffect) -> tuple[None, ...]:
-    return (None,) * len(part.estimates)
 
 
 def _too_many(axis: Axis, found: AxisDiagnosis, without: Collection[str]) -> list[str]:

@@ -23,6 +23,7 @@ from motorctl.config.shipped import shipped_config
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.result import RecordingDiagnosis, UnknownStructure
+from motorctl.identify.refine.admissible import admissible
 from motorctl.identify.refine.model_error import made_up_for
 from motorctl.identify.refine.refinement import refine_config
 from motorctl.identify.same_axis import require_same_machine
@@ -209,6 +210,18 @@ def test_an_input_map_that_turns_back_is_drawn_in_until_it_can_be_inverted(log, 
     for name, estimate in estimates(refined.machine, "x").items():
         if name.startswith("em_"):
             assert estimate.lower < estimate.initial < estimate.upper
+
+
+def test_what_does_not_follow_an_input_map_that_is_drawn_in_stays_with_its_bounds():
+    axis = load(SHIPPED).axes["x"]
+    bent = [
+        dataclasses.replace(e, initial=value, lower=value - 1e-4, upper=value + 3e-4)
+        for e, value in zip(axis.estimates, (*THETA["x"][:4], -0.03, -0.003), strict=True)
+    ]
+    drawn, notes = admissible(axis, axis.model, bent, axis.estimates, [])
+    assert "not monotonic" in notes[0]
+    assert drawn[:4] == bent[:4]
+    assert drawn[4:] != bent[4:]
 
 
 @pytest.mark.slow
