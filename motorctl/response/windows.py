@@ -27,7 +27,12 @@ JITTER, SEED = 0.1, 1
 counts of the encoder evenly, and at even distances what it rounds away would not average out."""
 STANDING = 1e-3
 """Share of the largest speed below which an axis stands. Any between rounding and 1 would do."""
-BAD = int(SampleFlag.SATURATED | SampleFlag.SKIPPED | SampleFlag.HELD)
+LATE = "where the computer missed a tick"
+AT_LIMIT = "with the command at its limit"
+WITHOUT_SAMPLE = "without a sample of the encoder"
+NOT_RECORDED = "not recorded"
+NOT_LED = "while the axis was not led"
+"""Why a row tells no response, as a message says it."""
 LEAST_WINDOWS = 4
 """Fewer say nothing of the scatter from period to period."""
 
@@ -81,7 +86,8 @@ def excited_windows(recording: Recording, name: str, divisor: int = 1) -> Window
     excitation = axis.excitation[own]
     ticks, whole = _period(excitation, place)
     velocity = reference_velocity[own]
-    good = whole & _sound(axis, own) & _without_gaps(recording, own, divisor)
+    spoiled = _spoiled(recording, axis, own, divisor)
+    good = whole & ~np.any(list(spoiled.values()), axis=0)
     fastest = float(np.abs(velocity[whole]).max(initial=0.0))
     if fastest > 0.0 and np.any(moving := np.abs(velocity) > STANDING * fastest):
         good &= moving
@@ -89,8 +95,8 @@ def excited_windows(recording: Recording, name: str, divisor: int = 1) -> Window
     if len(starts) < LEAST_WINDOWS:
         raise DataError(
             f"{place}: only {len(starts)} windows of a whole period ({ticks} rows) in which the "
-            f"axis moves evenly and its command is off its limit; needs {LEAST_WINDOWS}: excite it "
-            "for longer, or with less amplitude"
+            f"axis moves evenly and no row is spoiled; needs {LEAST_WINDOWS}; "
+            f"{_what_spoiled(spoiled, whole)}"
         )
     rows = starts[:, None] + np.arange(ticks)
     used = own[rows]
@@ -141,22 +147,41 @@ def _longest_run(excited: NDArray[np.intp]) -> NDArray[np.intp]:
     return max(runs, key=len)
 
 
-def _sound(axis: AxisRecording, own: NDArray[np.intp]) -> Mask:
-    good = np.ones(len(own), np.bool_)
-    if axis.state is not None:
-        good &= np.isin(axis.state[own], (AxisState.IDLE, AxisState.RUNNING))
-    if axis.fault is not None:
-        good &= axis.fault[own] == 0
-    if axis.flags is not None:
-        good &= (axis.flags[own] & BAD) == 0
-    if axis.recorded is not None:
-        good &= axis.recorded[own]
-    return good
-
-
-def _without_gaps(recording: Recording, own: NDArray[np.intp], divisor: int) -> Mask:
+def _spoiled(
+    recording: Recording, axis: AxisRecording, own: NDArray[np.intp], divisor: int
+) -> dict[str, Mask]:
+    """Return which of the axis' rows tell no response, by why."""
     steps = np.diff(recording.time_s[own]) * recording.sample_rate_hz / divisor
-    return np.concatenate([[True], np.abs(steps - 1.0) < 0.5])
+    spoiled = {LATE: np.concatenate([[False], np.abs(steps - 1.0) >= 0.5])}
+    if axis.flags is not None:
+        flags = axis.flags[own]
+        spoiled[AT_LIMIT] = (flags & int(SampleFlag.SATURATED)) != 0
+        spoiled[LATE] |= (flags & int(SampleFlag.SKIPPED)) != 0
+        spoiled[WITHOUT_SAMPLE] = (flags & int(SampleFlag.HELD)) != 0
+    if axis.recorded is not None:
+        spoiled[NOT_RECORDED] = ~axis.recorded[own]
+    halted = np.zeros(len(own), np.bool_)
+    if axis.state is not None:
+        halted |= ~np.isin(axis.state[own], (AxisState.IDLE, AxisState.RUNNING))
+    if axis.fault is not None:
+        halted |= axis.fault[own] != 0
+    return {**spoiled, NOT_LED: halted}
+
+
+def _what_spoiled(spoiled: dict[str, Mask], excited: Mask) -> str:
+    """Return how many excited rows were spoiled and by what, and what helps against it."""
+    counts = {why: int(np.count_nonzero(at & excited)) for why, at in spoiled.items()}
+    lost = ", ".join(f"{count} {why}" for why, count in counts.items() if count)
+    remedies = {
+        LATE: "see `motorctl latency` for this computer",
+        WITHOUT_SAMPLE: "see to the encoder or the bus",
+        AT_LIMIT: "excite it with less amplitude",
+    }
+    remedy = "; ".join(do for why, do in remedies.items() if counts.get(why))
+    return (
+        f"of {int(excited.sum())} excited rows {lost or 'none'} {'were' if lost else 'was'} "
+        f"spoiled: excite it for longer{'; ' if remedy else ''}{remedy}"
+    )
 
 
 def _starts(good: Mask, velocity: Array, ticks: int, even_m_s: float) -> NDArray[np.intp]:

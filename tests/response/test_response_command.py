@@ -18,6 +18,7 @@ from motorctl.cli import make_app
 from motorctl.cli import response as command
 from motorctl.config.shipped import locate
 from motorctl.errors import DataError, MotorctlError, RunError, UsageError
+from motorctl.log.sample import SampleFlag
 
 pytestmark = pytest.mark.slow
 
@@ -201,11 +202,23 @@ def test_of_two_excitations_in_one_log_the_longer_one_is_read(told, tmp_path):
     assert np.median(again["coherence"]) > 0.9
 
 
-def test_rows_at_the_limit_count_for_nothing(told, tmp_path):
+@pytest.mark.parametrize(
+    ("flag", "why"),
+    [
+        (SampleFlag.SATURATED, "with the command at its limit were spoiled: .*less amplitude"),
+        (SampleFlag.SKIPPED, "where the computer missed a tick were spoiled: .*motorctl latency"),
+        (SampleFlag.HELD, "without a sample of the encoder were spoiled: .*the bus"),
+    ],
+)
+def test_spoiled_rows_count_for_nothing_and_the_message_says_what_spoiled_them(
+    told, tmp_path, flag, why
+):
     log = told[2] / "response_x.parquet"
-    saturated = changed(log, tmp_path / "s.parquet", "x.flags", lambda flags: flags | np.uint32(1))
-    with pytest.raises(DataError, match="only 0 windows of a whole period"):
-        run("x", "--recording", saturated)
+    spoiled = changed(log, tmp_path / "s.parquet", "x.flags", lambda flags: flags | np.uint32(flag))
+    with pytest.raises(
+        DataError, match=f"only 0 windows of a whole period .* excited rows .*{why}"
+    ):
+        run("x", "--recording", spoiled)
 
 
 def test_a_foreign_recording_does_not_tell_the_loop(told, tmp_path):
