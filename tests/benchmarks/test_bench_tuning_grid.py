@@ -13,7 +13,7 @@ from motorctl.config.axis_keys import CommandFilterKeys
 from motorctl.config.shipped import locate
 from motorctl.errors import RunError
 from motorctl_benchmarks.tuning import grid
-from motorctl_benchmarks.tuning.machines import TunedMachine
+from motorctl_benchmarks.tuning.machines import LATE, TunedMachine, drawn_machine
 
 
 def test_gains_of_the_grid_leave_the_machine_its_filter_of_the_command(
@@ -35,3 +35,11 @@ def test_gains_of_the_grid_leave_the_machine_its_filter_of_the_command(
     gains = ran[0].axes["x"].gains
     assert (gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d) == (200.0, 90.0, 400.0)
     assert gains.command_filter == CommandFilterKeys(kind="low_pass", frequency_hz=500.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_drawn_machine_knows_what_its_plant_has(tmp_path: Path, seed: int) -> None:
+    drawn = drawn_machine(tmp_path, seed)
+    assert drawn.axis in drawn.machine.axes
+    assert drawn.plant["inertia_v_s2_m"] > 0.0
+    assert any(drawn.plant[late] for late in LATE)

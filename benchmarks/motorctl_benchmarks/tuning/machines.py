@@ -96,5 +96,5 @@ def drawn_machine(folder: Path, seed: int) -> TunedMachine:
     config = folder / f"{case.name}.yaml"
     config.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
     options = load(config).drivers["gantry"].options.model_dump()
-    plant = options["plants"][str(load(config).axes[case.axis].channel)]
+    plant = options["plants"][load(config).axes[case.axis].channel]
     return TunedMachine(f"{case.name}: {' + '.join(effects)}", config, case.axis, plant)
