@@ -348,7 +348,9 @@ def test_a_ramp_meets_a_fault_and_late_ticks_begin_one_in_real_time():
 
 @pytest.mark.slow
 @pytest.mark.wall_clock
-@pytest.mark.parametrize("line", ["serial-poll", "canopen-udp"])
+@pytest.mark.parametrize(
+    "line", ["serial-poll", pytest.param("canopen-udp", marks=pytest.mark.long)]
+)
 def test_a_loop_that_is_killed_leaves_a_device_that_is_off_in_time(line):
     real_time.begins()
     keys = [f"bus:{line}:C2:shuttle:{fault}:default:1" for fault in KILLS]

@@ -68,8 +68,9 @@ def test_the_models_that_are_changed_differ_in_controller_gains_effects_and_lag(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.wall_clock
-@pytest.mark.parametrize("swaps", [4, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("swaps", [4, 200])
 def test_models_change_without_bump_and_a_kill_leaves_the_old_or_the_new(swaps):
     found = swaps_findings(lambda _share: None, SwapsOptions(swaps=swaps))
     assert not found.failed, (found.figures, found.mistakes)

@@ -54,6 +54,7 @@ def test_a_worker_that_has_grown_is_exchanged_for_a_fresh_process(monkeypatch, t
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_workers_that_stay_small_stay():
     found = run_tasks(leave_memory_behind, range(4), lambda _: None, 2)
     assert [seen.task for seen in found] == list(range(4))

@@ -137,7 +137,9 @@ def browser() -> Iterator[Any]:
         started.close()
 
 
-@pytest.mark.parametrize("size", [NARROW, WIDE], ids=["narrow", "wide"])
+@pytest.mark.parametrize(
+    "size", [NARROW, pytest.param(WIDE, marks=pytest.mark.long)], ids=["narrow", "wide"]
+)
 def test_opened_from_a_folder_no_page_asks_for_anything_or_is_wider_than_the_screen(
     browser: Any, pages: dict[Path, Addresses], size: dict[str, int]
 ) -> None:

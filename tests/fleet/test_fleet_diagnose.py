@@ -26,6 +26,7 @@ from typer.testing import CliRunner
 import motorctl
 from motorctl.cli import make_app
 from motorctl.errors import RunError, UsageError
+from motorctl.fleet import cluster as cluster_module
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.findings import table_of_log
 from motorctl.fleet.log_index import LogIndex
@@ -255,7 +256,10 @@ def asked_of(
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_does_not_answer_is_told(good_log: Path, tmp_path: Path) -> None:
+def test_a_scheduler_that_does_not_answer_is_told(
+    good_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 1.0)
     with pytest.raises(UsageError, match="does not answer"):
         diagnose_fleet([str(good_log)], tmp_path / "store", scheduler="tcp://127.0.0.1:9")
 

@@ -156,7 +156,7 @@ def test_other_numbers_take_over_without_a_bump(
     [
         pytest.param(without_nonlinearity, id="C1"),
         pytest.param(with_a_filter, id="filter"),
-        pytest.param(with_cogging, id="cogging", marks=pytest.mark.slow),
+        pytest.param(with_cogging, id="cogging", marks=[pytest.mark.slow, pytest.mark.long]),
         pytest.param(with_a_lag, id="lag", marks=pytest.mark.slow),
     ],
 )

@@ -80,6 +80,7 @@ def test_the_chosen_gains_keep_the_margins_that_were_asked_for(chosen):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_no_gains_of_a_grid_that_keep_them_do_better_by_a_tenth(chosen, shaken):
     best = math.inf
     for k1 in np.geomspace(20.0, 600.0, 9):
