@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.held_samples import without_held
@@ -109,7 +110,9 @@ def diagnose_recording(
             if evaluate_on is not None:
                 test = with_others(evaluate_on, counterpart(evaluate_on, name))
             data = replace(with_others(recording, name), inertia=(inertia or {}).get(name))
-            axes[name] = diagnose_axis(data, model, tell, recording.segments, test, catalogue)
+            # Threads wait longer than small matrices take, and round by their number.
+            with threadpool_limits(1, "blas"):
+                axes[name] = diagnose_axis(data, model, tell, recording.segments, test, catalogue)
         except (DataError, UsageError) as error:
             refused[name] = str(error)
         give_freed_memory_back()
