@@ -131,7 +131,7 @@ class _Tried:
     @property
     def command(self) -> Array:
         """The command in rows."""
-        return self.beside([s.command[None] for s in self.signals.stretches])[0]
+        return np.asarray(self.beside([s.command[None] for s in self.signals.stretches])[0])
 
     def beside(self, commands: list[Array]) -> Array:
         """Return commands in rows, beside the basis."""
@@ -160,7 +160,8 @@ class _Tried:
         a, b = u @ self.left, rows @ self.left
         whole = np.maximum(aa * bb - ab**2, 1e-300)
         of_command, of_row = (bb * a - ab * b) / whole, (aa * b - ab * a) / whole
-        return self.already + (of_command * a + of_row * b) / self.total, of_command, of_row
+        shares = np.asarray(self.already + (of_command * a + of_row * b) / self.total)
+        return shares, of_command, of_row
 
 
 def _tried(plain: Signals) -> _Tried | None:
@@ -179,7 +180,8 @@ def _tried(plain: Signals) -> _Tried | None:
     total = float(left @ left)
     left = left - basis @ (basis.T @ left)
     already = 1.0 - float(left @ left) / total
-    return _Tried(plain, log_grid(low, high, PER_DECADE), basis, left, already, total)
+    frequencies_hz = np.array(log_grid(low, high, PER_DECADE))
+    return _Tried(plain, frequencies_hz, basis, left, already, total)
 
 
 def _behind(command: Array, frequency_hz: float, zeta: float, period_s: float) -> Array:
