@@ -175,6 +175,8 @@ def read_document(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         what = " ".join(part for part in (error.problem, error.context) if part)
+        if "character '%'" in what:
+            what += '; YAML has % in quotes: "%"'
         line = mark.line + 1 if mark else None
         raise ConfigError([Problem(str(path), line, "", f"not valid YAML: {what}")]) from error
     except yaml.YAMLError as error:

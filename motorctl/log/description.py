@@ -75,6 +75,8 @@ class TimeColumn(_Part):
 
 class _Signal(_Part):
     column: str
+    file: str | None = None
+    """Relative to the description, where the column stands in another file than the first."""
     scale: Scale = 1.0
     late_s: FiniteFloat = 0.0
 

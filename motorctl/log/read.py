@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from motorctl.axis_units import units_of
 from motorctl.errors import DataError
+from motorctl.log.beside import columns_of_first, tables_beside
 from motorctl.log.columns import THETA
 from motorctl.log.counted_axes import with_turns_counted
 from motorctl.log.description import (
@@ -197,11 +198,12 @@ def _read_described(path: Path, description: Description) -> Recording:
             f"{path}: file: {file} should be a CSV, Parquet, MAT or HDF5 file, or NumPy's"
         )
     clock = description.time
-    wanted = [] if clock is None else [clock.column]
-    wanted += [c for axis in description.axes.values() for c in axis.columns.values()]
-    table = open_table(file, description.header_line, wanted)
+    table = open_table(file, description.header_line, columns_of_first(description))
     if description.header_line is not None and not isinstance(table, CsvTable):
         raise DataError(f"{path}: header_line: {file} is no text file, and has no lines")
+    table, description = tables_beside(path, description, table)
+    wanted = [] if clock is None else [clock.column]
+    wanted += [c for axis in description.axes.values() for c in axis.columns.values()]
     for name, axis in description.axes.items():
         for signal, column in axis.columns.items():
             if column not in table.names:
@@ -222,6 +224,7 @@ def _read_described(path: Path, description: Description) -> Recording:
         )
     if clock is not None:  # without one, the rows are the clock
         read = table.without_empty_rows(read, clock.column)
+        read = table.from_where_the_clock_runs(read, clock.column)
     columns, together = brought_together(read, description)
     described = [axis.motion.column for axis in description.axes.values()]
     sound, wild = _without_wild(table, columns, described)

@@ -76,6 +76,23 @@ class Table(ABC):
         self._kept = np.flatnonzero(~empty)
         return {name: values[self._kept] for name, values in columns.items()}
 
+    def from_where_the_clock_runs(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
+        """Leave out the rows written before the clock ran: all but the last with its first time.
+
+        Only where every time behind them comes after the one before: else the clock has too few
+        digits, or rows stand twice, and which of them is right is not known. `notes` tell.
+        """
+        time = columns[clock]
+        waiting = int(np.count_nonzero(time == time[:1])) - 1
+        if waiting < 1 or not (np.diff(time[waiting:]) > 0.0).all() or waiting == len(time) - 1:
+            return columns
+        rows = f"{waiting} rows" if waiting > 1 else "a row"
+        told = f"{rows} written before the clock ran left out, the first: {self.row(0)}"
+        self.notes = (*self.notes, told)
+        kept = np.arange(len(time)) if self._kept is None else self._kept
+        self._kept = kept[waiting:]
+        return {name: values[waiting:] for name, values in columns.items()}
+
     def read(self, names: Iterable[str]) -> dict[str, Array]:
         """Read columns as float64, all equally long.
 

@@ -78,6 +78,9 @@ class CsvTable(Table):
             first = f"the first line {line}" if many else f"line {line}"
             note = f"{told} among the rows left out, {first}: '{text}'"
             self.notes = tuple(dict.fromkeys((*self.notes, note)))
+        if rows.cut_line:
+            note = f"the last line, {rows.cut_line}, ends before its row does: left out"
+            self.notes = tuple(dict.fromkeys((*self.notes, note)))
         return {
             name: self._seconds(name, rows.times[name])
             if name in rows.times

@@ -33,10 +33,12 @@ class TextRows:
     """Lines of text that were left out."""
     first_remark: tuple[int, str] = (0, "")
     """The first of them, and what it says."""
+    cut_line: int = 0
+    """The last line, where it ends before its row does; 0 where it does not."""
 
 
 def read_rows(path: Path, head: Head, names: Sequence[str]) -> TextRows:
-    """Read columns, and leave out the lines without any number.
+    """Read columns, and leave out the lines without any number, and a last one that is cut.
 
     Parameters
     ----------
@@ -53,7 +55,13 @@ def read_rows(path: Path, head: Head, names: Sequence[str]) -> TextRows:
         With the line, where a row has another number of cells, or one that is no number.
     """
     of = _Columns(path, head, names)
-    for line, cells in _lines_of_cells(path, head):
+    lines = _lines_of_cells(path, head)
+    following = next(lines, None)
+    while following is not None:
+        line, cells = following
+        following = next(lines, None)
+        if following is None and of.is_cut(line, cells):
+            break
         if of.is_row(line, cells):
             of.take(line, cells)
     return of.finished()
@@ -120,6 +128,18 @@ class _Columns:
             self._rows.first_remark = line, text[:_SHOWN_CHARACTERS]
         self._rows.remarks += 1
         return False
+
+    def is_cut(self, line: int, cells: list[str]) -> bool:
+        """Return whether the last line ends before its row does; note it where rows precede it."""
+        wide = len(self._head.names)
+        if (
+            len(cells) >= wide
+            or not self._rows.lines
+            or not is_number(cells[0].strip(), self._head.delimiter)
+        ):
+            return False
+        self._rows.cut_line = line
+        return True
 
     def take(self, line: int, cells: list[str]) -> None:
         """Append a row."""

@@ -106,6 +106,7 @@ def test_aliases_that_multiply_are_stopped(tmp_path):
         ("# only a comment\n", None, "empty"),
         ("a: 1\nb: [1, 2\nc: 3\n", 3, "not valid YAML"),
         ("a: 1\n\tb: 2\n", 2, "not valid YAML"),
+        ("a: 1\nb: {unit: %}\n", 2, 'YAML has % in quotes: "%"'),
         ("a: 1\n---\nb: 2\n", 2, "not valid YAML"),
         ("a: *nowhere\n", 1, "not valid YAML"),
         ("- 1\n- 2\n", 1, "mapping"),

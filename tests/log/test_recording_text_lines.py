@@ -54,6 +54,17 @@ def test_a_damaged_row_behind_lines_of_text_is_told_by_its_line(tmp_path, separa
         read(tmp_path, with_text(lines), separator)
 
 
+@SEPARATED
+@pytest.mark.parametrize("cut", ["0.99", "0.99#0.6", "0.99#-"])
+def test_a_last_line_that_was_cut_is_left_out_and_told(tmp_path, separator, cut):
+    """As a buffer that was not written to its end leaves it; the file ends there, too."""
+    lines = lines_of(separator)
+    lines[-1] = cut.replace("#", separator)
+    recording = read(tmp_path, lines, separator)
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS[:-1]])
+    assert recording.notes == ("the last line, 101, ends before its row does: left out",)
+
+
 def test_a_damaged_row_behind_blank_lines_is_told_by_its_line(tmp_path):
     lines = lines_of(",")
     lines[80] = "0.1,0.2,0.3"

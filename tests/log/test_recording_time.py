@@ -253,6 +253,25 @@ def test_a_tick_that_is_no_count_is_refused(tmp_path):
         read_recording(write_table(tmp_path / "a.csv", table | {"tick": table["time_s"]}))
 
 
+@pytest.mark.parametrize("waiting", [1, 5])
+def test_rows_written_before_the_clock_ran_are_left_out_and_told(tmp_path, waiting):
+    """As LabVIEW writes its first row before its clock has run."""
+    table = columns()
+    table = {name: np.r_[[values[0]] * waiting, values] for name, values in table.items()}
+    write_table(tmp_path / "a.csv", table)
+    (tmp_path / "a.yaml").write_text(
+        "file: a.csv\ntime: {column: time_s}\naxes:\n  slide:\n"
+        "    position: {column: slide.position_m, unit: m}\n"
+        "    command: {column: slide.command_v, unit: V}\n"
+    )
+    recording = read_recording(tmp_path / "a.yaml")
+    assert len(recording.time_s) == len(table["time_s"]) - waiting
+    assert recording.time_s[0] == table["time_s"][0]
+    rows = f"{waiting} rows" if waiting > 1 else "a row"
+    told = f"{rows} written before the clock ran left out, the first: row 1 (line 2)"
+    assert recording.notes == (told,)
+
+
 def test_times_of_too_few_digits_are_refused_with_the_way_out(tmp_path):
     table = columns()
     table["time_s"] = np.floor(table["time_s"] * 100.0) / 100.0

@@ -31,7 +31,7 @@ from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_s
 from motorctl.identify.diagnose.search.undetermined import with_determined, without_undetermined
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
-from motorctl.identify.diagnose.verdict.far_spring import far_spring
+from motorctl.identify.diagnose.verdict.far_spring import far_spring, load_on_spring
 from motorctl.identify.diagnose.verdict.late_command import (
     beside_found,
     late_command,
@@ -185,18 +185,20 @@ def diagnose_axis(
     pieces = shortened(signals, LONGEST_SEARCH_S)
     model, dropped = without_undetermined(pieces, declared)
     plain = too_plain(signals)
-    far = None
+    far, held_back = None, False
     try:
         heard = check_explains(data, pieces, model, bool(plain), data.others)
     except UnexplainedMotionError as unexplained:
         far = far_spring(unexplained.plain)
-        if far is None:
+        held_back = far is None and load_on_spring(unexplained.plain)
+        if far is None and not held_back:
             raise
         try:
-            signals = make_signals(data, far.together_hz, slope)
+            if far is not None:
+                signals = make_signals(data, far.together_hz, slope)
         except DataError:  # too slow a spring for so short a recording: what is said is the rest
             raise unexplained from None
-        heard = check_explains(data, signals, model, bool(plain), data.others)
+        heard = check_explains(data, signals, model, bool(plain) or held_back, data.others)
     if not plain:
         plain = check_no_set_point(heard.regressors.signals, declared)
     hint = far.told() if far else late_command(heard)
@@ -223,5 +225,11 @@ def diagnose_axis(
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
+    if held_back and not any("resonance" in e.effect.groups for e in axis.effects):
+        raise DataError(
+            f"{data.place}: the command drives this position, but a load on a spring holds the "
+            "motor back, and this motion does not tell which: record a longer one, with more steps "
+            "or at a higher rate"
+        )
     notes = filter(None, (held, stuck, hint, read, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

@@ -170,6 +170,28 @@ def test_a_late_command_is_told_with_its_time(run, late_ms):
     assert told_ms == pytest.approx(late_ms, abs=0.6)
 
 
+@pytest.mark.parametrize(("wave_hz", "delay_ms"), [(60.0, 4.0), (55.0, 5.0)])
+def test_a_wave_that_comes_late_answers_to_no_earlier_period_of_the_command(wave_hz, delay_ms):
+    """Half a period less what a command of one frequency is late by looks early."""
+    rate_hz = 1000.0
+    time_s = np.arange(8000) / rate_hz
+    rng = np.random.default_rng(1)
+    swell = 1.0 + 0.3 * np.sin(2.5 * time_s) + 0.12 * np.sin(10.7 * time_s)
+
+    def force(at_s):
+        return np.interp(at_s, time_s, swell) * np.sin(2.0 * np.pi * wave_hz * at_s)
+
+    acceleration = force(time_s - 1e-3 * delay_ms)
+    velocity = np.cumsum(acceleration) / rate_hz
+    position = np.cumsum(velocity - velocity.mean()) / rate_hz
+    data = Measured(
+        source="a.csv", axis="x", sample_rate_hz=rate_hz, time_s=time_s,
+        position=position + 1e-8 * rng.standard_normal(len(time_s)),
+        command=force(time_s), usable=np.ones(len(time_s), dtype=bool),
+    )  # fmt: skip
+    assert late_command(heard(data)) is None
+
+
 def test_a_joint_under_gravity_is_no_reversed_sign_for_fit_either():
     joint = OtherPlant(inertia=0.05, gravity=6.0, travel=2.5, peak_velocity=1.5, resolution=1e-5)
     data = replace(joint.run(seed=1, duration_s=12.0), position_unit="rad", command_unit="A")

@@ -76,7 +76,8 @@ def position_spectrum(
         return kappa, np.zeros(0)
     # linear sharing between cells damps short waves
     line = line / np.sinc(kappa * cell) ** 2
-    gain = np.abs(line) ** 2 / np.maximum(_energy(signals, v, w, kappa), 1e-300)
+    least = 1e-12 * float(w @ w) + 1e-300  # of a line that hardly passes the filter at any speed
+    gain = np.abs(line) ** 2 / np.maximum(_energy(signals, v, w, kappa), least)
     return kappa, np.where(_covered(signals, place / bins, v, kappa) > LEAST_COVERED, gain, 0.0)
 
 

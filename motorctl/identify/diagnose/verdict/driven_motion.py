@@ -160,7 +160,7 @@ def above_noise(data: Measured, signals: Signals, steps: bool = False) -> Signal
     raise DataError(
         f"{data.place}: only noise: the acceleration below {band_hz / BAND_STEP:.3g} Hz does not "
         f"reach {OUTWEIGHS:g} times the power of the position's own noise{by_steps}: record a "
-        "faster motion"
+        "faster motion, or at a higher rate"
     )
 
 

@@ -1,12 +1,16 @@
-"""A spring between the motor and the encoder: above its resonance the encoder stands still.
+"""A spring that hides what a command does from every sum of inertia, friction and forces of place.
 
-There the acceleration is that of the command behind a low-pass of second order, of which no sum of
-inertia, friction and forces of the place knows. Well below it the two move together.
+Between the motor and the encoder: above its resonance the encoder stands still, and the
+acceleration is that of the command behind a low-pass of second order. Well below it the two move
+together. Behind the encoder, with a load that outweighs the motor: below the resonance the load
+holds the motor back, so that the acceleration is that of the command less a part of it behind the
+low-pass. Between the antiresonance and the resonance the motor moves against the command.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +75,97 @@ def far_spring(plain: Signals) -> FarSpring | None:
     plain
         The signals in the band in which motion outweighs the encoder's noise.
     """
+    tried = _tried(plain)
+    if tried is None:
+        return None
+    without = tried.explained(tried.command[None])[0]
+    best, at = -math.inf, 0
+    for behind in tried.behind():
+        shares = tried.explained(behind)
+        if shares.max() > best:
+            best, at = float(shares.max()), int(np.argmax(shares))
+    inside = 0 < at < len(tried.frequencies_hz) - 1
+    if not inside or best < EXPLAINS or without > 1.0 - EXPLAINS:
+        return None
+    return FarSpring(float(tried.frequencies_hz[at]), best, float(without))
+
+
+def load_on_spring(plain: Signals) -> bool:
+    """Return whether a command drives this position, and a load on a spring hides that.
+
+    Both masses must come out positive, and the resonance within what is tried. No more is told: the
+    search finds such a load by itself.
+
+    Parameters
+    ----------
+    plain
+        As of `far_spring`.
+    """
+    tried = _tried(plain)
+    if tried is None:
+        return False
+    best, found = EXPLAINS, False
+    last = len(tried.frequencies_hz) - 1
+    for behind in tried.behind():
+        shares, of_command, of_behind = tried.explained_beside(behind)
+        at = int(np.argmax(shares))
+        if shares[at] < best:
+            continue
+        best = float(shares[at])
+        motor, both = of_command[at], of_command[at] + of_behind[at]  # 1 / inertia
+        found = 0 < at < last and 0.0 < both < motor
+    return found
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """What resonances are tried on: rows beside the velocity and a constant."""
+
+    signals: Signals
+    frequencies_hz: Array
+    basis: Array
+    left: Array
+    already: float
+    total: float
+
+    @property
+    def command(self) -> Array:
+        """The command in rows."""
+        return np.asarray(self.beside([s.command[None] for s in self.signals.stretches])[0])
+
+    def beside(self, commands: list[Array]) -> Array:
+        """Return commands in rows, beside the basis."""
+        rows = self.signals.filtered(commands)
+        return np.asarray(rows - (rows @ self.basis) @ self.basis.T)
+
+    def behind(self) -> Iterator[Array]:
+        """Yield the command behind resonances of each damping, (frequencies, rows)."""
+        s = self.signals
+        for zeta in DAMPING:
+            behind = [
+                np.stack([_behind(p.command, f, zeta, s.period_s) for f in self.frequencies_hz])
+                for p in s.stretches
+            ]
+            yield self.beside(behind)
+
+    def explained(self, rows: Array) -> Array:
+        """Return what each row explains of the squared acceleration."""
+        power = np.maximum(np.sum(rows**2, axis=1), 1e-300)
+        return np.asarray(self.already + (rows @ self.left) ** 2 / power / self.total)
+
+    def explained_beside(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Return the same of each row beside the command, and both factors."""
+        u = self.command
+        aa, bb, ab = u @ u, np.sum(rows**2, axis=1), rows @ u
+        a, b = u @ self.left, rows @ self.left
+        whole = np.maximum(aa * bb - ab**2, 1e-300)
+        of_command, of_row = (bb * a - ab * b) / whole, (aa * b - ab * a) / whole
+        shares = np.asarray(self.already + (of_command * a + of_row * b) / self.total)
+        return shares, of_command, of_row
+
+
+def _tried(plain: Signals) -> _Tried | None:
+    """Return what resonances are tried on; None where the recording is too short for any."""
     duration_s = sum(len(s.x) for s in plain.stretches) * plain.period_s
     low = CYCLES / duration_s
     high = min(plain.band_hz, 0.4 / plain.period_s)
@@ -83,31 +178,10 @@ def far_spring(plain: Signals) -> FarSpring | None:
     basis = np.linalg.qr(beside.T)[0]
     left = plain.acceleration()
     total = float(left @ left)
-    of_basis = basis.T @ left
-    left = left - basis @ of_basis
+    left = left - basis @ (basis.T @ left)
     already = 1.0 - float(left @ left) / total
-
-    def explained(commands: list[Array]) -> Array:
-        rows = plain.filtered(commands)
-        rows = rows - (rows @ basis) @ basis.T
-        power = np.maximum(np.sum(rows**2, axis=1), 1e-300)
-        return np.asarray(already + (rows @ left) ** 2 / power / total)
-
-    without = float(explained([s.command[None] for s in plain.stretches])[0])
-    frequencies = log_grid(low, high, PER_DECADE)
-    best, at = -math.inf, 0
-    for zeta in DAMPING:
-        behind = [
-            np.stack([_behind(s.command, f, zeta, plain.period_s) for f in frequencies])
-            for s in plain.stretches
-        ]
-        shares = explained(behind)
-        if shares.max() > best:
-            best, at = float(shares.max()), int(np.argmax(shares))
-    inside = 0 < at < len(frequencies) - 1
-    if not inside or best < EXPLAINS or without > 1.0 - EXPLAINS:
-        return None
-    return FarSpring(float(frequencies[at]), best, without)
+    frequencies_hz = np.array(log_grid(low, high, PER_DECADE))
+    return _Tried(plain, frequencies_hz, basis, left, already, total)
 
 
 def _behind(command: Array, frequency_hz: float, zeta: float, period_s: float) -> Array:

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import later
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
+Leads = NDArray[np.int64]
 
 LONGEST_S = 0.02
 """Longest lateness that is looked for [s]. Larger takes time and finds slow feedback, smaller
@@ -44,16 +46,17 @@ def late_command(heard: Hypothesis) -> str | None:
     signals = heard.regressors.signals
     rows = heard.problem.joined(signals.rows)
     step = max(1, round(STEP_S / signals.period_s))
-    leads = np.arange(0, round(LONGEST_S / signals.period_s) + 1, step)
-    earlier = signals.filtered(
-        [np.stack([_earlier(s.command, int(k)) for k in leads]) for s in signals.stretches]
-    )
-    left = np.array([_left(command, rows) for command in earlier])
+    leads = np.arange(0, round(LONGEST_S / signals.period_s) + step + 1, step)
+    left = _left_by_leads(signals, rows, leads)
     best = int(np.argmin(left))
     lead_s = float(leads[best]) * signals.period_s
     least_s = max(LEAST_S, LEAST_SAMPLES * signals.period_s)
     if lead_s < least_s or left[best] > FITS_BETTER * left[0]:
         return None
+    if best == len(leads) - 1:  # slow feedback, or a wave
+        return None
+    if _left_by_leads(signals, rows, -leads[1:]).min() <= left[best]:
+        return None  # a later one does as well: of a wave, any period may seem to
     return (
         f"the motion answers to the command {1e3 * lead_s:.2g} ms before it was recorded "
         f"(this leaves {100.0 * left[best] / left[0]:.0f} % of the squared residual): where the "
@@ -112,11 +115,21 @@ def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | Non
     )
 
 
+def _left_by_leads(signals: Signals, rows: Array, leads: Leads) -> Array:
+    """Return the squared acceleration that commands so many samples earlier leave."""
+    shifted = signals.filtered(
+        [np.stack([_earlier(s.command, int(k)) for k in leads]) for s in signals.stretches]
+    )
+    return np.array([_left(command, rows) for command in shifted])
+
+
 def _half_earlier(u: Array) -> Array:
     return 0.5 * (u + _earlier(u, 1))
 
 
 def _earlier(u: Array, samples: int) -> Array:
+    if samples < 0:
+        return later(u, -samples)
     return u if samples == 0 else np.concatenate([u[samples:], np.full(samples, u[-1])])
 
 
