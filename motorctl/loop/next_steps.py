@@ -62,7 +62,8 @@ _STEPS = {
     ),
     FaultCause.ENCODER_NOISE: "check the encoder's cable, shield and head",
     FaultCause.SATURATION: (
-        f"{_SEEN}: look for a blocked way or too large a load, or ask for less acceleration"
+        f"{_SEEN}: look for a blocked way, too large a load or a loop that oscillates (gains), or "
+        "ask for less acceleration"
     ),
     FaultCause.THERMAL: (
         "let the motor cool down, for a part of guards.thermal.time_constant_s; then a gentler "

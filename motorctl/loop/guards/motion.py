@@ -64,7 +64,11 @@ def _tighten_soft_limits(settings: Any, axis: Any) -> None:
 
 @inner_kernel
 def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
-    """Trip on speed, soft limits, limit switches and following error."""
+    """Trip on speed, soft limits, limit switches and following error.
+
+    A tick within the following error takes back one beyond it: an axis that swings through its
+    reference is beyond for no long time at once.
+    """
     x, v = axis.position_m, axis.velocity_m_s
     fastest = _fastest_m_s(settings)
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
@@ -85,7 +89,7 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
     allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
         axis.reference_velocity_m_s
     )
-    axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0
+    axis.error_count = max(0, axis.error_count + (elapsed if abs(error) > allowed else -elapsed))
     if axis.error_count > settings.error_ticks:
         if axis.fault:  # a ramp that is not followed either is none
             trip(axis, FaultCause.FOLLOWING_ERROR, error, allowed, t)
