@@ -1,4 +1,4 @@
-"""Simulated gantries with any number of axes, made from the published one."""
+"""Simulated gantries made from the published one: with any number of axes, or a full model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 from motorctl.config import load, load_resolved
-from motorctl.config.machine import Machine
+from motorctl.config.machine import MOST_PARAMETERS, Machine
 
 CONFIG = "published_gantry"
 
@@ -25,3 +25,17 @@ def gantry_with(axes: int) -> Machine:
         many["axes"][name] = kind | {"channel": k, "program": f"move_{name}"}
         many["programs"][f"move_{name}"] = program | {"axis": name}
     return load_resolved(many, many["name"], hardware=True)
+
+
+def gantry_with_full_models() -> Machine:
+    """Return the published gantry whose axes have as many parameters as a model may have."""
+    data: dict[str, Any] = copy.deepcopy(dict(load(CONFIG).resolved))
+    data["loop"]["without_realtime"] = "degrade"
+    for axis in data["axes"].values():
+        low_m, high_m = axis["limits"]["travel_m"]
+        left = MOST_PARAMETERS - len(axis["model"])
+        # All splines together are the offset, or Coulomb's friction: one is no parameter.
+        parts = {"position_force": left // 2, "position_dependent_friction": left - left // 2}
+        for effect, count in parts.items():
+            axis["model"][effect] = {"knots": [low_m, high_m, count + 1]}
+    return load_resolved(data, "full models", hardware=True)

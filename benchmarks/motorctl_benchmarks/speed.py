@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from motorctl.latency.figure import Figure
 from motorctl.latency.progress import Progress, part_of
 from motorctl_benchmarks.findings import Findings
+from motorctl_benchmarks.full_model_figures import full_model_figures
 from motorctl_benchmarks.law_figures import law_figures
 from motorctl_benchmarks.start_figures import start_figures
 from motorctl_benchmarks.tick_figures import tick_figures
@@ -14,7 +15,13 @@ from motorctl_benchmarks.virtual_figures import virtual_figures
 
 Part = Callable[[Progress], tuple[list[Figure], list[str]]]
 
-SPEED: Sequence[Part] = (law_figures, tick_figures, virtual_figures, start_figures)
+SPEED: Sequence[Part] = (
+    law_figures,
+    tick_figures,
+    virtual_figures,
+    start_figures,
+    full_model_figures,
+)
 """Measured one after the other."""
 
 

@@ -63,8 +63,8 @@ class CanopenDrives(CanEndpoint):
 
     def booted(self) -> None:
         """Tell that every drive has started."""
-        for node in self._nodes:
-            self._tell(HEARTBEAT + node.drive.number, bytes([BOOT_UP]))
+        for channel, node in enumerate(self._nodes):
+            self._tell(channel, HEARTBEAT + node.drive.number, bytes([BOOT_UP]))
 
     def answer(self, message: Frame) -> None:
         """Do what a frame asks for; frames for others are ignored."""
@@ -76,9 +76,9 @@ class CanopenDrives(CanEndpoint):
         for channel, node in enumerate(self._nodes):
             number = node.drive.number
             if identifier == NMT and len(data) == 2 and data[1] in (0, number):
-                self._manage(node, data[0])
+                self._manage(channel, node, data[0])
             elif identifier == SDO_REQUEST + number and len(data) == 8:
-                self._tell(SDO_ANSWER + number, node.drive.answer(data))
+                self._tell(channel, SDO_ANSWER + number, node.drive.answer(data))
                 self._obey_host(node)
                 if not node.drive.enabled:
                     self._act(channel)
@@ -96,7 +96,7 @@ class CanopenDrives(CanEndpoint):
             if node.heartbeat_due_ns <= self.now_ns:
                 period_ns = node.drive.value(0x1017) * MS
                 node.heartbeat_due_ns = self.now_ns + period_ns
-                self._tell(HEARTBEAT + node.drive.number, bytes([node.nmt]))
+                self._tell(channel, HEARTBEAT + node.drive.number, bytes([node.nmt]))
             if node.host_due_ns <= self.now_ns:
                 heard_ns = node.host_due_ns - self._host_ms(node) * MS
                 node.host_due_ns = NEVER
@@ -111,7 +111,7 @@ class CanopenDrives(CanEndpoint):
     def _set_due(self) -> None:
         self.due_ns = min(min(n.heartbeat_due_ns, n.host_due_ns) for n in self._nodes)
 
-    def _manage(self, node: _Node, command: int) -> None:
+    def _manage(self, channel: int, node: _Node, command: int) -> None:
         drive = node.drive
         if command in NMT_STATES:
             node.nmt = NMT_STATES[command]
@@ -123,7 +123,7 @@ class CanopenDrives(CanEndpoint):
         else:
             return
         node.began()
-        self._tell(HEARTBEAT + drive.number, bytes([BOOT_UP]))
+        self._tell(channel, HEARTBEAT + drive.number, bytes([BOOT_UP]))
 
     def _obey_host(self, node: _Node) -> None:
         """Take over what was written of heartbeats."""
@@ -176,7 +176,7 @@ class CanopenDrives(CanEndpoint):
             code, drive.emergency = drive.emergency, None
             register = drive.value(0x1001)
             data = code.to_bytes(2, "little") + bytes([register]) + bytes(5)
-            self._tell(EMCY + drive.number, data)
+            self._tell(channel, EMCY + drive.number, data)
 
     def _synchronise(self) -> None:
         """Sample, send what is mapped, and let what was received before act from now on."""
@@ -200,20 +200,21 @@ class CanopenDrives(CanEndpoint):
             inputs = sum(1 << bit for bit, told in enumerate(SWITCHES) if word & told)
             drive.put(0x60FD, inputs)
             drive.tell_state()
-            self._tell_pdos(drive)
+            self._tell_pdos(channel, drive)
         machine.index_told()
 
-    def _tell_pdos(self, drive: Drive) -> None:
+    def _tell_pdos(self, channel: int, drive: Drive) -> None:
         for i in range(4):
             place = drive.value(0x1800 + i, 1)
             if place & OFF or drive.value(0x1800 + i, 2) not in SYNCHRONOUS:
                 continue
             parts = drive.mapped(0x1A00 + i)
             data = b"".join(drive.value(index).to_bytes(size, "little") for index, size in parts)
-            self._tell(place & 0x7FF, data)
+            self._tell(channel, place & 0x7FF, data)
 
-    def _tell(self, identifier: int, data: bytes) -> None:
-        self.say(Frame(identifier, data))
+    def _tell(self, channel: int, identifier: int, data: bytes) -> None:
+        if not self.machine.silent[channel]:
+            self.say(Frame(identifier, data))
 
     def emit(self, message: Frame) -> None:
         """Send a frame."""

@@ -69,7 +69,7 @@ def load_device(path: Path, link: Path | None = None) -> Device:
         problems += _check_channels(document, shape)
         if can is not None:
             problems += can.lay_out(document, _axes(shape), _bits(shape), path.parent)
-        problems += _check_silence(document, shape, can.heard_apart() if can else set())
+        problems += _check_silence(document, shape, _heard_apart(shape, can))
     document.refuse(problems)
     assert shape is not None
     assert options is not None
@@ -156,13 +156,20 @@ def _check_channels(document: Document, shape: DeviceShape) -> list[Problem]:
     return problems
 
 
+def _heard_apart(shape: DeviceShape, can: CanDevice | None) -> set[int]:
+    """Return the channels whose drive has messages of its own."""
+    if shape.serve.canopen is not None:
+        return set(range(len(shape.channels)))
+    return can.heard_apart() if can else set()
+
+
 def _check_silence(document: Document, shape: DeviceShape, apart: set[int]) -> list[Problem]:
     """Find drives that shall be silent and have no message of their own."""
     return [
         document.problem(
             ("faults", number, "channel"),
-            f"found {order.channel}: a drive can be silent alone on CAN, with a state frame of its "
-            "own; where one message tells of all channels, order silence",
+            f"found {order.channel}: a drive can be silent alone on CANopen, or with a state frame "
+            "of its own on CAN; where one message tells of all channels, order silence",
         )
         for number, order in enumerate(shape.faults)
         if order.kind == "drive_silent" and order.channel not in apart

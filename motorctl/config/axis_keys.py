@@ -45,7 +45,10 @@ class Encoder(Keys):
 
 
 class FollowingErrorLimit(Keys):
-    """Trip where |e| > minimum_m + per_velocity_s |reference velocity| for filter_time_s."""
+    """Trip where |e| > minimum_m + per_velocity_s |reference velocity| for filter_time_s.
+
+    Time within the limit is taken off, so that an axis that swings through its reference trips too.
+    """
 
     minimum_m: Positive = Field(description="limit at standstill")
     per_velocity_s: NotNegative = Field(default=0.0, description="growth with the speed")

@@ -82,9 +82,11 @@ class EncoderNoise(Disables):
 
 
 class Saturation(Disables):
-    """Trip where the command stands at the voltage limit for time_s without a break."""
+    """Trip where the command stands at the voltage limit for time_s longer than below it."""
 
-    time_s: Positive = Field(default=0.5, description="how long it may stand at max_voltage_v")
+    time_s: Positive = Field(
+        default=0.5, description="how long it may stand at max_voltage_v; time below is taken off"
+    )
 
 
 class Thermal(Stops):

@@ -86,6 +86,7 @@ def fault_of(
         axis,
         status=word,
         hidden_turns=hides_turns(value, limit),
+        on_switch=limit == 0.0,
         homed=bool(status["homed"]),
     )
     remedy = f"`motorctl reset {axis}` clears the fault"

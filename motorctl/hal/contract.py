@@ -52,7 +52,10 @@ from motorctl.hal.first_options import FirstAxis, FirstOptions, FoundDevice
 
 
 class Status(IntFlag):
-    """The status word of one channel. Zero means: everything is as it should be."""
+    """The status word of one channel. Zero means: everything is as it should be.
+
+    Bits 12 to 27 may hold an error code (`error_bits`); bits without a meaning here stay 0.
+    """
 
     ENCODER_LOST = 1 << 0
     """The count cannot be trusted (broken wire, illegal transition, stale frame)."""

@@ -34,7 +34,8 @@ _WITH_LIMIT = {
         "um rms",
     ),
     FaultCause.SATURATION: (
-        "the command stood at limits.max_voltage_v (a blocked or overloaded axis) for",
+        "the command stood at limits.max_voltage_v (a blocked, overloaded or oscillating axis) "
+        "longer than below it, by",
         1.0,
         "s",
     ),

@@ -62,7 +62,8 @@ _STEPS = {
     ),
     FaultCause.ENCODER_NOISE: "check the encoder's cable, shield and head",
     FaultCause.SATURATION: (
-        f"{_SEEN}: look for a blocked way or too large a load, or ask for less acceleration"
+        f"{_SEEN}: look for a blocked way, too large a load or a loop that oscillates (gains), or "
+        "ask for less acceleration"
     ),
     FaultCause.THERMAL: (
         "let the motor cool down, for a part of guards.thermal.time_constant_s; then a gentler "
@@ -91,7 +92,13 @@ _LOSES_PLACE = (
 
 
 def next_step(
-    cause: FaultCause, axis: str, *, status: int = 0, hidden_turns: bool = False, homed: bool = True
+    cause: FaultCause,
+    axis: str,
+    *,
+    status: int = 0,
+    hidden_turns: bool = False,
+    on_switch: bool = False,
+    homed: bool = True,
 ) -> str:
     """Return in words what to do about a fault before its reset.
 
@@ -105,12 +112,19 @@ def next_step(
         The driver's status word at that time, with which limit a pause of the loop was beyond.
     hidden_turns
         With ENCODER_JUMP: no step was too large, but whole turns may be hidden in it.
+    on_switch
+        With HOMING_FAILED: it ran onto a limit switch, or stood on it.
     homed
         Whether the axis knows its place.
     """
     step = _STEPS[cause].format(axis=axis)
     if cause is FaultCause.ESTOP and status & Status.ESTOP:
         step = f"release the hardware's emergency stop, and {step}"
+    if cause is FaultCause.HOMING_FAILED and on_switch:
+        step = (
+            "push it off the limit switch by hand while it is off, and see that the search and the "
+            "latch (homing.search_velocity_m_s, latch_velocity_m_s) lead away from it"
+        )
     if cause is FaultCause.ENCODER_JUMP and hidden_turns:
         step = (
             "look for why no sample came, at the device and its bus; more encoder.counter_bits "

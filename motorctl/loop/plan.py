@@ -21,6 +21,7 @@ from motorctl.motion import (
     check_program,
     point_to_point,
 )
+from motorctl.motion.program import LEAST
 
 UNASKED_SPEED = 0.25
 """Share of the top speed of a move that names none, and of the way to a program [1]."""
@@ -59,11 +60,11 @@ def plan_move(
         ("max_acceleration_m_s2", acceleration_m_s2, "m/s^2"),
     ):
         limit: float = getattr(axis.limits, key)
-        if value is not None and not 0.0 < value <= limit:
+        if value is not None and not LEAST < value <= limit:
             own = axis.units.words(unit)
             raise UsageError(
-                f"{key.split('_')[1]} {value:g} {own}: must be above 0 and at most {limit:g} "
-                f"{own}, limits.{key}"
+                f"{key.split('_')[1]} {value:g} {own}: must be above {LEAST:g} and at most "
+                f"{limit:g} {own}, limits.{key}"
             )
     move = PointToPoint(
         name="move",

@@ -9,13 +9,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 from motorctl.motion.move import point_to_point
-from motorctl.motion.program import Cycles, OneAxisProgram, check_cycles
+from motorctl.motion.program import LEAST, Cycles, OneAxisProgram, check_cycles
 from motorctl.motion.segments import rest_segment
 from motorctl.motion.trajectory import JOINT_TOLERANCE, Trajectory
 
 # Strict: of numbers within a list only the pydantic model says that text is none.
 StrictCoordinate = Annotated[float, Field(ge=-1e6, le=1e6, strict=True)]
-StrictPositive = Annotated[float, Field(gt=1e-9, le=1e9, strict=True)]
+StrictPositive = Annotated[float, Field(gt=LEAST, le=1e9, strict=True)]
 Duration = Annotated[float, Field(ge=0, le=1e6, strict=True)]
 
 # Seven phases and a dwell.

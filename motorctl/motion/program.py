@@ -10,7 +10,9 @@ from motorctl.motion.segments import MOST_SEGMENTS
 from motorctl.motion.trajectory import Trajectory
 
 # Beyond any machine, and far from where floating-point powers of them overflow or vanish.
-Positive = Annotated[float, Field(gt=1e-9, le=1e9)]
+LEAST = 1e-9
+"""What limits of a motion have to be above, in any of their units: slower is no motion. By hand."""
+Positive = Annotated[float, Field(gt=LEAST, le=1e9)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Cycles = Annotated[int, Field(ge=1)]
 

@@ -10,11 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.latency.figure import Figure, Target, missed
-from motorctl_benchmarks import law_figures, speed, start_figures, tick_figures, virtual_figures
+from motorctl.loop import VirtualMachine
+from motorctl_benchmarks import (
+    full_model_figures,
+    law_figures,
+    speed,
+    start_figures,
+    tick_figures,
+    virtual_figures,
+)
 from motorctl_benchmarks.command import bench
 from motorctl_benchmarks.findings import Findings, TextTable
-from motorctl_benchmarks.gantries import gantry_with
+from motorctl_benchmarks.gantries import gantry_with, gantry_with_full_models
 from motorctl_benchmarks.interleave import interleaved, median_ratio
 from motorctl_benchmarks.tick_figures import growth_figures
 from motorctl_benchmarks.tick_probe import PARTS, TickProbe
@@ -103,7 +112,7 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     monkeypatch.setattr(tick_figures, "ROUNDS", 2)
     monkeypatch.setattr(virtual_figures, "SPANS", 2)
     monkeypatch.setattr(virtual_figures, "SPAN_S", 0.2)
-    monkeypatch.setattr(speed, "SPEED", speed.SPEED[:3])  # starts take minutes
+    monkeypatch.setattr(speed, "SPEED", speed.SPEED[:3])  # starts and full models take minutes
     answer = CliRunner().invoke(bench, ["--json"])
     assert answer.exit_code == 0
     document = json.loads(answer.stdout)
@@ -123,6 +132,25 @@ def test_bench_prints_one_json_document_of_figures(monkeypatch):
     assert figures["virtual_time"]["ratio"] == figures["virtual_time"]["value"]
     unmet = [figure["title"] for figure in figures.values() if figure["met"] is False]
     assert len(document["missed"]) == len(unmet)
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_the_shipped_gantry_runs_with_as_many_parameters_as_there_is_room_for(monkeypatch):
+    machine = gantry_with_full_models()
+    assert {len(axis.estimates) for axis in machine.axes.values()} == {MOST_PARAMETERS}
+    with VirtualMachine(machine, lambda _ticks, _samples: None) as virtual:
+        virtual.start()
+        virtual.follow_programs(machine.followed_programs)
+        virtual.advance(round(1.0 * machine.rate_hz))
+        virtual.raise_faults()
+        laws = virtual.tick.laws["theta"]
+        initial = [[e.initial for e in axis.estimates] for axis in machine.axes.values()]
+        assert np.isfinite(laws).all()
+        assert ((laws - initial)[:, 6:] != 0.0).any(axis=1).all()  # what was added is learned
+    monkeypatch.setattr(full_model_figures, "ROUNDS", 2)
+    (figure,), _ = full_model_figures.full_model_figures(_ignore)
+    assert 0.0 < figure.peer_value < figure.value
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import real_time
+import yaml
 from typer.testing import CliRunner
 
 from motorctl.config import load
@@ -289,6 +290,19 @@ def test_every_bus_that_there_is_belongs_to_the_campaign():
     assert driven == shipped - {"sim"}
 
 
+def test_a_beam_is_broken_behind_every_kind_of_bus():
+    driven = {
+        yaml.safe_load(host_file(line, "C2", "127.0.0.1:1502", 43113))["drivers"]["gantry"]["type"]
+        for line in BEAM_LINES.values()
+    }
+    assert driven == {"serial", "can", "canopen", "modbus"}
+    assert {name.removesuffix("-beam") for name in BEAM_LINES} == driven
+    # A drive of CANopen tells of its lost encoder as of any trouble: it is in Fault.
+    guards = {line: promise(line, "shuttle", "lost_end").guard for line in BEAM_LINES}
+    assert guards.pop("canopen-beam") == "amplifier"
+    assert set(guards.values()) == {"encoder_lost"}
+
+
 def test_every_order_of_a_device_is_a_fault_of_the_wire_or_it_is_written_why_not():
     ordered = {order["kind"] for _, order in ORDERS.values()}
     assert not ordered & set(NOT_ORDERED)
@@ -317,6 +331,7 @@ def test_a_beam_meets_what_its_ends_may_do_apart_and_nothing_that_is_of_a_whole_
         "bus:can-beam:C2:shuttle:loss:default:1",
         "bus:can-udp:C2:shuttle:silent_end:default:1",
         "bus:serial-beam:C2:shuttle:silent_end:default:1",
+        "bus:modbus-beam:C2:shuttle:silent_end:default:1",
         "bus:can-beam:C2:shuttle:loop_killed:default:1",
         "bus:can-beam:C2:cruise:host_pause:quick_stop:1",
     ):
@@ -329,11 +344,10 @@ def test_a_beam_meets_what_its_ends_may_do_apart_and_nothing_that_is_of_a_whole_
 @pytest.mark.wall_clock
 def test_whatever_one_end_of_a_beam_does_alone_is_as_promised_in_real_time():
     real_time.begins()
-    result = _command(
-        *(w for f in ENDS for w in ("--only", f"bus:can-beam:C2:shuttle:{f}:default:1"))
-    )
+    keys = [k for k in bus_keys("full", 1) if k.line in BEAM_LINES and k.controller == "C2"]
+    result = _command(*(word for key in keys for word in ("--only", str(key))))
     assert result.exit_code == 0, result.stdout
-    assert "| all     | 4 of 4   |" in result.stdout
+    assert f"{len(keys)} of them over buses, all as promised" in result.stdout
 
 
 @pytest.mark.slow

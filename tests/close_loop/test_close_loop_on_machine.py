@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def test_a_configuration_of_another_machine_is_refused_with_the_key(daemon: Daem
 def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out = daemon.config.parent / "closed"
+    out = Path(tempfile.mkdtemp(dir=daemon.config.parent)) / "closed"  # begun anew: another one
     words = ("--out", out, "--rounds", 1, "--motion", "own", "--duration", 3, "--json")
     waited = machine_rig.MachineRig._wait
     runs: list[str] = []

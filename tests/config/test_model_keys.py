@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motorctl.config import Machine, load, load_resolved, shipped_config
+from motorctl.config.machine import MOST_PARAMETERS
 from motorctl.config.model_keys import axes_with_other_models, learns_the_same, with_models_of
+from motorctl.errors import ConfigError
 
 GANTRY = load(shipped_config("published_gantry"))
 EFFECTS = list(GANTRY.resolved["axes"]["x"]["model"])  # type: ignore[index]
@@ -44,6 +46,21 @@ def test_effects_that_are_new_come_after_those_that_run() -> None:
     other["axes"]["x"]["model"] = {"cogging": cogging, **other["axes"]["x"]["model"]}
     merged: Any = with_models_of(GANTRY, other)
     assert list(merged["axes"]["x"]["model"]) == [*EFFECTS, "cogging"]
+
+
+@pytest.mark.parametrize(("functions", "parameters"), [((30, 30), 64), ((30, 31), 65)])
+def test_a_model_with_more_parameters_than_there_is_room_for_is_refused(
+    functions: tuple[int, int], parameters: int
+) -> None:
+    config = reordered(EFFECTS)
+    names = ("position_force", "position_dependent_friction")
+    for name, count in zip(names, functions, strict=True):
+        config["axes"]["x"]["model"][name] = {"knots": [-0.05, 0.45, count]}
+    if parameters <= MOST_PARAMETERS:
+        assert len(loaded(config).axes["x"].estimates) == parameters
+        return
+    with pytest.raises(ConfigError, match="65 parameters; at most 64 are possible: leave out"):
+        loaded(config)
 
 
 def test_an_estimate_in_another_order_is_not_taken_for_the_same() -> None:

@@ -113,6 +113,7 @@ def test_stop_all_ramps_every_enabled_axis_down(idle: Daemon) -> None:
         ({"position_m": -0.06}, "0.06"),
         ({"position_m": 0.1, "velocity_m_s": 1.01}, "velocity 1.01"),
         ({"position_m": 0.1, "acceleration_m_s2": 11}, "acceleration 11"),
+        ({"position_m": 0.1, "velocity_m_s": 1e-300}, "must be above 1e-09"),
     ],
 )
 def test_a_move_beyond_a_limit_moves_nothing(

@@ -124,6 +124,20 @@ def test_without_the_hosts_heartbeat_a_drive_goes_into_fault_and_tells_why(
         _enable(node, 0)  # its second word resets the fault
 
 
+def test_a_silent_drive_hears_and_tells_nothing_while_the_other_does(tmp_path: Path, channel: str):
+    silent = {"kind": "drive_silent", "at_s": 0.1, "channel": 1}
+    with running(tmp_path, _data(channel, faults=[silent])) as device, _master(channel) as node:
+        other = node.network.add_node(2, object_dictionary(2))
+        other.sdo.RESPONSE_TIMEOUT = 0.1
+        assert other.sdo["Device type"].raw & 0xFFFF == 402
+        _set_up(node)
+        _enable(node, 0)  # the device's clock begins with the first power
+        until(lambda: device.schedule.faults[0].fired == 1, 1.0)
+        with pytest.raises(canopen.SdoCommunicationError):
+            _ = other.sdo["Device type"].raw
+        assert node.sdo["Device type"].raw & 0xFFFF == 402
+
+
 def test_a_drive_without_commands_goes_into_fault_by_itself(tmp_path: Path, channel: str):
     with running(tmp_path, _data(channel, watchdog_s=0.1)), _master(channel) as node:
         _set_up(node)

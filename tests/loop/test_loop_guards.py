@@ -134,8 +134,42 @@ def test_a_command_that_leaves_its_limit_now_and_then_is_forgiven():
         rig.driver.counts[0] = 400
         rig.seconds(0.045)
         rig.driver.counts[0] = 0
-        rig.seconds(0.02)
+        rig.seconds(0.05)
     assert rig.state_of("x") is AxisState.IDLE
+
+
+def oscillating(lag_s, limits=None, **guards) -> Rig:
+    """Return a gantry whose x has so much more lag than its model that its loop is unstable."""
+    machine = with_sim(gantry(), plants={0: {"input_lag": {"time_s": lag_s}}})
+    rig = Rig(with_axes(machine, ["x"], limits=limits or {}, guards=guards))
+    rig.start()
+    rig.move("x", 0.2)
+    return rig
+
+
+def longest_s(so) -> float:
+    """Return for how long it was so at once, at most [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], so, [0]])))
+    return float(np.diff(edges)[::2].max() * TS)
+
+
+def test_an_axis_that_shakes_at_its_full_voltage_trips_though_no_swing_lasts_long():
+    window = {"following_error": {"minimum_m": 5e-3, "filter_time_s": 0.01}}
+    with oscillating(4e-3, window) as rig:
+        rig.seconds(2.0)
+        assert rig.fault_of("x") is FaultCause.SATURATION
+        at_limit = np.abs(rig.rows("x")["command_v"]) == 10.0
+        assert longest_s(at_limit) < 0.05  # of the 0.5 s that are allowed
+        assert "longer than below it" in told(rig)
+
+
+def test_an_axis_that_swings_through_its_reference_is_too_far_from_it_all_the_same():
+    window = {"following_error": {"minimum_m": 4e-4, "filter_time_s": 0.016}}
+    with oscillating(4e-3, window, saturation=None) as rig:
+        rig.seconds(2.0)
+        assert rig.fault_of("x") is FaultCause.FOLLOWING_ERROR
+        error = np.abs(rig.rows("x")["following_error_m"])
+        assert longest_s(error > 4e-4) < 0.016
 
 
 def hot() -> Rig:

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
-from loop_bench import TS, Hand, Rig, gantry, homed_by, with_axes, with_sim
+from loop_bench import TS, Hand, Rig, Still, gantry, homed_by, with_axes, with_driver, with_sim
 
+from motorctl.daemon.axis_faults import faults_of
 from motorctl.errors import RunError
+from motorctl.hal import Status
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
 
 COUNT_M = 0.5e-6
+RAMPS = {"limit_switch": {"reaction": "quick_stop"}}
 EDGE_M, INDEX_M = -0.02, 0.0
 """Where the simulated gantry's home switch opens, and its index mark."""
 ONE_TICK_M = 0.01 * TS
@@ -156,6 +159,25 @@ def test_homing_that_finds_no_switch_ends_in_a_fault_after_its_timeout():
         assert rig.state("x")["fault_time_s"] == pytest.approx(0.5, abs=3 * TS)
         assert not rig.state("x")["homed"]
         assert rig.last("x")["command_v"] == 0.0
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_an_axis_that_stands_on_the_limit_switch_ahead_fails_to_home_and_is_told_the_way_out(
+    both,
+):
+    switch = Status.LIMIT_NEGATIVE | (Status.LIMIT_POSITIVE if both else 0)
+    still = with_axes(gantry(), ["x"], homing=homed_by("switch"), guards=RAMPS)
+    rig = Rig(with_driver(still, Still))
+    rig.tick.open(virtual=True)
+    rig.driver.status[0] = switch
+    rig.advance(3)
+    assert rig.ask(Verb.HOME) is Reply.OK
+    rig.seconds(0.01)
+    assert rig.state_of("x") is AxisState.FAULT
+    assert rig.fault_of("x") is FaultCause.HOMING_FAILED  # a move, which it may not make, would
+    message = faults_of(rig.machine, rig.memory.axis_status)["x"]["message"]
+    assert "ran onto a limit switch" in message
+    assert "push it off the limit switch by hand" in message
 
 
 def test_homing_that_runs_into_a_limit_switch_ends_in_a_fault():

@@ -119,7 +119,7 @@ def test_the_following_error_trips_once_it_lasts_longer_than_the_filter_time():
 def test_a_following_error_shorter_than_the_filter_time_is_forgiven():
     rig = still(following_error={"minimum_m": 0.001, "filter_time_s": 10 * TS})
     for _ in range(3):
-        push(rig, [0.0011, *[0.0] * 8, -0.0011, 0.0])
+        push(rig, [0.0011, *[0.0] * 8, -0.0011, *[0.0] * 9])
     assert rig.state_of("x") is AxisState.IDLE
 
 

@@ -27,7 +27,8 @@ CANOPEN = "canopen-udp"
 TCP, RTU = "modbus-tcp", "modbus-rtu"
 CAN = ("can-udp", "can-slcan")
 SERIAL_BEAM, CAN_BEAM = "serial-beam", "can-beam"
-BEAMS = (SERIAL_BEAM, CAN_BEAM)
+CANOPEN_BEAM, MODBUS_BEAM = "canopen-beam", "modbus-beam"
+BEAMS = (SERIAL_BEAM, CAN_BEAM, CANOPEN_BEAM, MODBUS_BEAM)
 """Lines with a beam that two motors drive at their other end."""
 STATES = ("shuttle", "hold", "off", "stop", "homing", "cruise")
 """What both axes do when the fault comes: move back and forth, rest under power, rest without,
@@ -45,6 +46,7 @@ NOT_TRIED: Mapping[tuple[str, str], str] = {
     (TCP, "wrong_length"): "it may cost the stream its step, or not: there are two promises",
     (CANOPEN, "stuck_sequence"): "a PDO has no number that could stand still",
     (SERIAL_BEAM, "silent_end"): "one STATE of the box has both ends",
+    (MODBUS_BEAM, "silent_end"): "one reply of the coupler has both ends",
     (RTU, "shifted_count"): (
         "in a period of 8 ms a jump of 30 mm may be motion, for all that a guard knows"
     ),
@@ -132,7 +134,7 @@ def _powered(line: str, fault: str) -> Promise:
         asked = line != CANOPEN
         return Promise("amplifier", 0.0, held=False, asked=asked, off_by="device")
     if fault in ENDS:
-        return _one_end(fault)
+        return _one_end(line, fault)
     if fault == "shifted_count":
         return Promise("encoder_jump", 0.0, held=False)
     if fault in ("silence", "unplug"):
@@ -153,15 +155,19 @@ def _powered(line: str, fault: str) -> Promise:
     return Promise("no_new_sample", HOLD_S + late_s, asked=asked, passes=_passes(line, fault))
 
 
-def _one_end(fault: str) -> Promise:
-    """Both motors are let go, whichever end it came from."""
+def _one_end(line: str, fault: str) -> Promise:
+    """Both motors are let go, whichever end it came from.
+
+    A drive of CANopen that has lost its encoder goes into Fault, as with any trouble of its own.
+    """
+    asked = line != CANOPEN_BEAM
     if fault == "slipped_end":
         return Promise("skew", 0.0, held=False)
-    if fault == "lost_end":
-        return Promise("encoder_lost", 0.0, held=False, asked=True)
-    if fault == "broken_end":  # the other motor is the loop's to switch off
-        return Promise("amplifier", 0.0, held=False, asked=True)
-    return Promise("no_new_sample", HOLD_S, asked=True)
+    if fault == "lost_end" and line != CANOPEN_BEAM:
+        return Promise("encoder_lost", 0.0, held=False, asked=asked)
+    if fault in ("lost_end", "broken_end"):  # the other motor is the loop's to switch off
+        return Promise("amplifier", 0.0, held=False, asked=asked)
+    return Promise("no_new_sample", HOLD_S, asked=asked)
 
 
 def _off(line: str, fault: str) -> Promise:

@@ -21,7 +21,15 @@ from motorctl_benchmarks.buses.beams import (
     beam_host,
 )
 from motorctl_benchmarks.buses.transports import AXES, merged
-from motorctl_benchmarks.safety.bus_expectations import CAN_BEAM, CANOPEN, RTU, SERIAL_BEAM, TCP
+from motorctl_benchmarks.safety.bus_expectations import (
+    CAN_BEAM,
+    CANOPEN,
+    CANOPEN_BEAM,
+    MODBUS_BEAM,
+    RTU,
+    SERIAL_BEAM,
+    TCP,
+)
 from motorctl_benchmarks.safety.bus_faults import HOLD_S, WATCHDOG_S, Options
 from motorctl_devices.load import SHIPPED
 
@@ -132,9 +140,11 @@ def _beam(name: str, bus: BeamBus) -> Line:
 BEAM_LINES: Mapping[str, Line] = {
     SERIAL_BEAM: _beam(SERIAL_BEAM, BEAM_BUSES["serial poll"]),
     CAN_BEAM: _beam(CAN_BEAM, BEAM_BUSES["can"]),
+    CANOPEN_BEAM: _beam(CANOPEN_BEAM, BEAM_BUSES["canopen"]),
+    MODBUS_BEAM: _beam(MODBUS_BEAM, BEAM_BUSES["modbus tcp"]),
 }
 EVERY_LINE: Mapping[str, Line] = {**LINES, **BEAM_LINES}
-WITHOUT_PORT = (TCP, "can-udp", CANOPEN, CAN_BEAM)
+WITHOUT_PORT = (TCP, "can-udp", CANOPEN, CAN_BEAM, CANOPEN_BEAM, MODBUS_BEAM)
 """Their devices make no serial port that a link could point to."""
 SMALL = ("serial-poll", "can-udp", CANOPEN, TCP, CAN_BEAM)
 

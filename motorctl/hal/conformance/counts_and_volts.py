@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import partial, reduce
+from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.hal import CODE_MASK, Status
 from motorctl.hal.conformance.driver_bench import Bench, at_rest, opened
 from motorctl.hal.conformance.rig import Rig, needs, offers
 
+KNOWN_BITS = int(reduce(or_, Status)) | CODE_MASK
 CANARIES = 3
 """Entries of other drivers on both sides of this driver's slice."""
 
@@ -36,6 +39,14 @@ class CountsAndVoltsChecks:
             bench.exchange(2)
             assert np.array_equal(volts, asked), "write changed outputs.volts"
             assert not enable.any(), "write changed outputs.enable"
+
+    def test_the_status_has_no_bits_but_those_of_the_contract(self, rig: Rig) -> None:
+        """The loop keeps the others for itself: they would make it forget where the axis is."""
+        with opened(rig) as bench:
+            for _ in range(5):
+                bench.exchange()
+                told = int(np.bitwise_or.reduce(bench.inputs.status))
+                assert not told & ~KNOWN_BITS, f"bits of no meaning: {told & ~KNOWN_BITS:#x}"
 
     def test_only_its_own_slices_are_touched(self, rig: Rig) -> None:
         """The loop gives each driver slices of arrays that all drivers share."""

@@ -38,9 +38,13 @@ def warm(settings: Any, axis: Any, elapsed: int) -> None:
 
 @inner_kernel
 def check_command(settings: Any, axis: Any, elapsed: int, t: float) -> None:
-    """Trip where the command has been at its limit for too long, or has warmed the motor up."""
+    """Trip where the command has been at its limit for too long, or has warmed the motor up.
+
+    A tick below the limit takes back one at it: an axis that swings from limit to limit is there
+    for no long time at once.
+    """
     at_limit = abs(axis.command_v) >= settings.max_voltage_v
-    axis.saturated_ticks = axis.saturated_ticks + elapsed if at_limit else 0
+    axis.saturated_ticks = max(0, axis.saturated_ticks + (elapsed if at_limit else -elapsed))
     if settings.saturation_ticks and axis.saturated_ticks > settings.saturation_ticks:
         passed_s = axis.saturated_ticks * settings.period_s
         allowed_s = settings.saturation_ticks * settings.period_s

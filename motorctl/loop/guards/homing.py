@@ -9,17 +9,14 @@ from typing import Any
 
 from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
-from motorctl.loop.guards.motion import LIMIT_NEGATIVE, LIMIT_POSITIVE
+from motorctl.loop.guards.motion import is_blocked
 from motorctl.loop.guards.reactions import trip
 
 
 @inner_kernel
 def check_homing(settings: Any, axis: Any, t: float) -> bool:
     """Return whether homing goes on; trip where it runs onto a limit switch, or takes too long."""
-    blocked = (axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0) or (
-        axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0
-    )
-    if blocked:
+    if is_blocked(axis):
         trip(axis, FaultCause.HOMING_FAILED, axis.position_m, 0.0, t)
         return False
     if axis.phase_ticks > settings.homing_ticks:

@@ -11,6 +11,7 @@ from motorctl.kernels import inner_kernel
 from motorctl.log.sample import FaultCause
 from motorctl.loop.axis_records import STANDSTILL_RATIO
 from motorctl.loop.guards.reactions import react, trip
+from motorctl.loop.states import State
 
 LIMIT_NEGATIVE = int(Status.LIMIT_NEGATIVE)
 LIMIT_POSITIVE = int(Status.LIMIT_POSITIVE)
@@ -63,8 +64,25 @@ def _tighten_soft_limits(settings: Any, axis: Any) -> None:
 
 
 @inner_kernel
+def is_blocked(axis: Any) -> bool:
+    """Return whether the limit switch that the reference moves towards is pressed."""
+    ahead = LIMIT_NEGATIVE if axis.reference_velocity_m_s < 0.0 else LIMIT_POSITIVE
+    return axis.reference_velocity_m_s != 0.0 and axis.status & ahead != 0  # type: ignore[no-any-return]
+
+
+@inner_kernel
+def _end_ahead_m(settings: Any, axis: Any) -> float:
+    backwards = axis.reference_velocity_m_s < 0.0
+    return settings.travel_low_m if backwards else settings.travel_high_m  # type: ignore[no-any-return]
+
+
+@inner_kernel
 def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
-    """Trip on speed, soft limits, limit switches and following error."""
+    """Trip on speed, soft limits, limit switches and following error.
+
+    A tick within the following error takes back one beyond it: an axis that swings through its
+    reference is beyond for no long time at once.
+    """
     x, v = axis.position_m, axis.velocity_m_s
     fastest = _fastest_m_s(settings)
     if not axis.held_ticks:  # a speed that is only held, or predicted, says nothing new
@@ -77,15 +95,16 @@ def check_motion(settings: Any, axis: Any, elapsed: int, t: float) -> None:
             react(settings, axis, FaultCause.SOFT_LIMIT, x, axis.soft_low_m, t)
         elif x > axis.soft_high_m:
             react(settings, axis, FaultCause.SOFT_LIMIT, x, axis.soft_high_m, t)
-    if axis.status & LIMIT_NEGATIVE and axis.reference_velocity_m_s < 0.0:
-        react(settings, axis, FaultCause.LIMIT_SWITCH, x, settings.travel_low_m, t)
-    elif axis.status & LIMIT_POSITIVE and axis.reference_velocity_m_s > 0.0:
-        react(settings, axis, FaultCause.LIMIT_SWITCH, x, settings.travel_high_m, t)
+    if is_blocked(axis):
+        if axis.state == State.HOMING:  # it does not know its place, and may not be moved back
+            trip(axis, FaultCause.HOMING_FAILED, x, 0.0, t)
+        else:
+            react(settings, axis, FaultCause.LIMIT_SWITCH, x, _end_ahead_m(settings, axis), t)
     error = x - axis.reference_m
     allowed = settings.following_error_minimum_m + settings.following_error_per_velocity_s * abs(
         axis.reference_velocity_m_s
     )
-    axis.error_count = axis.error_count + elapsed if abs(error) > allowed else 0
+    axis.error_count = max(0, axis.error_count + (elapsed if abs(error) > allowed else -elapsed))
     if axis.error_count > settings.error_ticks:
         if axis.fault:  # a ramp that is not followed either is none
             trip(axis, FaultCause.FOLLOWING_ERROR, error, allowed, t)

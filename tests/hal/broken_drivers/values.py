@@ -96,3 +96,10 @@ class StaysEnabledWithoutANumber(WireDriver):
 class TurnsInfinityAround(WireDriver):
     def permitted(self, on: bool, volts: float) -> tuple[bool, float]:
         return super().permitted(on, -1e9 if volts == np.inf else volts)
+
+
+@fails("test_the_status_has_no_bits_but_those_of_the_contract")
+class SetsABitOfItsOwn(WireDriver):
+    def read(self, inputs: Inputs) -> None:
+        super().read(inputs)
+        inputs.status |= np.uint32(1 << 31)
