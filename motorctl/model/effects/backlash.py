@@ -152,9 +152,9 @@ class Backlash(Effect):
                     contact_hz=max(contact_hz, 1.0),
                 )
             )
-            for slowing in SLOWING
             for part in GLIDES
             for gap in log_grid(low, LONGEST * spans.travel_m, PER_DECADE)
+            for slowing in SLOWING
         ]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
