@@ -245,6 +245,8 @@ def _check_knowledge(cls: type[Effect], refuse: Refusal) -> None:
     if amplitudes and cls.kind != "measurement":
         raise refuse("amplitudes", f"is for measurement effects; its kind is '{cls.kind}'")
     refuse.among("amplitudes", amplitudes, options)
+    if cls.valleys_along:
+        refuse.among("valleys_along", [cls.valleys_along], options)
     ends = refuse.asked("refuted_at_end", lambda: dict(cls.refuted_at_end))
     refuse.among("refuted_at_end", ends, options)
     refuse.among("refuted_at_end", ends.values(), get_args(End))

@@ -51,6 +51,8 @@ class Sought(ABC):
     """Common on sound machines: a motion that could not have shown it proves no model complete."""
     scan_shows_part: ClassVar[bool] = False
     """A first look, with one line or coarse columns, shows only a part of what it explains."""
+    valleys_along: ClassVar[str] = ""
+    """An option along which a scan has more than one valley: each of the deepest is refined."""
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     sets_in: ClassVar[bool] = False

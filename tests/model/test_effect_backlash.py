@@ -61,6 +61,26 @@ def test_a_load_with_much_friction_crosses_the_gap_at_reversals_alone():
     assert (since[away & (t > 0.7)] < 0.15).all()
 
 
+def test_a_load_with_viscous_friction_reaches_the_other_flank_later_or_never():
+    # the motor speeds up with it and stands still: it goes on at the motor's last speed
+    speed, stops_s = 0.02, 0.5
+    t = np.arange(0.0, 2.0, PERIOD_S)
+    x = 0.5 * speed / stops_s * np.minimum(t, stops_s) ** 2
+    v = np.where(t < stops_s, speed * t / stops_s, 0.0)
+    after = t > stops_s + 0.03  # what the stop itself takes has passed
+
+    def blows(slows_1_s):
+        found = push(x, v, glide_m_s2=0.0, slows_1_s=slows_1_s)
+        hit = np.flatnonzero(after & (abs(found) > 0.1))
+        return t[hit[0]] - stops_s if len(hit) else np.inf
+
+    for slows_1_s in (0.0, 5.0, 15.0):
+        part = slows_1_s * GAP_M / speed  # of its speed is lost on the way
+        expected_s = GAP_M / speed if part == 0.0 else -np.log1p(-part) / slows_1_s
+        assert abs(blows(slows_1_s) - expected_s) < 0.1 * expected_s
+    assert blows(1.5 * speed / GAP_M) == np.inf
+
+
 def test_over_a_whole_swing_the_load_gets_what_a_fixed_one_gets():
     # both start and end each swing with the same speed and have been braked alike
     x, v, t = swing(0.05, 2.0, 3.0)

@@ -30,6 +30,13 @@ longer ones hardly leave a machine; wider takes time. Chosen by hand."""
 GLIDES = (0.03, 0.12, 0.5)
 """Decelerations with which the load glides through the gap, as parts of the top acceleration. More
 takes time, fewer starts the refinement too far away. Chosen by hand."""
+SLOWING = (0.0, 0.1)
+"""Deceleration that the load's viscous friction adds to its glide at top speed, as parts of the top
+acceleration. More takes time; without a part, wide gaps are met at the wrong moment. Chosen by
+hand."""
+FASTEST_1_S = 1e4
+"""Most that viscous friction brakes a load [1/s]: it stops within a tick. Any other would do that
+is beyond what machines have. Chosen by hand."""
 CONTACT_HZ = 80.0
 """Frequency of the load on the flank's stiffness from which the search starts: gears and nuts of
 machines come to rest in some milliseconds. Larger wants a finer sampling, smaller looks like a
@@ -55,6 +62,12 @@ class BacklashOptions(EffectOptions):
     glide_m_s2: float = Field(
         ge=0.0, allow_inf_nan=False, description="d: deceleration of the load that is not pushed"
     )
+    slows_1_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=FASTEST_1_S,
+        description="k: part of its velocity that such a load loses in a second",
+    )
     contact_hz: float = Field(
         default=CONTACT_HZ, ge=1.0, le=1e4, description="of the load on the flank's stiffness"
     )
@@ -63,11 +76,11 @@ class BacklashOptions(EffectOptions):
 class Backlash(Effect):
     """m times what the load's push on the motor lacks of, or has beyond, that of a fixed load.
 
-    The load is driven by the motor's motion through a gap: it glides, braked by its own friction d,
-    until a flank pushes it with stiffness and damping; flanks push, they do not pull (Nordin,
-    Gutman 2002, the physical model with a shaft that is damped). Inertia and friction count the
-    load as if it were fixed, so the column is the push of the flanks less that of a joint of the
-    same stiffness without a gap, per mass: it is zero as long as one flank is in touch.
+    The load is driven by the motor's motion through a gap: it glides, braked by its own friction,
+    d + k v per mass, until a flank pushes it with stiffness and damping; flanks push, they do not
+    pull (Nordin, Gutman 2002, the physical model with a shaft that is damped). Inertia and friction
+    count the load as if it were fixed, so the column is the push of the flanks less that of a joint
+    of the same stiffness without a gap, per mass: it is zero as long as one flank is in touch.
     """
 
     name = "backlash"
@@ -76,12 +89,13 @@ class Backlash(Effect):
     title = "Backlash before the load"
     formula = "m * (push of the flanks - push of a joint without gap), per unit of the load's mass"
     compensated = "feedforward with the load advanced along the desired motion"
-    identified = "linear in the load's inertia m; gap, glide and contact by a scan"
+    identified = "linear in the load's inertia m; gap, glide, slowing and contact by a scan"
     visible_in = (
         "many reversals, quick ones and slow ones, with the encoder on the motor, and an encoder "
         "that shows the gap with a dozen counts"
     )
     scan_shows_part = True
+    valleys_along = "gap_m"  # a wrong one, too, is crossed in time now and then
     leaves_bursts = True
     # a load without friction glides for ever, one with much stops at once
     refuted_at_end = MappingProxyType({"gap_m": "either", "glide_m_s2": "neither"})
@@ -96,7 +110,7 @@ class Backlash(Effect):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Half the gap [m], glide [m/s^2], stiffness [1/s^2], damping [1/s], steps a second."""
+        """Half the gap [m], glide [m/s^2], stiffness [1/s^2], damping, steps and slowing [1/s]."""
         omega = 2.0 * math.pi * self.options.contact_hz
         return (
             0.5 * self.options.gap_m,
@@ -104,6 +118,7 @@ class Backlash(Effect):
             omega * omega,
             2.0 * CONTACT_DAMPING * omega,
             STEPS_A_TURN * self.options.contact_hz,
+            self.options.slows_1_s,
         )
 
     @property
@@ -127,25 +142,34 @@ class Backlash(Effect):
         low = max(COUNTS * spans.resolution_m, SHORTEST * spans.travel_m, 1e-12)
         if not spans.acceleration_m_s2 > 0.0 or spans.one_way:
             return ()
+        top_1_s = _acceleration_over_speed(spans)
         return [
             cls(
                 BacklashOptions(
                     gap_m=gap,
                     glide_m_s2=part * spans.acceleration_m_s2,
+                    slows_1_s=slowing * top_1_s,
                     contact_hz=max(contact_hz, 1.0),
                 )
             )
             for part in GLIDES
             for gap in log_grid(low, LONGEST * spans.travel_m, PER_DECADE)
+            for slowing in SLOWING
         ]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Refine gap, glide and contact."""
+        """Refine gap, glide, slowing and contact."""
         return {
             "gap_m": log_step(self.options.gap_m, PER_DECADE),
             "glide_m_s2": max(0.5 * self.options.glide_m_s2, 1e-3 * spans.acceleration_m_s2),
+            "slows_1_s": max(0.5 * self.options.slows_1_s, 0.05 * _acceleration_over_speed(spans)),
             "contact_hz": 0.3 * self.options.contact_hz,
         }
+
+
+def _acceleration_over_speed(spans: Spans) -> float:
+    """Return the top acceleration over the top speed [1/s], as far as the option goes."""
+    return min(spans.acceleration_m_s2 / max(spans.speed_m_s, 1e-300), FASTEST_1_S)
 
 
 @njit(inline="always")
@@ -180,7 +204,7 @@ def advance(
         return
     steps = int(min(max(math.ceil(dt * c[4]), 1.0), MOST_STEPS))
     h = dt / steps
-    brake = c[1] * h
+    brake, slowed = c[1] * h, 1.0 / (1.0 + c[5] * h)
     held = 1.0 + h * c[3] + h * h * c[2]
     # the velocity's straight line misses the position by so much a step
     drift = (x - w[1] - 0.5 * (v + w[2]) * dt) / steps
@@ -195,11 +219,11 @@ def advance(
             if (after - p) * depth > 0.0:  # flanks push, they do not pull
                 push = after - p
                 p = after
-        w[4] = _braked(p, brake)
+        w[4] = slowed * _braked(p, brake)
         w[3] = ahead - h * w[4]
         ahead = w[5] + drift + h * u
         after = (w[6] + h * (c[2] * ahead + c[3] * u)) / held
         push -= after - w[6]
-        w[6] = _braked(after, brake)
+        w[6] = slowed * _braked(after, brake)
         w[5] = ahead - h * w[6]
     w[0], w[1], w[2] = push / h, x, v
