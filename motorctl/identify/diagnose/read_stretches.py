@@ -49,7 +49,8 @@ class ReadStretches:
             if read < all_of
             else f"all {all_of} stretches"
         )
-        why = ", those whose motion tells most of them" if read < all_of else ""
+        one = "the one" if read == 1 else "those"
+        why = f", {one} whose motion tells most of them" if read < all_of else ""
         return (
             f"Of this long log {self.rows} of {self.rows_of_log} rows were looked at: {which} with "
             f"enough motion to tell the declared parameters{why}."
