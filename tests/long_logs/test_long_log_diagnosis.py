@@ -243,3 +243,14 @@ def test_what_was_read_stands_in_json_text_notebook_and_page(
             begin = f"{stretch['begin_s']:.1f} s"
             assert all(begin in words for words in (text, page, diagnosed._repr_html_()))
         assert axis.read.sentence in page
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_rows")
+def test_a_long_log_refines_a_configuration(moving: Path, tmp_path: Path) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "-xx-")
+    refined = motorctl.refine(log, "published_gantry", tmp_path / "refined.yaml")
+    read = refined.diagnosis.axes["x"].read
+    assert read is not None
+    assert read.rows <= MOST
+    assert (tmp_path / "refined.yaml").is_file()
